@@ -1,0 +1,44 @@
+"""The errors of mbsvib: one root, and messages that say what was given, what was expected and what to do."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+class MbsvibError(Exception):
+    """Root of every error that mbsvib raises on purpose."""
+
+
+class ModelError(MbsvibError, ValueError):
+    """A description that no mechanism can have, or that mbsvib cannot take.
+
+    ``element`` is the name of the element at fault and ``field`` the argument, so that a reader of model files
+    can point at the line; either is None where the error has no single place.
+    """
+
+    def __init__(self, message: str, *, element: str | None = None, field: str | None = None) -> None:
+        super().__init__(message)
+        self.element = element
+        self.field = field
+
+
+class SingularPoseError(MbsvibError):
+    """A pose in which the number of degrees of freedom, or the choice of coordinates, is not defined."""
+
+
+class ResponseError(MbsvibError, ValueError):
+    """A response asked for where it does not exist, or with data of the wrong shape."""
+
+
+class ExportError(MbsvibError):
+    """A system that a target format cannot hold."""
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return ``" Did you mean 'x'?"`` for the known word nearest to ``word``, or an empty string."""
+    match = get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f" Did you mean '{match[0]}'?" if match else ""

@@ -1,0 +1,61 @@
+"""Bushings: spatial spring-dampers that act at a point, in up to six directions of their own axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mbsvib import _checks as check
+from mbsvib._checks import Matrix3, Vector
+from mbsvib.errors import ModelError
+from mbsvib.parts._part import Part
+
+Six = tuple[float, ...]
+Matrix6 = tuple[Six, ...]
+ZERO: Six = (0.0,) * 6
+
+
+@dataclass(frozen=True, slots=True)
+class Bushing(Part):
+    """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.
+
+    ``stiffness`` [N/m, N m/rad] and ``damping`` [N s/m, N m s/rad] are six values (x y z rx ry rz) or symmetric
+    6x6 matrices; they act on the displacement of the second body relative to the first.
+    """
+
+    first: str
+    second: str
+    position: Vector
+    stiffness: Six | Matrix6 = ZERO
+    damping: Six | Matrix6 = ZERO
+    orientation: Matrix3 = check.IDENTITY
+
+
+def make(
+    name: str, first: str, second: str, position: Any, stiffness: Any, damping: Any, orientation: Any
+) -> Bushing:
+    """Check the values of a bushing and build it."""
+    who = f"bushing '{name}'"
+    if first == second:
+        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
+                         element=who, field="second")  # fmt: skip
+    k = _coefficients(stiffness, who, "stiffness")
+    c = _coefficients(damping, who, "damping")
+    if k == ZERO and c == ZERO:
+        raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the bushing out.",
+                         element=who, field="stiffness")  # fmt: skip
+    return Bushing(name, first, second, check.vector(position, who, "position"), k, c,
+                   check.orientation(orientation, who))  # fmt: skip
+
+
+def _coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
+    expected = "6 values (x y z rx ry rz) or a symmetric 6x6 matrix"
+    items = value.tolist() if hasattr(value, "tolist") else value
+    if not (hasattr(items, "__len__") and len(items) == 6 and hasattr(items[0], "__len__")):
+        return check.numbers(items, (6,), who, field, expected)
+    rows = check.square(items, 6, who, field, expected)
+    # rounding of a matrix that was turned into other axes is allowed for; the mean of both sides is kept
+    largest = max(abs(entry) for row in rows for entry in row)
+    if any(abs(rows[i][j] - rows[j][i]) > 1e-9 * largest for i in range(6) for j in range(i)):
+        raise check.refuse(who, field, value, expected, "This one is not symmetric.")
+    return tuple(tuple(0.5 * (rows[i][j] + rows[j][i]) for j in range(6)) for i in range(6))

@@ -1,0 +1,153 @@
+"""Ideal joints: which relative displacements of two bodies are free, and which are locked.
+
+A joint's axes Q have the kind's axis along local z (universal: first axis along x, second in the x-y plane).
+In these axes the free displacements span the columns of S (6 x f) and the locked ones the rows of L (6-f x 6),
+with L S = 0. Displacements are those of the second body relative to the first, at the joint's point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+from mbsvib import _checks as check
+from mbsvib._checks import DIRECTIONS, UNIT6, Matrix3, Vector
+from mbsvib.errors import ModelError, nearest
+from mbsvib.parts._part import Part, derived
+
+Six = tuple[float, ...]
+Named = tuple[tuple[str, Six], ...]
+
+KINDS: dict[str, tuple[str, ...]] = {
+    "revolute": ("rz",),
+    "prismatic": ("z",),
+    "cylindrical": ("z", "rz"),
+    "screw": ("rz",),
+    "universal": ("rx", "ry"),
+    "spherical": ("rx", "ry", "rz"),
+    "planar": ("x", "y", "rz"),
+    "fixed": (),
+    "free": DIRECTIONS,
+}
+# Where no rotation is free, the relative displacement is the same at every point.
+NEEDS_NO_POINT = frozenset({"prismatic", "fixed"})
+# sin of the angle between the axes of a universal joint, below which they count as parallel
+PARALLEL = 1e-6
+
+
+def subspaces(free: tuple[str, ...]) -> tuple[Named, Named]:
+    """Return the free and the locked directions of a joint that frees some of x y z rx ry rz."""
+    return (
+        tuple((d, UNIT6[DIRECTIONS.index(d)]) for d in free),
+        tuple((d, unit) for d, unit in zip(DIRECTIONS, UNIT6, strict=True) if d not in free),
+    )
+
+
+_SUBSPACES = {kind: subspaces(free) for kind, free in KINDS.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Joint(Part):
+    """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).
+
+    ``free`` and ``locked`` pair each direction's name with its six-vector in the joint's axes.
+    """
+
+    kind: str
+    first: str
+    second: str
+    position: Vector | None = None
+    orientation: Matrix3 | None = None
+    axis: Vector | None = None
+    axis2: Vector | None = None
+    pitch: float | None = None
+    free: tuple[str, ...] | None = None
+    axes: Matrix3 = derived(check.IDENTITY)
+    freedom: Named = derived(())
+    locked: Named = derived(())
+
+
+def make(
+    name: str, kind: Any, first: str, second: str, position: Any, orientation: Any, axis: Any, axis2: Any,
+    pitch: Any, free: Any,
+) -> Joint:  # fmt: skip
+    """Check the values of a joint and build it."""
+    who = f"joint '{name}'"
+    if first == second:
+        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
+                         element=who, field="second")  # fmt: skip
+    kind, free = _kind(kind, free, who)
+    if kind in KINDS:
+        freedom, locked = _SUBSPACES[kind]
+    else:
+        freedom, locked = subspaces(free)
+    if position is not None:
+        position = check.vector(position, who, "position")
+    elif kind not in NEEDS_NO_POINT:
+        raise check.refuse(who, "position", None, "the joint's point (x, y, z) [m] in world axes")
+    if axis is not None:
+        if orientation is not None:
+            raise ModelError(f"{who}: both orientation and axis are given; they say the same, give one.",
+                             element=who, field="axis")  # fmt: skip
+        axis = check.axis(axis, who, "axis")
+    if kind == "universal":
+        axis, axis2, axes, freedom = _universal(axis, axis2, orientation, who)
+    else:
+        if axis2 is not None:
+            raise ModelError(f"{who}: axis2 is for universal joints; a {kind} joint has none.",
+                             element=who, field="axis2")  # fmt: skip
+        axes = check.frame_along(axis) if axis is not None else check.orientation(orientation, who)
+    if kind == "screw":
+        pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
+        length = sqrt(1.0 + pitch * pitch)
+        freedom = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
+        locked = tuple(("z", (0.0, 0.0, 1.0 / length, 0.0, 0.0, -pitch / length)) if d == "z" else (d, row)
+                       for d, row in locked if d != "rz")  # fmt: skip
+    elif pitch is not None:
+        raise ModelError(f"{who}: pitch is for screw joints; a {kind} joint has none.",
+                         element=who, field="pitch")  # fmt: skip
+    return Joint(name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
+                 free, axes, freedom, locked)  # fmt: skip
+
+
+def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
+    if free is None:
+        if kind in KINDS:
+            return kind, None
+        expected = f"one of {', '.join(KINDS)}, or free=(directions)"
+        raise check.refuse(who, "kind", kind, expected, nearest(str(kind), KINDS).strip())
+    if kind not in (None, "custom", "free"):
+        raise ModelError(
+            f"{who}: kind = {kind!r} already says what is free; leave out free=, or give kind=None with it.",
+            element=who, field="free",
+        )  # fmt: skip
+    given = (free,) if isinstance(free, str) else tuple(free)
+    for direction in given:
+        if direction not in DIRECTIONS:
+            raise check.refuse(who, "free", free, "directions out of x y z rx ry rz",
+                               nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
+    if len(set(given)) != len(given):
+        raise check.refuse(who, "free", free, "each direction once")
+    return "custom", tuple(d for d in DIRECTIONS if d in given)
+
+
+def _universal(axis: Any, axis2: Any, orientation: Any, who: str) -> tuple[Any, Any, Matrix3, Named]:
+    """Axes of a universal joint: x along ``axis``, ``axis2`` in the x-y plane, the locked rotation along z."""
+    if axis is None:
+        if axis2 is not None:
+            raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")
+        return None, None, check.orientation(orientation, who), _SUBSPACES["universal"][0]
+    a = axis
+    if axis2 is None:
+        raise check.refuse(who, "axis2", None, "the axis in the second body, to go with axis")
+    b = check.axis(axis2, who, "axis2")
+    n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    sine = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    if sine < PARALLEL:
+        raise check.refuse(who, "axis2", axis2, f"an axis that is not parallel to axis = {axis}")
+    z = (n[0] / sine, n[1] / sine, n[2] / sine)
+    y = (z[1] * a[2] - z[2] * a[1], z[2] * a[0] - z[0] * a[2], z[0] * a[1] - z[1] * a[0])
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    freedom = (("rx", UNIT6[3]), ("ry", (0.0, 0.0, 0.0, cosine, sine, 0.0)))
+    return axis, b, ((a[0], y[0], z[0]), (a[1], y[1], z[1]), (a[2], y[2], z[2])), freedom

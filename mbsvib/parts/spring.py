@@ -1,0 +1,49 @@
+"""Line springs: a spring-damper along the line between two points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+from mbsvib import _checks as check
+from mbsvib._checks import Vector
+from mbsvib.errors import ModelError
+from mbsvib.parts._part import Part, derived
+
+
+@dataclass(frozen=True, slots=True)
+class Spring(Part):
+    """A spring-damper along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
+
+    ``stiffness`` [N/m] and ``damping`` [N s/m] act on the change of its length; ``line`` is its unit vector.
+    """
+
+    first: str
+    second: str
+    start: Vector
+    end: Vector
+    stiffness: float = 0.0
+    damping: float = 0.0
+    line: Vector = derived((0.0, 0.0, 1.0))
+
+
+def make(name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any) -> Spring:
+    """Check the values of a line spring and build it."""
+    who = f"spring '{name}'"
+    if first == second:
+        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
+                         element=who, field="second")  # fmt: skip
+    a = check.vector(start, who, "start")
+    b = check.vector(end, who, "end")
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = sqrt(x * x + y * y + z * z)
+    if not length > 0.0:
+        raise check.refuse(who, "end", end, "a point other than start",
+                           "A spring of no length has no line to act along: use a bushing.")  # fmt: skip
+    k = check.number(stiffness, who, "stiffness", "a finite number [N/m]")
+    c = check.number(damping, who, "damping", "a finite number [N s/m]")
+    if k == 0.0 and c == 0.0:
+        raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the spring out.",
+                         element=who, field="stiffness")  # fmt: skip
+    return Spring(name, first, second, a, b, k, c, (x / length, y / length, z / length))
