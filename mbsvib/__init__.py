@@ -1,8 +1,65 @@
 """mbsvib: from a multibody description to named, minimal state-space systems."""
 
-from mbsvib.errors import MbsvibError, ModelError, ResponseError, SingularPoseError
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.errors import (
+    ExportError,
+    MbsvibError,
+    ModelError,
+    NearSingularWarning,
+    ResponseError,
+    SingularPoseError,
+)
 from mbsvib.model import Model
+
+if TYPE_CHECKING:
+    from mbsvib import library
+    from mbsvib.assembly import linearize
+    from mbsvib.files import load, save
+    from mbsvib.modes import Modes
+    from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
 
 __version__ = "0.1.0"
 
-__all__ = ["MbsvibError", "Model", "ModelError", "ResponseError", "SingularPoseError", "__version__"]
+__all__ = [
+    "ExportError",
+    "MbsvibError",
+    "Model",
+    "ModelError",
+    "Modes",
+    "NearSingularWarning",
+    "ResponseError",
+    "SingularPoseError",
+    "StateSpace",
+    "System",
+    "__version__",
+    "library",
+    "linearize",
+    "load",
+    "save",
+]
+
+_HOMES = {
+    "Modes": "mbsvib.modes",
+    "StateSpace": "mbsvib.state_space",
+    "System": "mbsvib.system",
+    "library": "mbsvib.library",
+    "linearize": "mbsvib.assembly",
+    "load": "mbsvib.files",
+    "save": "mbsvib.files",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import public names on first use, so that ``import mbsvib`` stays quick."""
+    from importlib import import_module
+
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mbsvib' has no attribute {name!r}")
+    home = import_module(_HOMES[name])
+    value = home if name == "library" else getattr(home, name)
+    globals()[name] = value
+    return value

@@ -30,6 +30,10 @@ class SingularPoseError(MbsvibError):
     """A pose in which the number of degrees of freedom, or the choice of coordinates, is not defined."""
 
 
+class NearSingularWarning(UserWarning):
+    """A pose so near a singular one that the minimal coordinates lose digits."""
+
+
 class ResponseError(MbsvibError, ValueError):
     """A response asked for where it does not exist, or with data of the wrong shape."""
 

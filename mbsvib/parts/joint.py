@@ -2,7 +2,8 @@
 
 A joint's axes Q have the kind's axis along local z (universal: first axis along x, second in the x-y plane).
 In these axes the free displacements span the columns of S (6 x f) and the locked ones the rows of L (6-f x 6),
-with L S = 0. Displacements are those of the second body relative to the first, at the joint's point.
+with L S = 0. Displacements are those of the second body relative to the first, at the joint's point. What a joint
+hands on, diag(Q, Q) S and L diag(Q, Q)^T, is in world axes.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ _SUBSPACES = {kind: subspaces(free) for kind, free in KINDS.items()}
 class Joint(Part):
     """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).
 
-    ``free`` and ``locked`` pair each direction's name with its six-vector in the joint's axes.
+    ``freedom`` and ``locked`` pair each direction's name with its six-vector in world axes (twist; row of the
+    relative displacement that is zero).
     """
 
     kind: str
@@ -100,15 +102,30 @@ def make(
         axes = check.frame_along(axis) if axis is not None else check.orientation(orientation, who)
     if kind == "screw":
         pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
-        length = sqrt(1.0 + pitch * pitch)
         freedom = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
-        locked = tuple(("z", (0.0, 0.0, 1.0 / length, 0.0, 0.0, -pitch / length)) if d == "z" else (d, row)
-                       for d, row in locked if d != "rz")  # fmt: skip
+        locked = tuple((d, (0.0, 0.0, 1.0, 0.0, 0.0, -pitch) if d == "z" else row) for d, row in locked)
     elif pitch is not None:
         raise ModelError(f"{who}: pitch is for screw joints; a {kind} joint has none.",
                          element=who, field="pitch")  # fmt: skip
     return Joint(name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
-                 free, axes, freedom, locked)  # fmt: skip
+                 free, axes, in_world(axes, freedom), in_world(axes, locked))  # fmt: skip
+
+
+def in_world(axes: Matrix3, directions: Named) -> Named:
+    """Turn six-vectors from the axes Q into world axes."""
+    if axes is check.IDENTITY:
+        return directions
+    (a, b, c), (d, e, f), (g, h, i) = axes
+    none = (0.0, 0.0, 0.0)
+    columns = dict(zip(UNIT6, (
+        (a, d, g, *none), (b, e, h, *none), (c, f, i, *none), (*none, a, d, g), (*none, b, e, h), (*none, c, f, i),
+    ), strict=True))  # fmt: skip
+    return tuple((name, columns.get(six) or _turned(axes, six)) for name, six in directions)
+
+
+def _turned(axes: Matrix3, six: Six) -> Six:
+    x, y, z, rx, ry, rz = six
+    return tuple(r[0] * p + r[1] * q + r[2] * s for p, q, s in ((x, y, z), (rx, ry, rz)) for r in axes)
 
 
 def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:

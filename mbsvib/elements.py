@@ -1,0 +1,153 @@
+"""Spring-dampers as rows: each elastic direction is one relative displacement with a stiffness and a damping.
+
+K = D^T diag(k) D and C = D^T diag(c) D share the rows D; a direction without stiffness or without damping has a zero
+there, one without both is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics import Rows
+from mbsvib.parts import Bushing, Spring
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from mbsvib.kinematics import Array, Index
+
+# Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
+ZERO_EIGENVALUE = 1e-14
+
+
+@dataclass(frozen=True, slots=True)
+class Elements:
+    """Elastic and damping rows: ``rows``, ``stiffness`` and ``damping`` (n,), the number of the ``owner`` (n,) among
+    the model's spring-dampers, and the direction ``unit`` (n, 6) in the owner's axes.
+    """
+
+    rows: Rows
+    stiffness: Array
+    damping: Array
+    owner: Index
+    unit: Array
+
+
+def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Elements:
+    """Return the rows of all spring-dampers.
+
+    Parameters
+    ----------
+    springs : iterable of Bushing or Spring
+        The model's spring-dampers.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    Elements
+        Rows of the line springs, then of the bushings; ``owner`` counts in the order of ``springs``.
+    """
+    lines: list[tuple[int, Spring]] = []
+    bushings: list[tuple[int, Bushing]] = []
+    full: list[tuple[int, Bushing]] = []
+    for i, part in enumerate(springs):
+        if isinstance(part, Spring):
+            lines.append((i, part))
+        elif isinstance(part.stiffness[0], tuple) or isinstance(part.damping[0], tuple):
+            full.append((i, part))
+        else:
+            bushings.append((i, part))
+    families = [_of_lines(lines, number), _of_bushings(bushings, number), _of_matrices(full, number)]
+    families = [family for family in families if len(family.owner)] or families[:1]
+    if len(families) == 1:
+        return families[0]
+    return Elements(Rows.join([family.rows for family in families]), *(
+        np.concatenate([getattr(family, key) for family in families]) for key in Elements.__slots__[1:]
+    ))  # fmt: skip
+
+
+def _of_lines(lines: list[tuple[int, Spring]], number: Mapping[str, int]) -> Elements:
+    table = np.array(
+        [(number[s.first], number[s.second], *s.start, *s.line, 0.0, 0.0, 0.0, s.stiffness, s.damping, i)
+         for i, s in lines], dtype=float,
+    ).reshape(-1, 14)  # fmt: skip
+    bodies = table[:, :2].astype(np.intp)
+    rows = Rows(bodies[:, 0], bodies[:, 1], table[:, 2:5], table[:, 5:8], table[:, 8:11])
+    unit = np.zeros((len(lines), 6))
+    unit[:, 2] = 1.0
+    return Elements(rows, table[:, 11], table[:, 12], table[:, 13].astype(np.intp), unit)
+
+
+def _of_bushings(bushings: list[tuple[int, Bushing]], number: Mapping[str, int]) -> Elements:
+    coefficient = np.array([(b.stiffness, b.damping) for _, b in bushings], dtype=float).reshape(-1, 2, 6)
+    which, direction = np.nonzero(coefficient.any(axis=1))
+    unit = np.zeros((len(which), 6))
+    unit[np.arange(len(which)), direction] = 1.0
+    return _rows([b for _, b in bushings], number, which, unit, coefficient[which, 0, direction],
+                 coefficient[which, 1, direction], np.array([i for i, _ in bushings], dtype=np.intp))  # fmt: skip
+
+
+def _of_matrices(full: list[tuple[int, Bushing]], number: Mapping[str, int]) -> Elements:
+    which, units, k, c = [], [], [], []
+    for i, (_, bushing) in enumerate(full):
+        stiffness, damping = _matrix(bushing.stiffness), _matrix(bushing.damping)
+        values, vectors = _eigenrows(stiffness if stiffness.any() else damping)
+        share = _proportion(damping, stiffness)
+        if share is not None:
+            which += [i] * len(values)
+            units.append(vectors)
+            k.append(values)
+            c.append(share * values)
+        else:
+            damping_values, damping_vectors = _eigenrows(damping)
+            own = (values, np.zeros_like(damping_values)) if stiffness.any() else (0.0 * values[:0], damping_values * 0)
+            which += [i] * (len(own[0]) + len(damping_values))
+            units += [vectors[: len(own[0])], damping_vectors]
+            k += [own[0], own[1]]
+            c += [np.zeros_like(own[0]), damping_values]
+    empty = np.zeros(0)
+    return _rows(
+        [b for _, b in full], number, np.array(which, dtype=np.intp), np.concatenate([np.zeros((0, 6)), *units]),
+        np.concatenate([empty, *k]), np.concatenate([empty, *c]), np.array([i for i, _ in full], dtype=np.intp),
+    )  # fmt: skip
+
+
+def _rows(
+    bushings: list[Bushing], number: Mapping[str, int], which: Index, unit: Array, k: Array, c: Array, owner: Index
+) -> Elements:
+    """Turn directions in the bushings' axes into world rows."""
+    axes = np.array([b.orientation for b in bushings], dtype=float).reshape(-1, 3, 3)[which]
+    point = np.array([b.position for b in bushings], dtype=float).reshape(-1, 3)[which]
+    bodies = np.array([(number[b.first], number[b.second]) for b in bushings], dtype=np.intp).reshape(-1, 2)[which]
+    force = np.matmul(axes, unit[:, :3, None])[..., 0]
+    moment = np.matmul(axes, unit[:, 3:, None])[..., 0]
+    return Elements(Rows(bodies[:, 0], bodies[:, 1], point, force, moment), k, c, owner[which], unit)
+
+
+def _matrix(value: tuple[float, ...] | tuple[tuple[float, ...], ...]) -> Array:
+    array = np.array(value, dtype=float)
+    return np.diag(array) if array.ndim == 1 else array
+
+
+def _proportion(damping: Array, stiffness: Array) -> float | None:
+    """Return the factor by which damping is stiffness (exactly, to rounding), or None."""
+    if not damping.any():
+        return 0.0
+    if not stiffness.any():
+        return None
+    largest = np.unravel_index(np.argmax(np.abs(stiffness)), stiffness.shape)
+    share = float(damping[largest] / stiffness[largest])
+    return share if np.allclose(damping, share * stiffness, rtol=1e-15, atol=0.0) else None
+
+
+def _eigenrows(matrix: Array) -> tuple[Array, Array]:
+    """Return values v and rows U with matrix = U^T diag(v) U, on a unit diagonal so that units do not mix."""
+    scale = np.sqrt(np.abs(matrix.diagonal()))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(matrix / scale[:, None] / scale)
+    keep = np.abs(values) > ZERO_EIGENVALUE * np.abs(values).max()
+    return values[keep], (vectors[:, keep] * scale[:, None]).T

@@ -1,0 +1,250 @@
+"""Loops: from joint coordinates to minimal coordinates, q = B'' z.
+
+Each cut joint locks relative displacements: rows Phi q = 0. A rank-revealing QR per independent group of loops tells
+which rows are redundant and which joint coordinates depend on the others; the others are the minimal coordinates.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lapack
+
+from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, nearest
+from mbsvib.kinematics import Rows, Twists, relative_motion
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array, Index
+
+    Mask = NDArray[np.bool_]
+
+EPS = float(np.finfo(float).eps)
+# Entries of the scaled Phi carry a rounding error of a few eps times (distance from the origin / loop size); pivots
+# below this many times that error count as zero.
+RANK_FACTOR = 50.0
+# A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-9 are no longer certain.
+NEAR_SINGULAR = 1e-7
+# Kept and dropped pivots closer than this leave the rank itself in doubt.
+RANK_GAP = 1e3
+# Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
+TIE_BREAK = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class LoopGroup:
+    """What the rank decision of one independent group of loops was.
+
+    ``joints`` are the cut joints, ``kept`` the smallest pivot kept and ``dropped`` the largest one dropped (relative to
+    the largest pivot; rotations scaled by ``length`` [m]), ``redundant`` the names of redundant constraint rows.
+    """
+
+    joints: tuple[str, ...]
+    rows: int
+    rank: int
+    kept: float
+    dropped: float
+    length: float
+    redundant: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (n, m) is B''.
+
+    ``matrix`` is None where no loop exists, B'' being the identity that nothing is multiplied by.
+    """
+
+    independent: Index
+    matrix: Array | None
+    groups: tuple[LoopGroup, ...]
+
+    def apply(self, rows: Array) -> Array:
+        """Return rows (..., n) in minimal coordinates (..., m)."""
+        return rows if self.matrix is None else rows @ self.matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Cuts:
+    """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each."""
+
+    rows: Rows
+    names: tuple[str, ...]
+    joint: Index
+    joints: tuple[str, ...]
+
+
+def reduce(coordinates: Twists, cuts: Cuts | None, independent: Sequence[str] | None = None) -> Reduction:
+    """Return the minimal coordinates and B'' with Phi B'' = 0.
+
+    Parameters
+    ----------
+    coordinates : Twists
+        The joint coordinates of the tree.
+    cuts : Cuts or None
+        The locked rows of the cut joints; None where nothing is cut.
+    independent : sequence of str, optional
+        Coordinates that must be among the minimal ones.
+
+    Returns
+    -------
+    Reduction
+        The choice of coordinates, B'' and the rank decisions.
+
+    Raises
+    ------
+    ModelError
+        If a pinned coordinate is unknown or cannot be independent.
+    SingularPoseError
+        If the number of degrees of freedom is another one in every pose nearby, or the rank is in doubt.
+
+    Source: Jiang, Chen & Luo (2011), cut-joint constraint matrix B''.
+    """
+    pinned = _pinned(coordinates, independent)
+    n = len(coordinates.names)
+    if cuts is None:
+        return Reduction(np.arange(n), None, ())
+    phi = relative_motion(coordinates, cuts.rows)
+    depends = np.zeros(n, dtype=bool)
+    solved = []
+    groups = []
+    for rows, columns in _groups(coordinates, cuts):
+        group, dependent, others, block = _solve(coordinates, cuts, phi, rows, columns, pinned)
+        depends[dependent] = True
+        solved.append((dependent, others, block))
+        groups.append(group)
+    free = np.nonzero(~depends)[0]
+    place = np.empty(n, dtype=np.intp)
+    place[free] = np.arange(len(free))
+    matrix = np.zeros((n, len(free)))
+    matrix[free, np.arange(len(free))] = 1.0
+    for dependent, others, block in solved:
+        matrix[dependent[:, None], place[others]] = block
+    return Reduction(free, matrix, tuple(groups))
+
+
+def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
+    pinned = np.zeros(len(coordinates.names), dtype=bool)
+    for name in [independent] if isinstance(independent, str) else independent or ():
+        if name not in coordinates.names:
+            raise ModelError(
+                f"independent = {name!r} is no joint coordinate of the tree.{nearest(str(name), coordinates.names)} "
+                f"Joints that are cut have none; name the cut joints with cut= to keep this one.",
+                element=str(name), field="independent",
+            )  # fmt: skip
+        pinned[coordinates.names.index(name)] = True
+    return pinned
+
+
+def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
+    """Loops that share a coordinate form a group: (rows, columns) of each."""
+    touched = coordinates.path[cuts.rows.second] != coordinates.path[cuts.rows.first]
+    owner: dict[int, int] = {}
+    root = list(range(len(cuts.joints)))
+
+    def find(i: int) -> int:
+        while root[i] != i:
+            root[i] = i = root[root[i]]
+        return i
+
+    first_row = np.searchsorted(cuts.joint, np.arange(len(cuts.joints)))
+    for joint, row in enumerate(first_row):
+        if row < len(touched) and cuts.joint[row] == joint:
+            for column in np.nonzero(touched[row])[0].tolist():
+                root[find(joint)] = find(owner.setdefault(column, joint))
+    group_of_row = np.array([find(int(joint)) for joint in cuts.joint], dtype=np.intp)
+    result = []
+    for group in dict.fromkeys(group_of_row.tolist()):
+        rows = np.nonzero(group_of_row == group)[0]
+        result.append((rows, np.nonzero(touched[rows].any(axis=0))[0]))
+    return result
+
+
+def _solve(
+    coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask
+) -> tuple[LoopGroup, Index, Index, Array]:
+    """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
+    points = np.concatenate((cuts.rows.point[rows], coordinates.point[columns]))
+    length = float(np.ptp(points, axis=0).max()) or 1.0
+    scale = np.where(coordinates.turns[columns], 1.0, length)
+    scale *= 1.0 - TIE_BREAK * np.arange(len(columns)) / len(columns)
+    a = scaled(phi[rows[:, None], columns], cuts.rows.force[rows], scale, length)
+    candidate = np.nonzero(~pinned[columns])[0]
+    held = np.nonzero(pinned[columns])[0]
+    qr, order, tau = pivoted_qr(a[:, candidate])
+    pivots = np.abs(qr.diagonal())
+    # positions are rounded relative to the origin, entries of Phi therefore relative to origin distance / loop size
+    noise = EPS * max(a.shape) * max(1.0, float(np.abs(points).max()) / length)
+    largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
+    rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
+    right = qr[:rank, rank:]
+    if len(held):
+        product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, a[:, held], 64 * len(held))[0]
+        _check_pins(coordinates, columns[held], product[rank:], RANK_FACTOR * noise)
+        right = np.concatenate((right, product[:rank]), axis=1)
+    group = LoopGroup(
+        tuple(cuts.joints[k] for k in dict.fromkeys(cuts.joint[rows].tolist())), len(rows), rank,
+        float(pivots[rank - 1]) / largest if rank else 1.0,
+        float(pivots[rank]) / largest if rank < len(pivots) else 0.0, length,
+        _redundant(a, rank, [cuts.names[row] for row in rows]),
+    )  # fmt: skip
+    _check_gap(group)
+    dependent, others = candidate[order[:rank]], np.concatenate((candidate[order[rank:]], held))
+    block = lapack.dtrtrs(qr[:rank, :rank], right)[0] if rank and len(others) else np.zeros((rank, len(others)))
+    block *= -scale[dependent, None] / scale[others]
+    return group, columns[dependent], columns[others], block
+
+
+def scaled(phi: Array, force: Array, column_scale: Array, length: float) -> Array:
+    """Return Phi with translations over ``length`` and rotations as they are, so that rank knows no units."""
+    rows = np.where(force.any(axis=1), 1.0 / length, 1.0)
+    return phi * rows[:, None] * column_scale
+
+
+def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:
+    """Return LAPACK's packed column-pivoted QR of ``a``, the order of columns and the reflectors' factors."""
+    if 0 in a.shape:
+        return np.zeros(a.shape), np.arange(a.shape[1]), np.zeros(0)
+    qr, order, tau, _, _ = lapack.dgeqp3(a)
+    return qr, order - 1, tau
+
+
+def _redundant(a: Array, rank: int, names: list[str]) -> tuple[str, ...]:
+    """Name the rows that the others imply: those that a pivoted QR of the transpose takes last."""
+    if rank == len(names):
+        return ()
+    weight = 1.0 - TIE_BREAK * np.arange(len(names)) / len(names)
+    _, order, _ = pivoted_qr((a * weight[:, None]).T)
+    return tuple(names[k] for k in sorted(order[rank:].tolist()))
+
+
+def _check_pins(coordinates: Twists, held: Index, rest: Array, limit: float) -> None:
+    """Refuse pinned coordinates that the loops tie to each other (their columns reach outside the others' range)."""
+    if rest.size and float(np.abs(rest).max()) > limit:
+        names = ", ".join(coordinates.names[k] for k in held)
+        raise ModelError(
+            f"independent: the loops leave no choice in which all of {names} are independent; pin fewer of them.",
+            element=coordinates.names[held[0]], field="independent",
+        )  # fmt: skip
+
+
+def _check_gap(group: LoopGroup) -> None:
+    names = ", ".join(group.joints)
+    if group.dropped * RANK_GAP > group.kept:
+        raise SingularPoseError(
+            f"loops closed by {names}: constraint pivots {group.kept:.1e} (kept) and {group.dropped:.1e} (dropped) are "
+            f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
+            f"give the geometry with all its digits."
+        )
+    if group.kept < NEAR_SINGULAR:
+        warnings.warn(
+            f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
+            f"lose as many digits. Pin other coordinates with independent=, or move the pose.",
+            NearSingularWarning, stacklevel=6,
+        )  # fmt: skip

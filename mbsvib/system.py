@@ -1,0 +1,232 @@
+"""The system: minimal linear equations of motion with names, units and the way back to the bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.loops import Reduction
+    from mbsvib.modes import Modes
+    from mbsvib.state_space import StateSpace
+    from mbsvib.topology import Topology
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """How a system came about, for ``explain``: topology, loops, and the spring-dampers that nothing stretches."""
+
+    topology: Topology
+    reduction: Reduction
+    joint_coordinates: tuple[str, ...]
+    springs: tuple[str, ...]
+    idle: tuple[int, ...]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class System:
+    """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
+
+    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI units
+    and radians. ``coordinates``, ``inputs`` and ``outputs`` are their names, ``..._units`` their units.
+
+    The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
+    with D = ``elastic_rows`` (rows, m), k = ``stiffness`` and c = ``damping`` (rows,); ``row_owner`` (rows,) numbers
+    the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are read-only.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    coordinate_units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    bodies: tuple[str, ...]
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    inertia_factor: Array
+    elastic_rows: Array
+    stiffness: Array
+    damping: Array
+    row_owner: NDArray[np.intp]
+    body_motion: Array
+    provenance: Provenance = field(repr=False)
+
+    def __post_init__(self) -> None:
+        for name in _ARRAYS:
+            getattr(self, name).setflags(write=False)
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom, m."""
+        return len(self.coordinates)
+
+    @property
+    def tree(self) -> tuple[str, ...]:
+        """Names of the joints of the spanning tree, from ground outwards."""
+        return self.provenance.topology.tree
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints at which loops are cut."""
+        return self.provenance.topology.cut_joints
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
+        return tuple(name for group in self.provenance.reduction.groups for name in group.redundant)
+
+    def displacements(self, q: ArrayLike) -> dict[str, Array]:
+        """Return the displacements of the bodies, x = B' B'' q.
+
+        Parameters
+        ----------
+        q : array-like, shape (m,) or (m, n)
+            Minimal coordinates [m, rad].
+
+        Returns
+        -------
+        dict of str to array, shape (6,) or (6, n)
+            Translation of each body's centre of mass [m] and its rotation [rad], world axes.
+
+        Raises
+        ------
+        ResponseError
+            If ``q`` does not have one entry for each coordinate.
+        """
+        vector = np.asarray(q)
+        if vector.ndim not in (1, 2) or len(vector) != self.dof:
+            raise ResponseError(
+                f"displacements: q has shape {vector.shape}; expected ({self.dof},) or ({self.dof}, n), one entry for "
+                f"each of the coordinates {', '.join(self.coordinates[:6])}{', ...' if self.dof > 6 else ''}."
+            )
+        return dict(zip(self.bodies, self.body_motion @ vector, strict=True))
+
+    @cached_property
+    def _modes(self) -> Modes:
+        from mbsvib.modes import modes
+
+        return modes(self)
+
+    def modes(self, rtol: float | None = None) -> Modes:
+        """Return all modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
+
+        Parameters
+        ----------
+        rtol : float, optional
+            Relative accuracy asked of every eigenvalue; a mode whose error estimate is larger is warned of by number.
+
+        Returns
+        -------
+        Modes
+            One entry for each degree of freedom, in ascending natural frequency. The result is kept, so that asking
+            again costs nothing.
+        """
+        if rtol is not None:
+            self._modes.check_accuracy(rtol)
+        return self._modes
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency response of all inputs and outputs.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is an undamped pole of the system.
+        """
+        from mbsvib.frequency_response import frequency_response
+
+        return frequency_response(self, omega)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
+    ) -> Array:
+        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : pair of array-like, shape (m,), optional
+            q and q' at t[0]; default: rest.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold is unknown.
+        """
+        from mbsvib.time_response import time_response
+
+        return time_response(self, t, u, hold, initial)
+
+    def state_space(self, realization: str = "physical") -> StateSpace:
+        """Return first-order equations x' = A x + B u, y = C x + D u.
+
+        Parameters
+        ----------
+        realization : str
+            "physical": x = (q, q'); "modal": one 2x2 block for each mode.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is unknown.
+        """
+        from mbsvib.state_space import state_space
+
+        return state_space(self, realization)
+
+    def explain(self) -> str:
+        """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
+        from mbsvib.explain import explain
+
+        return explain(self)
+
+    def __repr__(self) -> str:
+        return f"System({self.name!r}: {self.dof} DOF, {len(self.inputs)} inputs, {len(self.outputs)} outputs)"
+
+
+_ARRAYS = tuple(item.name for item in fields(System) if "Array" in str(item.type) or "NDArray" in str(item.type))
