@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import (
+    AccuracyWarning,
     ExportError,
     MbsvibError,
     ModelError,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "AccuracyWarning",
     "ExportError",
     "MbsvibError",
     "Model",

@@ -15,7 +15,6 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, body_motion, relative_motion, twists
 from mbsvib.loops import Cuts, reduce
 from mbsvib.mobility import check_mobility
-from mbsvib.parts import Input
 from mbsvib.ports import Ports, ports
 from mbsvib.system import Provenance, System
 from mbsvib.topology import span
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from mbsvib.parts import Body
     from mbsvib.topology import Topology
 
-# Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia of its own.
+# Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
 MASSLESS = 1e-14
 
 

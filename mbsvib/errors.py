@@ -34,12 +34,22 @@ class NearSingularWarning(UserWarning):
     """A pose so near a singular one that the minimal coordinates lose digits."""
 
 
+class AccuracyWarning(UserWarning):
+    """A result whose estimated error is larger than what was asked for."""
+
+
 class ResponseError(MbsvibError, ValueError):
     """A response asked for where it does not exist, or with data of the wrong shape."""
 
 
 class ExportError(MbsvibError):
     """A system that a target format cannot hold."""
+
+
+def count(number: int, what: str) -> str:
+    """Return "1 body", "2 bodies" for a number and a noun in the singular."""
+    plural = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+    return f"{number} {what if number == 1 else plural}"
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -121,7 +121,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             path[branch.body, columns[branch.joint]] = branch.sign
     table = np.array(six, dtype=float).reshape(-1, 6)
     angular = table[:, 3:]
-    turns = angular.any(axis=1)
+    turns: NDArray[np.bool_] = np.any(angular != 0.0, axis=1)
     return Twists(tuple(names), table[:, :3], angular, np.array(point, dtype=float).reshape(-1, 3), path, turns)
 
 

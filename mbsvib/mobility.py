@@ -66,9 +66,9 @@ def check_mobility(
         rank = int(np.count_nonzero(pivots > LIMIT * max(1.0, float(pivots.max(initial=0.0)))))
         if rank > group.rank:
             raise SingularPoseError(
-                f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} constraints are independent "
-                f"here, {rank} in the poses nearby, so the number of degrees of freedom jumps and linear equations do "
-                f"not describe the motion. Move the pose off the singular one."
+                f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {group.rows} "
+                f"constraint rows are independent here, {rank} in the poses nearby, so the number of degrees of "
+                f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular one."
             )
 
 

@@ -37,8 +37,8 @@ class Provenance:
 class System:
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
-    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI units
-    and radians. ``coordinates``, ``inputs`` and ``outputs`` are their names, ``..._units`` their units.
+    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI
+    units and radians. ``coordinates``, ``inputs`` and ``outputs`` are their names, ``..._units`` their units.
 
     The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
     with D = ``elastic_rows`` (rows, m), k = ``stiffness`` and c = ``damping`` (rows,); ``row_owner`` (rows,) numbers

@@ -1,0 +1,211 @@
+"""Damped modes in energy coordinates.
+
+In the undamped modes' coordinates the damping matrix is Gamma = Phi^T C Phi. Where it is diagonal (classical damping)
+every mode is a quadratic of its own. Elsewhere the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]], whose
+norm is the largest frequency and not its square, each improved by one Newton step on its own two-sided Rayleigh
+quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.system import System
+    from mbsvib.undamped import Undamped
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+# Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
+CLASSICAL = 1e-13
+# A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
+CORRECTION = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Damped:
+    """Damped modes in the basis ``shapes`` (m, m): ``pairs`` (m, 2) of eigenvalues, ``errors`` (m, 2) relative.
+
+    ``gamma`` is Phi^T C Phi, (m,) where damping is ``classical`` and (m, m) elsewhere; ``square`` (m,) is omega^2 of
+    the basis. ``vectors`` (m, m, 2) are the modes in the basis; None where they are the basis itself.
+    """
+
+    pairs: Complex
+    errors: Array
+    shapes: Array
+    square: Array
+    gamma: Array
+    classical: str
+    vectors: Complex | None
+
+
+def damped(system: System, basis: Undamped) -> Damped:
+    """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    basis : Undamped
+        Its undamped modes.
+
+    Returns
+    -------
+    Damped
+        Pairs of eigenvalues, in ascending order of their natural frequency.
+    """
+    reason, gamma = classical_damping(system, basis)
+    if reason:
+        pairs = quadratic_roots(basis.square, gamma)
+        errors = _classical_errors(pairs, basis, gamma)
+        return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None)
+    shapes, gamma, free = _split_rigid(basis, gamma)
+    pairs, vectors, errors = _coupled(basis, gamma, free)
+    return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors)
+
+
+def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
+    """Return why damping is classical ("" if it is not) and Gamma, as its diagonal (m,) or whole (m, m)."""
+    c, k = system.damping, system.stiffness
+    if not c.any():
+        return "no damper", np.zeros(system.dof)
+    if k.all():
+        ratio = c / k
+        if np.ptp(ratio) <= 4.0 * EPS * abs(ratio[0]):
+            return "damping proportional to stiffness", float(ratio.mean()) * basis.square
+    used = c != 0.0
+    half = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(np.abs(c[used]))[:, None]
+    gamma = half.T @ half if (c >= 0.0).all() else half.T @ (half * np.sign(c[used])[:, None])
+    size = np.einsum("ij,ij->j", half, half)
+    limit = CLASSICAL * np.sqrt(size[:, None] * size)
+    limit[np.diag_indices(system.dof)] = np.inf
+    if (np.abs(gamma) <= limit).all():
+        return "damping commutes with mass and stiffness", gamma.diagonal().copy()
+    return "", gamma
+
+
+def quadratic_roots(square: Array, gamma: Array) -> Complex:
+    """Return both roots of lambda^2 + gamma lambda + square = 0 for every mode, (m, 2), without cancellation."""
+    half = 0.5 * gamma
+    omega: Array = np.sqrt(np.abs(square))
+    inside = np.where(square > 0.0, (half - omega) * (half + omega), half * half - square)
+    root = np.sqrt(np.abs(inside))
+    pairs: Complex = np.empty((len(square), 2), dtype=complex)
+    big = -(half + np.where(half >= 0.0, root, -root))
+    small = np.divide(square, big, out=np.zeros_like(big), where=big != 0.0)
+    oscillates = inside < 0.0
+    pairs[:, 0] = np.where(oscillates, -half + 1j * root, small)
+    pairs[:, 1] = np.where(oscillates, -half - 1j * root, big)
+    return pairs
+
+
+def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array) -> Array:
+    """First-order errors of the roots: those of omega and, of the same order, of gamma."""
+    size = np.abs(pairs)
+    gap = np.abs(pairs[:, :1] - pairs[:, 1:])
+    spread = basis.errors * (2.0 * np.abs(basis.square) + np.abs(gamma) * size.max(axis=1, initial=0.0))
+    # at critical damping the root moves with the square root of a perturbation
+    worst = np.minimum(np.divide(spread[:, None], gap, out=np.full_like(gap, np.inf), where=gap > 0.0),
+                       np.sqrt(spread)[:, None])  # fmt: skip
+    relative: Array = np.divide(worst, size, out=np.zeros_like(size), where=size > 0.0)
+    return relative + 2.0 * EPS * (size > 0.0)
+
+
+def _split_rigid(basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
+    """Turn the rigid-body modes so that those which no damper touches come first; return their number too."""
+    r = basis.rigid
+    if r == 0:
+        return basis.shapes, gamma, 0
+    values, turn = np.linalg.eigh(gamma[:r, :r])
+    free = int(np.count_nonzero(np.abs(values) <= 1e-11 * np.abs(gamma).max()))
+    turn = turn[:, np.argsort(np.abs(values), kind="stable")]
+    shapes, gamma = basis.shapes.copy(), gamma.copy()
+    shapes[:, :r] = shapes[:, :r] @ turn
+    gamma[:r] = turn.T @ gamma[:r]
+    gamma[:, :r] = gamma[:, :r] @ turn
+    gamma[:free] = gamma[:, :free] = 0.0
+    return shapes, gamma, free
+
+
+def _coupled(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex, Array]:
+    """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2) in the basis, errors (m, 2)."""
+    m, r = len(basis.square), basis.rigid
+    values, right = _energy_eigenvalues(basis, gamma, free)
+    y = np.zeros((m, len(values)), dtype=complex)
+    y[free:] = right / np.linalg.norm(right, axis=0)
+    values, bound = _rayleigh(values, y, gamma, basis)
+    first, second = _pair(values, y, free, r)
+    pairs = np.zeros((m, 2), dtype=complex)
+    vectors = np.zeros((m, m, 2), dtype=complex)
+    errors = np.zeros((m, 2))
+    vectors[np.arange(free), np.arange(free)] = 1.0
+    for column, chosen in ((0, first), (1, second)):
+        known = chosen >= 0
+        place = free + np.nonzero(known)[0]
+        pairs[place, column] = values[chosen[known]]
+        vectors[:, place, column] = y[:, chosen[known]]
+        errors[place, column] = bound[chosen[known]]
+    # a rigid-body mode that dampers brake stays where it comes to rest: an eigenvalue 0 with a rigid shape
+    resting = free + np.nonzero(first < 0)[0]
+    vectors[free + np.arange(len(resting)), resting, 0] = 1.0
+    order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
+    return pairs[order], vectors[:, order], errors[order]
+
+
+def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex]:
+    """Eigenvalues and velocity parts of the eigenvectors in energy coordinates (Omega eta, eta')."""
+    omega = basis.omega[basis.rigid :]
+    n, flexible = len(basis.square) - free, len(omega)
+    a = np.zeros((flexible + n, flexible + n))
+    at = np.arange(flexible)
+    velocity = flexible + (basis.rigid - free) + at
+    a[at, velocity] = omega
+    a[velocity, at] = -np.sign(basis.square[basis.rigid :]) * omega
+    a[flexible:, flexible:] = -gamma[free:, free:]
+    values, vectors = np.linalg.eig(a)
+    return values.astype(complex), vectors[flexible:].astype(complex)
+
+
+def _rayleigh(values: Complex, y: Complex, gamma: Array, basis: Undamped) -> tuple[Complex, Array]:
+    """Improve every eigenvalue by its two-sided Rayleigh quadratic; return it with a bound of its relative error."""
+    damping = gamma @ y
+    a = np.einsum("ij,ij->j", y, y)
+    b = np.einsum("ij,ij->j", y, damping)
+    c = np.einsum("ij,ij->j", y, basis.square[:, None] * y)
+    slope = 2.0 * values * a + b
+    step = np.divide(values * (values * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
+    small = np.abs(step) <= CORRECTION * np.abs(values)
+    improved = np.where(small, values - step, values)
+    residual = improved**2 * y + improved * damping + basis.square[:, None] * y
+    size = np.abs(y)
+    noise = np.abs(improved) ** 2 + np.abs(improved) * np.einsum("ij,ij->j", size, np.abs(gamma) @ size)
+    noise += np.einsum("ij,i,ij->j", size, np.abs(basis.square), size)
+    omega_error = np.einsum("ij,i,ij->j", size, np.abs(basis.square) * basis.errors, size)
+    slope = np.maximum(np.abs(slope), EPS * np.maximum(noise / np.maximum(np.abs(improved), 1e-300), 1e-300))
+    # second order in the residual of the vector, first order in the rounding of the three quadratic forms
+    bound = np.linalg.norm(residual, axis=0) ** 2 / slope**2 / np.abs(improved) ** 2
+    bound += (4.0 * EPS * noise + 2.0 * omega_error) / slope / np.abs(improved)
+    bound = np.where(small, bound, np.maximum(bound, np.abs(step / improved)))
+    return improved, bound
+
+
+def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pair the eigenvalues: conjugates, a real one with 0 for each braked rigid mode, other real ones by shape."""
+    oscillating = np.nonzero(values.imag > 0.0)[0].tolist()  # LAPACK puts the conjugate right behind
+    real = np.nonzero(values.imag == 0.0)[0].tolist()
+    share = np.linalg.norm(y[free:rigid, real], axis=0)
+    braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free]]
+    left = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
+    pairs = [(-1, i) for i in braked] + [(i, i + 1) for i in oscillating]
+    while left:
+        slow = left.pop(0)
+        mac = np.abs(y[:, left].real.T @ y[:, slow].real)
+        pairs.append((slow, left.pop(int(np.argmax(mac)))))
+    return np.array([p for p, _ in pairs], dtype=np.intp), np.array([q for _, q in pairs], dtype=np.intp)

@@ -1,0 +1,111 @@
+"""Explain: how a system came about, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.errors import count
+from mbsvib.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.system import System
+
+SHOWN = 12  # names in one list
+
+
+def explain(system: System) -> str:
+    """Return how the equations of a system came about: topology, loops, rank decisions, and what was skipped.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    str
+        A few lines of text.
+    """
+    lines = [f"{system.name}: {system.dof} DOF"]
+    if system.dof == 0:
+        lines.append("  The mechanism is fully locked: its joints leave no motion.")
+    lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
+    lines += ["skipped", *(f"  {text}" for text in skipped(system))]
+    return "\n".join(lines)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names in a row, cut after the first dozen."""
+    return ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")
+
+
+def _topology(system: System) -> list[str]:
+    topology = system.provenance.topology
+    held = {part for joint in topology.joints for part in (joint.first, joint.second)}
+    parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.provenance.springs, "spring-damper"))
+    lines = ["  " + ", ".join(count(len(group), what) for group, what in parts)]
+    for body in topology.floating:
+        name = topology.bodies[body]
+        why = "no joint reaches it" if name not in held else "no chain of joints leads from ground to it"
+        lines.append(f"  body '{name}' floats: {why}, so it got a free joint")
+    if topology.joints:
+        lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
+    idle = [system.provenance.springs[i] for i in system.provenance.idle]
+    if idle:
+        lines.append(f"  no motion of the mechanism acts on {listed(idle)}, at least not in every direction given")
+    return lines
+
+
+def _loops(system: System) -> list[str]:
+    groups = system.provenance.reduction.groups
+    if not groups:
+        return ["  none"]
+    lines = [f"  cut at {listed(system.cut_joints)}"]
+    for group in groups:
+        lines.append(
+            f"  {listed(group.joints)}: {group.rank} of {group.rows} constraint rows independent; smallest pivot kept "
+            f"{group.kept:.1e}, largest dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"
+        )
+        if group.redundant:
+            lines.append(f"    redundant: {listed(group.redundant)}")
+    return lines
+
+
+def _coordinates(system: System) -> list[str]:
+    everything = system.provenance.joint_coordinates
+    if not everything:
+        return ["  none"]
+    kept = set(system.coordinates)
+    dependent = [name for name in everything if name not in kept]
+    lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
+    if dependent:
+        lines.append(f"  dependent: {listed(dependent)}")
+    return lines
+
+
+def skipped(system: System) -> list[str]:
+    """Return what was left out of the computation because the scene does not need it, one sentence each.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    list of str
+        What was skipped and why.
+    """
+    result = []
+    if not system.provenance.reduction.groups:
+        result.append("no loop: B'' was not formed")
+    elif not any(group.redundant for group in system.provenance.reduction.groups):
+        result.append("no redundant constraint: the poses nearby were not looked at")
+    if not system.damping.any():
+        result.append("no damper acts: C is zero and modes are real")
+    if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
+        result.append("every body hangs on ground by joints: no free joint was added")
+    result.append("no load, preload or spin: no statics, no geometric stiffness, no gyroscopic terms")
+    return result

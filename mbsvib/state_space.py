@@ -1,0 +1,149 @@
+"""State space: first-order equations with names, in physical or modal states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError, nearest
+from mbsvib.undamped import triangle
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.damped import Damped
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+
+REALIZATIONS = ("physical", "modal")
+_RATE = {"m": "m/s", "rad": "rad/s"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateSpace:
+    """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
+
+    ``transform`` (2m, states) leads back: (q, q') = transform x. Arrays are read-only.
+    """
+
+    name: str
+    realization: str
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    transform: Array
+    states: tuple[str, ...]
+    state_units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.A, self.B, self.C, self.D, self.transform):
+            array.setflags(write=False)
+
+    def __repr__(self) -> str:
+        return (f"StateSpace({self.name!r}, {self.realization}: {len(self.states)} states, {len(self.inputs)} inputs, "
+                f"{len(self.outputs)} outputs)")  # fmt: skip
+
+
+def state_space(system: System, realization: str = "physical") -> StateSpace:
+    """Return first-order equations of a system.
+
+    physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
+    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    realization : str
+        "physical" or "modal".
+
+    Returns
+    -------
+    StateSpace
+        Matrices, names and units.
+
+    Raises
+    ------
+    ResponseError
+        If the realization is unknown.
+    """
+    if realization not in REALIZATIONS:
+        raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
+                            f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
+    make = _physical if realization == "physical" else _modal
+    a, b, transform, names, units = make(system)
+    m = system.dof
+    q, rate = transform[:m], transform[m:]
+    # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
+    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
+    d = system.D + system.Ca @ (rate @ b)
+    return StateSpace(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
+                      system.outputs, system.output_units)  # fmt: skip
+
+
+def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+    m = system.dof
+    a = np.zeros((2 * m, 2 * m))
+    b = np.zeros((2 * m, system.B.shape[1]))
+    if m:
+        root = triangle(system.inertia_factor)
+        right = np.concatenate((system.K, system.C, system.B), axis=1)
+        solution = np.linalg.solve(root, np.linalg.solve(root.T, right))
+        a[:m, m:] = np.eye(m)
+        a[m:] = -solution[:, : 2 * m]
+        b[m:] = solution[:, 2 * m :]
+    names = (*system.coordinates, *(f"d({name})/dt" for name in system.coordinates))
+    units = (*system.coordinate_units, *(_RATE[unit] for unit in system.coordinate_units))
+    return a, b, np.eye(2 * m), names, units
+
+
+def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+    modes = system._modes
+    m = system.dof
+    product = (modes.eigenvalues[0::2] * modes.eigenvalues[1::2]).real
+    total = (modes.eigenvalues[0::2] + modes.eigenvalues[1::2]).real
+    even = 2 * np.arange(m)
+    a = np.zeros((2 * m, 2 * m))
+    a[even, even + 1] = 1.0
+    a[even + 1, even] = -product
+    a[even + 1, even + 1] = total
+    transform: Array = np.zeros((2 * m, 2 * m))
+    b: Array = np.zeros((2 * m, system.B.shape[1]))
+    if modes.damped.vectors is None:
+        phi = modes.damped.shapes
+        transform[:m, even] = phi
+        transform[m:, even + 1] = phi
+        b[even + 1] = phi.T @ system.B
+    else:
+        basis = np.zeros((2 * m, 2 * m))
+        basis[:m, :m] = basis[m:, m:] = modes.damped.shapes
+        local = _blocks(modes.damped)
+        transform = basis @ local
+        forces = np.concatenate((np.zeros_like(b[:m]), modes.damped.shapes.T @ system.B))
+        b = np.linalg.solve(local, forces)
+    names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
+    return a, b, transform, names, ("modal", "modal/s") * m
+
+
+def _blocks(modal: Damped) -> Array:
+    """Columns that turn A into companion blocks: T [[1, 1], [l1, l2]] = [v1 v2] for each pair, v = (y, l y)."""
+    m = len(modal.square)
+    result = np.zeros((2 * m, 2 * m))
+    assert modal.vectors is not None
+    for k, (one, two) in enumerate(modal.pairs):
+        first, second = modal.vectors[:, k, 0], modal.vectors[:, k, 1]
+        if one == two:  # a rigid-body mode that nothing brakes: z and z' themselves
+            result[:m, 2 * k] = result[m:, 2 * k + 1] = first.real
+            continue
+        v1, v2 = np.concatenate((first, one * first)), np.concatenate((second, two * second))
+        result[:, 2 * k] = ((two * v1 - one * v2) / (two - one)).real
+        result[:, 2 * k + 1] = ((v2 - v1) / (two - one)).real
+    return result
