@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import lapack
 
 from mbsvib import elements as _elements
 from mbsvib.errors import ModelError
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 # Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
 MASSLESS = 1e-14
+_LINEAR = np.arange(3)
+_TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
 def linearize(
@@ -67,34 +70,37 @@ def linearize(
     number["ground"] = len(bodies)
     coordinates = twists(topology, bodies)
     cuts = _cuts(topology, bodies, number)
-    reduction = reduce(coordinates, cuts, independent)
+    springs = _elements.stack(model.springs.values(), number)
+    port = ports(model, bodies, number, springs)
+    # one pass over all relative displacements: what cut joints lock, what springs feel, what ports see
+    everything = Rows.join([*([cuts.rows] if cuts else []), springs.rows, port.rows])
+    relative = relative_motion(coordinates, everything)
+    locked, felt = len(cuts.names) if cuts else 0, len(springs.owner)
+    reduction = reduce(coordinates, cuts, relative[:locked], independent)
     position = np.array([body.position for body in bodies])
     check_mobility(topology, coordinates, cuts, reduction, position)
 
+    rows = reduction.apply(relative[locked:])
     motion = reduction.apply(body_motion(coordinates, position))
     weight = inertia_weights(bodies)
     inertia = np.matmul(weight, motion).reshape(6 * len(bodies), -1)
-    springs = _elements.stack(model.springs.values(), number)
-    port = ports(model, bodies, number, springs)
-    rows = reduction.apply(relative_motion(coordinates, Rows.join([springs.rows, port.rows])))
-    count = len(springs.owner)
-    acting = rows[:count].any(axis=1)
-    elastic, k, c = rows[:count][acting], springs.stiffness[acting], springs.damping[acting]
     mass = inertia.T @ inertia
-    names = tuple(coordinates.names[i] for i in reduction.independent)
+    kept = reduction.independent.tolist()
+    names = tuple([coordinates.names[i] for i in kept])
     check_inertia(mass, names)
+    acting = rows[:felt].any(axis=1)
+    elastic, k, c, owner = rows[:felt], springs.stiffness, springs.damping, springs.owner
+    if not acting.all():
+        elastic, k, c, owner = elastic[acting], k[acting], c[acting], owner[acting]
     return System(
-        name=model.name, coordinates=names, coordinate_units=tuple(coordinates.units[i] for i in reduction.independent),
+        name=model.name, coordinates=names,
+        coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
         inputs=tuple(model.inputs), input_units=port.input_units, outputs=tuple(model.outputs),
         output_units=port.output_units, bodies=topology.bodies,
         M=mass, C=product(elastic, c), K=product(elastic, k),
-        **_input_output(port, rows[count:], rows[:count], springs, inertia, weight, position),
-        inertia_factor=inertia, elastic_rows=elastic, stiffness=k, damping=c,
-        row_owner=springs.owner[acting], body_motion=motion,
-        provenance=Provenance(
-            topology, reduction, tuple(coordinates.names), tuple(model.springs),
-            tuple(np.setdiff1d(springs.owner, springs.owner[acting]).tolist()),
-        ),
+        **_input_output(port, rows[felt:], rows[:felt], springs, inertia, weight, position),
+        inertia_factor=inertia, elastic_rows=elastic, stiffness=k, damping=c, row_owner=owner, body_motion=motion,
+        provenance=Provenance(topology, reduction, coordinates.names, tuple(model.springs)),
     )  # fmt: skip
 
 
@@ -103,8 +109,8 @@ def product(rows: Array, value: Array) -> Array:
     used = value != 0.0
     if not used.all():
         rows, value = rows[used], value[used]
-    half = rows * np.sqrt(np.abs(value))[:, None]
     negative = value < 0.0
+    half: Array = rows * np.sqrt(np.abs(value))[:, None]
     if not negative.any():
         return half.T @ half
     plus, minus = half[~negative], half[negative]
@@ -114,12 +120,25 @@ def product(rows: Array, value: Array) -> Array:
 def inertia_weights(bodies: Sequence[Body]) -> Array:
     """Return the factors F of the bodies' spatial inertia, F^T F = diag(m 1, I), world axes, shape (bodies, 6, 6)."""
     table = np.array([(body.mass, *body.inertia) for body in bodies])
-    xx, yy, zz, xy, xz, yz = table[:, 1:].T
+    weight = np.zeros((len(bodies), 6, 6))
+    weight[:, _LINEAR, _LINEAR] = np.sqrt(table[:, :1])
     root = np.zeros((len(bodies), 3, 3))
-    if not table[:, 4:].any():
-        root[:, [0, 1, 2], [0, 1, 2]] = np.sqrt(table[:, 1:4])
+    if table[:, 4:].any():
+        root = _roots(table[:, 1:])
     else:
-        # L D L^T of the tensor; of a body without extent in some direction a pivot and its whole row are zero
+        root[:, _LINEAR, _LINEAR] = np.sqrt(table[:, 1:4])
+    axes = np.array([body.orientation for body in bodies])
+    np.matmul(root, axes.transpose(0, 2, 1), out=weight[:, 3:, 3:])
+    return weight
+
+
+def _roots(inertia: Array) -> Array:
+    """Return F with F^T F = the inertia tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
+    try:
+        return np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1)
+    except np.linalg.LinAlgError:
+        xx, yy, zz, xy, xz, yz = inertia.T
+        # L D L^T: of a body without extent in some direction a pivot and its whole row are zero
         d1 = np.maximum(xx, 0.0)
         a, b = _ratio(xy, d1), _ratio(xz, d1)
         d2 = np.maximum(yy - a * xy, 0.0)
@@ -128,11 +147,7 @@ def inertia_weights(bodies: Sequence[Body]) -> Array:
         one, none = np.ones_like(a), np.zeros_like(a)
         root = np.stack([one, a, b, none, one, e, none, none, one], axis=-1).reshape(-1, 3, 3)
         root *= np.sqrt(np.stack([d1, d2, d3], axis=-1))[..., None]
-    weight = np.zeros((len(bodies), 6, 6))
-    weight[:, [0, 1, 2], [0, 1, 2]] = np.sqrt(table[:, :1])
-    axes = np.array([body.orientation for body in bodies])
-    np.matmul(root, axes.transpose(0, 2, 1), out=weight[:, 3:, 3:])
-    return weight
+        return root
 
 
 def _ratio(a: Array, b: Array) -> Array:
@@ -141,18 +156,19 @@ def _ratio(a: Array, b: Array) -> Array:
 
 def check_inertia(mass: Array, names: tuple[str, ...]) -> None:
     """Refuse coordinates whose motion moves no mass, by name."""
+    if not names:
+        return
     diagonal = mass.diagonal()
     lowest = None
-    if (diagonal <= 0.0).any():
-        lowest = int(np.argmin(diagonal))
-    elif len(names):
+    if float(diagonal.min()) <= 0.0:
+        lowest = int(diagonal.argmin())
+    else:
         scale = 1.0 / np.sqrt(diagonal)
-        try:
-            pivots = np.linalg.cholesky(mass * scale[:, None] * scale).diagonal() ** 2
-        except np.linalg.LinAlgError:
-            pivots = np.linalg.eigvalsh(mass * scale[:, None] * scale)
+        scaled = mass * scale[:, None] * scale
+        factor, info = lapack.dpotrf(scaled, overwrite_a=False)
+        pivots = factor.diagonal() ** 2 if info == 0 else np.linalg.eigvalsh(scaled)
         if float(pivots.min()) < MASSLESS:
-            lowest = int(np.argmin(pivots))
+            lowest = int(pivots.argmin())
     if lowest is not None:
         raise ModelError(
             f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no "

@@ -49,7 +49,7 @@ def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Ele
     Returns
     -------
     Elements
-        Rows of the line springs, then of the bushings; ``owner`` counts in the order of ``springs``.
+        Rows of the bushings, then of the line springs; ``owner`` counts in the order of ``springs``.
     """
     lines: list[tuple[int, Spring]] = []
     bushings: list[tuple[int, Bushing]] = []
@@ -61,8 +61,11 @@ def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Ele
             full.append((i, part))
         else:
             bushings.append((i, part))
-    families = [_of_lines(lines, number), _of_bushings(bushings, number), _of_matrices(full, number)]
-    families = [family for family in families if len(family.owner)] or families[:1]
+    families = [_of_bushings(bushings, number)] if bushings else []
+    if full:
+        families.append(_of_matrices(full, number))
+    if lines or not families:
+        families.append(_of_lines(lines, number))
     if len(families) == 1:
         return families[0]
     return Elements(Rows.join([family.rows for family in families]), *(

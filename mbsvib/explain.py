@@ -52,9 +52,10 @@ def _topology(system: System) -> list[str]:
         lines.append(f"  body '{name}' floats: {why}, so it got a free joint")
     if topology.joints:
         lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
-    idle = [system.provenance.springs[i] for i in system.provenance.idle]
+    acting = set(system.row_owner.tolist())
+    idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting]
     if idle:
-        lines.append(f"  no motion of the mechanism acts on {listed(idle)}, at least not in every direction given")
+        lines.append(f"  without effect, as no motion of the mechanism acts on them: {listed(idle)}")
     return lines
 
 

@@ -43,11 +43,6 @@ class Twists:
     path: NDArray[np.int8]
     turns: NDArray[np.bool_]
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of the coordinates, "rad" or "m"."""
-        return tuple("rad" if turn else "m" for turn in self.turns)
-
 
 @dataclass(frozen=True, slots=True)
 class Rows:
@@ -120,9 +115,9 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             path[branch.body] = path[branch.parent]
             path[branch.body, columns[branch.joint]] = branch.sign
     table = np.array(six, dtype=float).reshape(-1, 6)
-    angular = table[:, 3:]
-    turns: NDArray[np.bool_] = np.any(angular != 0.0, axis=1)
-    return Twists(tuple(names), table[:, :3], angular, np.array(point, dtype=float).reshape(-1, 3), path, turns)
+    turns = np.array([name[name.rindex(".") + 1] == "r" for name in names], dtype=bool)
+    at_point = np.array(point, dtype=float).reshape(-1, 3)
+    return Twists(tuple(names), table[:, :3], table[:, 3:], at_point, path, turns)
 
 
 def cross(a: Array, b: Array) -> Array:

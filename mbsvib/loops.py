@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, nearest
-from mbsvib.kinematics import Rows, Twists, relative_motion
+from mbsvib.kinematics import Rows, Twists
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -80,7 +80,9 @@ class Cuts:
     joints: tuple[str, ...]
 
 
-def reduce(coordinates: Twists, cuts: Cuts | None, independent: Sequence[str] | None = None) -> Reduction:
+def reduce(
+    coordinates: Twists, cuts: Cuts | None, phi: Array, independent: Sequence[str] | None = None
+) -> Reduction:
     """Return the minimal coordinates and B'' with Phi B'' = 0.
 
     Parameters
@@ -89,6 +91,8 @@ def reduce(coordinates: Twists, cuts: Cuts | None, independent: Sequence[str] | 
         The joint coordinates of the tree.
     cuts : Cuts or None
         The locked rows of the cut joints; None where nothing is cut.
+    phi : array, shape (locked rows, n)
+        Relative displacements of these rows per unit joint coordinate.
     independent : sequence of str, optional
         Coordinates that must be among the minimal ones.
 
@@ -110,7 +114,6 @@ def reduce(coordinates: Twists, cuts: Cuts | None, independent: Sequence[str] | 
     n = len(coordinates.names)
     if cuts is None:
         return Reduction(np.arange(n), None, ())
-    phi = relative_motion(coordinates, cuts.rows)
     depends = np.zeros(n, dtype=bool)
     solved = []
     groups = []
@@ -144,25 +147,27 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
 
 def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     """Loops that share a coordinate form a group: (rows, columns) of each."""
-    touched = coordinates.path[cuts.rows.second] != coordinates.path[cuts.rows.first]
-    owner: dict[int, int] = {}
-    root = list(range(len(cuts.joints)))
-
-    def find(i: int) -> int:
-        while root[i] != i:
-            root[i] = i = root[root[i]]
-        return i
-
-    first_row = np.searchsorted(cuts.joint, np.arange(len(cuts.joints)))
-    for joint, row in enumerate(first_row):
-        if row < len(touched) and cuts.joint[row] == joint:
-            for column in np.nonzero(touched[row])[0].tolist():
-                root[find(joint)] = find(owner.setdefault(column, joint))
-    group_of_row = np.array([find(int(joint)) for joint in cuts.joint], dtype=np.intp)
+    first_rows = np.searchsorted(cuts.joint, np.unique(cuts.joint))
+    first, second = cuts.rows.first[first_rows], cuts.rows.second[first_rows]
+    touched = coordinates.path[second] != coordinates.path[first]
+    groups: list[tuple[int, list[int]]] = []
+    for joint, bits in zip(cuts.joint[first_rows].tolist(), np.packbits(touched, axis=1), strict=True):
+        # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
+        mask, joints, apart = int.from_bytes(bits.tobytes(), "big"), [joint], []
+        for other, members in groups:
+            if mask & other:
+                mask |= other
+                joints = members + joints
+            else:
+                apart.append((other, members))
+        groups = [*apart, (mask, joints)]
+    if len(groups) == 1:
+        return [(np.arange(len(cuts.joint)), np.nonzero(touched.any(axis=0))[0])]
     result = []
-    for group in dict.fromkeys(group_of_row.tolist()):
-        rows = np.nonzero(group_of_row == group)[0]
-        result.append((rows, np.nonzero(touched[rows].any(axis=0))[0]))
+    for _, joints in sorted(groups, key=lambda group: min(group[1])):
+        member = np.isin(cuts.joint, joints)
+        loops = np.isin(cuts.joint[first_rows], joints)
+        result.append((np.nonzero(member)[0], np.nonzero(touched[loops].any(axis=0))[0]))
     return result
 
 
@@ -171,16 +176,17 @@ def _solve(
 ) -> tuple[LoopGroup, Index, Index, Array]:
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
     points = np.concatenate((cuts.rows.point[rows], coordinates.point[columns]))
-    length = float(np.ptp(points, axis=0).max()) or 1.0
+    low, high = points.min(axis=0), points.max(axis=0)
+    length = float((high - low).max()) or 1.0
     scale = np.where(coordinates.turns[columns], 1.0, length)
     scale *= 1.0 - TIE_BREAK * np.arange(len(columns)) / len(columns)
     a = scaled(phi[rows[:, None], columns], cuts.rows.force[rows], scale, length)
-    candidate = np.nonzero(~pinned[columns])[0]
     held = np.nonzero(pinned[columns])[0]
-    qr, order, tau = pivoted_qr(a[:, candidate])
+    candidate = np.nonzero(~pinned[columns])[0] if len(held) else np.arange(len(columns))
+    qr, order, tau = pivoted_qr(a[:, candidate] if len(held) else a)
     pivots = np.abs(qr.diagonal())
     # positions are rounded relative to the origin, entries of Phi therefore relative to origin distance / loop size
-    noise = EPS * max(a.shape) * max(1.0, float(np.abs(points).max()) / length)
+    noise = EPS * max(a.shape) * max(1.0, float(max(high.max(), -low.min())) / length)
     largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
     rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
     right = qr[:rank, rank:]
@@ -192,7 +198,7 @@ def _solve(
         tuple(cuts.joints[k] for k in dict.fromkeys(cuts.joint[rows].tolist())), len(rows), rank,
         float(pivots[rank - 1]) / largest if rank else 1.0,
         float(pivots[rank]) / largest if rank < len(pivots) else 0.0, length,
-        _redundant(a, rank, [cuts.names[row] for row in rows]),
+        _redundant(a, rank, rows, cuts),
     )  # fmt: skip
     _check_gap(group)
     dependent, others = candidate[order[:rank]], np.concatenate((candidate[order[rank:]], held))
@@ -215,13 +221,13 @@ def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:
     return qr, order - 1, tau
 
 
-def _redundant(a: Array, rank: int, names: list[str]) -> tuple[str, ...]:
+def _redundant(a: Array, rank: int, rows: Index, cuts: Cuts) -> tuple[str, ...]:
     """Name the rows that the others imply: those that a pivoted QR of the transpose takes last."""
-    if rank == len(names):
+    if rank == len(rows):
         return ()
-    weight = 1.0 - TIE_BREAK * np.arange(len(names)) / len(names)
+    weight = 1.0 - TIE_BREAK * np.arange(len(rows)) / len(rows)
     _, order, _ = pivoted_qr((a * weight[:, None]).T)
-    return tuple(names[k] for k in sorted(order[rank:].tolist()))
+    return tuple(cuts.names[rows[k]] for k in sorted(order[rank:].tolist()))
 
 
 def _check_pins(coordinates: Twists, held: Index, rest: Array, limit: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -102,6 +103,7 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int], springs: 
     )  # fmt: skip
 
 
+@lru_cache
 def unit(wrench: tuple[float, ...], units: tuple[str, str]) -> str:
     """Return the unit of a direction: of translations, of rotations, or both where it mixes them."""
     translates, turns = any(wrench[:3]), any(wrench[3:])

@@ -24,13 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """How a system came about, for ``explain``: topology, loops, and the spring-dampers that nothing stretches."""
+    """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers."""
 
     topology: Topology
     reduction: Reduction
     joint_coordinates: tuple[str, ...]
     springs: tuple[str, ...]
-    idle: tuple[int, ...]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
