@@ -1,0 +1,87 @@
+"""Ready-made mechanisms: the chapter's families and applications, and cases with closed-form answers.
+
+Every function returns a ``Model`` with named inputs and outputs; the parts can be replaced one by one. ``models()``
+lists them, ``build("stewart")`` builds one by its name, ``build("C50RF1")`` a member of a family by the chapter's.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from mbsvib.errors import ModelError, nearest
+from mbsvib.library._chain import chain
+from mbsvib.library._cubic import cubic_hexapod
+from mbsvib.library._inclined_chain import inclined_chain
+from mbsvib.library._ladder import ladder
+from mbsvib.library._quadruped import quadruped
+from mbsvib.library._quarter_car import quarter_car
+from mbsvib.library._stewart import stewart, stewart_isolator
+from mbsvib.library._tree import tree
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.model import Model
+
+__all__ = [
+    "build", "chain", "cubic_hexapod", "inclined_chain", "ladder", "models", "quadruped", "quarter_car", "stewart",
+    "stewart_isolator", "tree",
+]  # fmt: skip
+
+_FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}
+# the chapter's rule: family, number of bodies or layers, joint, F, number of spring-dampers at every joint
+_CHAPTER_NAME = re.compile(r"([CTL])([1-9]\d*)([RPCS])F(\d+)")
+
+
+def models() -> dict[str, tuple[Callable[[], Model], str]]:
+    """Return the models of the library.
+
+    Returns
+    -------
+    dict of str to (function, str)
+        By name: a function that builds the model with its default values, and one line that describes it.
+    """
+    return {
+        "chain": (chain, "10 bodies in line on revolute joints (C10RF1), 10 DOF"),
+        "tree": (tree, "binary tree of 5 layers, 31 bodies on revolute joints (T5RF1), 31 DOF"),
+        "ladder": (ladder, "5 closed loops, one upon the other, 15 bodies on revolute joints (L5RF1), 5 DOF"),
+        "stewart": (stewart, "Stewart platform on universal and spherical joints, 13 bodies, 6 DOF"),
+        "stewart_isolator": (stewart_isolator, "Stewart isolator on flexures at both ends of its legs, 12 DOF"),
+        "cubic_hexapod": (cubic_hexapod, "payload on six springs along edges of a cube, decoupled, 6 DOF"),
+        "quadruped": (quadruped, "quadruped robot, floating trunk and four legs of three parts, 18 DOF"),
+        "quarter_car": (quarter_car, "body, wheel, suspension with an actuator, and a road that moves, 2 DOF"),
+        "inclined_chain": (inclined_chain, "8 masses and 9 springs on an inclined rail, 8 DOF"),
+    }
+
+
+def build(name: str) -> Model:
+    """Build a model of the library by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of ``models()``, or the chapter's name of a member of a family: C (chain), T (tree) or L (ladder), its
+        size, the joint R, P, C or S, F, and the number of spring-dampers at a joint, as in ``"C50RF1"``.
+
+    Returns
+    -------
+    Model
+        The model with its default values.
+
+    Raises
+    ------
+    ModelError
+        If there is no such model.
+    """
+    known = models()
+    if name in known:
+        return known[name][0]()
+    match = _CHAPTER_NAME.fullmatch(str(name))
+    if match:
+        letter, size, joint, springs = match.groups()
+        return _FAMILIES[letter](int(size), joint, springs=int(springs))
+    raise ModelError(
+        f"library: there is no model {name!r}.{nearest(str(name), known)} "
+        f"Known: {', '.join(known)}, and the families' members such as C50RF1.", element=str(name), field="name",
+    )  # fmt: skip

@@ -1,0 +1,77 @@
+"""Ports of a six-legged platform, and the shapes its bodies are made of."""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import TYPE_CHECKING, Any
+
+from mbsvib import _checks as check
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib._checks import Vector
+    from mbsvib.model import Model
+
+GROUPS = ("platform", "legs", "base")
+LEGS = ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6")
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+LOADS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
+
+
+def cylinder(mass: float, radius: float, length: float) -> Vector:
+    """Return the principal moments of a solid cylinder about its centre, axis along z [kg m^2]."""
+    across = mass * (3.0 * radius * radius + length * length) / 12.0
+    return (across, across, 0.5 * mass * radius * radius)
+
+
+def rod(principal: Vector, line: Vector) -> tuple[float, ...]:
+    """Return the inertia in world axes, xx yy zz xy xz yz, of a body whose axis of symmetry z lies along ``line``."""
+    across, _, along = principal
+    x, y, z = line
+    more = along - across
+    return (across + more * x * x, across + more * y * y, across + more * z * z, more * x * y, more * x * z, more * y * z)
+
+
+def box(mass: float, x: float, y: float, z: float) -> Vector:
+    """Return the principal moments of a solid box with these edges about its centre [kg m^2]."""
+    return (mass * (y * y + z * z) / 12.0, mass * (x * x + z * z) / 12.0, mass * (x * x + y * y) / 12.0)
+
+
+def circle(radius: Any, height: Any, angles: Any, who: str, what: str) -> list[Vector]:
+    """Return six points on a horizontal circle about the z axis."""
+    r = check.number(radius, who, f"{what}_radius", "a radius [m]")
+    z = check.number(height, who, f"{what}_height", "a height [m]")
+    turns = check.numbers(angles, (6,), who, f"{what}_angles", "six angles [rad]")
+    return [(r * cos(a), r * sin(a), z) for a in turns]
+
+
+def port_groups(ports: str | Sequence[str], who: str) -> tuple[str, ...]:
+    """Return the groups of ports that are asked for."""
+    if ports == "all":
+        return GROUPS
+    if ports == "none":
+        return ()
+    groups = (ports,) if isinstance(ports, str) else tuple(ports)
+    for group in groups:
+        if group not in GROUPS:
+            raise check.refuse(who, "ports", ports, "'platform', 'legs' or 'base', several of them, 'all' or 'none'")
+    return groups
+
+
+def add_ports(model: Model, groups: Sequence[str], legs: Sequence[tuple[str, str, Vector, Vector]]) -> None:
+    """Add the groups of ports; a leg is (first body, second body, point, direction), its spring ``leg1.k``..."""
+    if "platform" in groups:
+        for load, direction in zip(LOADS, DIRECTIONS, strict=True):
+            model.add_input(load, "platform", direction)
+            model.add_output(direction, "platform", direction)
+    if "legs" in groups:
+        for leg, (first, second, point, line) in zip(LEGS, legs, strict=True):
+            model.add_input(f"{leg}.f", second, line, point, relative_to=first)
+            model.add_output(f"{leg}.elongation", second, line, point, relative_to=first)
+            model.add_force_output(f"{leg}.force", f"{leg}.k")
+    if "base" in groups:
+        for direction in "xyz":
+            model.add_base_motion(f"a{direction}", direction)
+        for direction in DIRECTIONS:
+            model.add_output(f"platform.a{direction}", "platform", direction, quantity="acceleration")

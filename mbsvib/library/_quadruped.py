@@ -1,0 +1,102 @@
+"""The quadruped robot: an open tree with a floating trunk on elastic feet."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from mbsvib import _checks as check
+from mbsvib.library import _platform as shape
+from mbsvib.model import Model
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib._checks import Vector
+
+# A leg in its own plane: sideways and upward from the ground under the trunk's edge [m], hip to foot.
+HIP, FIRST_GEAR, SECOND_GEAR, FOOT = (0.12, 0.30), (0.20, 0.30), (0.32, 0.24), (0.30, 0.0)
+LENGTHWISE = 0.25
+PARTS = (("hip", HIP, FIRST_GEAR, 0.6), ("thigh", FIRST_GEAR, SECOND_GEAR, 0.8), ("shank", SECOND_GEAR, FOOT, 0.5))
+RADIUS = 0.02
+
+
+def quadruped(
+    *, trunk_mass: float = 12.0, yaw_stiffness: float = 4e3, yaw_damping: float = 2.0,
+    gear_stiffness: float = 2e3, gear_damping: float = 2.0,
+    foot_stiffness: ArrayLike = (4e4, 4e4, 8e4), foot_damping: ArrayLike = (40.0, 40.0, 80.0),
+) -> Model:  # fmt: skip
+    """Build the chapter's quadruped robot: 13 bodies, 18 degrees of freedom.
+
+    The trunk floats. At each corner (``fl``, ``fr``, ``rl``, ``rr``: front and rear, left and right) a leg of three
+    bodies ``fl.hip``, ``fl.thigh``, ``fl.shank`` hangs on it: ``fl.yaw`` is a revolute joint about z, ``fl.gear1``
+    and ``fl.gear2`` are worm gears, revolute joints about x; each has a torsion spring-damper, ``fl.yaw.k`` and so
+    on. The foot ``fl.foot`` is a spring-damper in three directions between shank and ground. Forces Fx ... Mz act at
+    the trunk's centre of mass, displacements x ... rz are measured there.
+
+    The chapter gives the topology only; masses, geometry, stiffness and damping are chosen.
+
+    Parameters
+    ----------
+    trunk_mass : float
+        Mass of the trunk, a box of 0.6 x 0.24 x 0.1 m [kg].
+    yaw_stiffness, yaw_damping : float
+        About z, between trunk and leg [N m/rad, N m s/rad].
+    gear_stiffness, gear_damping : float
+        Of a worm gear, about x [N m/rad, N m s/rad].
+    foot_stiffness, foot_damping : array-like, shape (3,)
+        Of a foot along x, y, z [N/m, N s/m].
+
+    Returns
+    -------
+    Model
+        The robot.
+
+    Raises
+    ------
+    ModelError
+        If a value is refused by the part it is for.
+
+    Source: W. Jiang, X. Chen, X. Luo, "Vibration and sensitivity analysis of spatial multibody systems based on
+    constraint topology transformation" (2011), section 5.2 a.
+    """
+    who = "quadruped"
+    trunk = check.number(trunk_mass, who, "trunk_mass", "a positive number [kg]")
+    rest = (0.0, 0.0, 0.0)
+    foot = tuple(
+        check.vector(value, who, field, "three finite numbers (x, y, z)") + rest
+        for field, value in (("foot_stiffness", foot_stiffness), ("foot_damping", foot_damping))
+    )
+    yaw = ((*rest, 0.0, 0.0, yaw_stiffness), (*rest, 0.0, 0.0, yaw_damping))
+    gear = ((*rest, gear_stiffness, 0.0, 0.0), (*rest, gear_damping, 0.0, 0.0))
+    model = Model(who)
+    centre = (0.0, 0.0, HIP[1])
+    model.add_body("trunk", trunk, shape.box(trunk, 0.6, 0.24, 0.1), centre)
+    model.add_joint("trunk.free", "free", "ground", "trunk", centre)
+    for corner, x, side in (("fl", 1.0, 1.0), ("fr", 1.0, -1.0), ("rl", -1.0, 1.0), ("rr", -1.0, -1.0)):
+        points = [(LENGTHWISE * x, side * sideways, up) for sideways, up in (HIP, FIRST_GEAR, SECOND_GEAR, FOOT)]
+        before = "trunk"
+        for (part, _, _, mass), start, end in zip(PARTS, points[:-1], points[1:], strict=True):
+            _add_rod(model, f"{corner}.{part}", mass, start, end)
+        for joint, part, axis, spring, point in (
+            ("yaw", "hip", (0.0, 0.0, 1.0), yaw, points[0]),
+            ("gear1", "thigh", (1.0, 0.0, 0.0), gear, points[1]),
+            ("gear2", "shank", (1.0, 0.0, 0.0), gear, points[2]),
+        ):
+            body, name = f"{corner}.{part}", f"{corner}.{joint}"
+            model.add_joint(name, "revolute", before, body, point, axis=axis)
+            model.add_bushing(f"{name}.k", before, body, point, *spring)
+            before = body
+        model.add_bushing(f"{corner}.foot", "ground", before, points[3], *foot)
+    for load, direction in zip(shape.LOADS, shape.DIRECTIONS, strict=True):
+        model.add_input(load, "trunk", direction)
+        model.add_output(direction, "trunk", direction)
+    return model
+
+
+def _add_rod(model: Model, name: str, mass: float, start: Vector, end: Vector) -> None:
+    line = (end[0] - start[0], end[1] - start[1], end[2] - start[2])
+    length = sqrt(line[0] ** 2 + line[1] ** 2 + line[2] ** 2)
+    middle = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2]))
+    axes = check.frame_along((line[0] / length, line[1] / length, line[2] / length))
+    model.add_body(name, mass, shape.cylinder(mass, RADIUS, length), middle, axes)

@@ -1,0 +1,162 @@
+"""Stewart platforms: six extensible legs between a base and a platform, closed loops in space."""
+
+from __future__ import annotations
+
+from math import radians, sqrt
+from typing import TYPE_CHECKING, Any
+
+from mbsvib import _checks as check
+from mbsvib.library import _platform as shape
+from mbsvib.model import Model
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib._checks import Vector
+
+BASE_ANGLES = tuple(map(radians, (-10.0, 10.0, 110.0, 130.0, 230.0, 250.0)))
+PLATFORM_ANGLES = tuple(map(radians, (-50.0, 50.0, 70.0, 170.0, 190.0, 290.0)))
+PAYLOAD_RADIUS, PAYLOAD_THICKNESS = 0.1, 0.01
+
+
+def stewart(
+    *, leg_stiffness: float = 20e6, leg_damping: float = 20.0, payload_mass: float = 1.0,
+    payload_inertia: ArrayLike | None = None, payload_height: float = 0.085,
+    base_radius: float = 0.115, base_height: float = 0.015, base_angles: ArrayLike = BASE_ANGLES,
+    platform_radius: float = 0.090, platform_height: float = 0.075, platform_angles: ArrayLike = PLATFORM_ANGLES,
+    part_mass: float = 0.1, part_length: float = 0.05, part_radius: float = 0.005,
+    foot: str = "universal", torsion_stiffness: float = 0.0, torsion_damping: float = 0.0,
+    ports: str | Sequence[str] = "platform",
+) -> Model:  # fmt: skip
+    """Build a Stewart platform: 13 moving bodies, 6 degrees of freedom.
+
+    Leg i goes from the joint ``leg<i>.foot`` on the base (universal, the spin about the leg is locked) by way of the
+    prismatic ``leg<i>.slide`` to the spherical joint ``leg<i>.head`` on the platform. Its two cylinders
+    ``leg<i>.lower`` and ``leg<i>.upper`` begin at those end joints; the spring-damper ``leg<i>.k`` acts along it.
+
+    Parameters
+    ----------
+    leg_stiffness, leg_damping : float
+        Of a leg, along its line [N/m, N s/m].
+    payload_mass : float
+        Mass of the platform with what it carries [kg].
+    payload_inertia : array-like, shape (3,), (6,) or (3, 3), optional
+        About its centre of mass [kg m^2], world axes; default: a cylinder of radius 0.1 and height 0.01 m.
+    payload_height : float
+        Height of its centre of mass [m].
+    base_radius, platform_radius : float
+        Radius of the circle of the lower and upper joints [m].
+    base_height, platform_height : float
+        Height of the lower and upper joints [m].
+    base_angles, platform_angles : array-like, shape (6,)
+        Where on its circle the lower and upper joint of each leg is [rad].
+    part_mass, part_length, part_radius : float
+        Of each of the two cylinders of a leg [kg, m, m].
+    foot : str
+        Joint between base and leg: universal, or spherical, which leaves the leg free to spin.
+    torsion_stiffness, torsion_damping : float
+        About all three axes of both end joints of a leg [N m/rad, N m s/rad], as flexures have it; bushings
+        ``leg<i>.foot.k`` and ``leg<i>.head.k``.
+    ports : str or sequence of str
+        Groups of inputs and outputs, ``"all"`` or ``"none"``. ``"platform"``: forces Fx ... Mz at the platform's
+        centre of mass and its displacements x ... rz. ``"legs"``: actuator forces ``leg1.f``, ... that push the two
+        parts of a leg apart, ``leg1.elongation`` and the force in the spring ``leg1.force``. ``"base"``: base
+        accelerations ax ay az and the platform's absolute accelerations ``platform.ax`` ... ``platform.arz``.
+
+    Returns
+    -------
+    Model
+        The platform; the default values are those of the source.
+
+    Raises
+    ------
+    ModelError
+        If a leg has no length, or a value is refused by the part it is for.
+
+    Source: T. Dehaeze, stewart-simscape (github.com/tdehaeze/stewart-simscape), identification study.
+    """
+    if foot not in ("universal", "spherical"):
+        raise check.refuse("stewart", "foot", foot, "'universal' or 'spherical'")
+    groups = shape.port_groups(ports, "stewart")
+    low = shape.circle(base_radius, base_height, base_angles, "stewart", "base")
+    high = shape.circle(platform_radius, platform_height, platform_angles, "stewart", "platform")
+    height = check.number(payload_height, "stewart", "payload_height", "a height [m]")
+    model = Model("stewart" if foot == "universal" else "stewart_isolator")
+    if payload_inertia is None:
+        mass = check.number(payload_mass, "stewart", "payload_mass", "a positive number [kg]")
+        payload_inertia = shape.cylinder(mass, PAYLOAD_RADIUS, PAYLOAD_THICKNESS)
+    model.add_body("platform", payload_mass, payload_inertia, (0.0, 0.0, height))
+    part = tuple(
+        check.number(value, "stewart", field, "a positive number")
+        for field, value in (("part_mass", part_mass), ("part_length", part_length), ("part_radius", part_radius))
+    )
+    flexure = None
+    if torsion_stiffness or torsion_damping:
+        flexure = ((0.0, 0.0, 0.0) + (torsion_stiffness,) * 3, (0.0, 0.0, 0.0) + (torsion_damping,) * 3)
+    legs = [
+        _add_leg(model, leg, a, b, part, (leg_stiffness, leg_damping), foot, flexure)
+        for leg, a, b in zip(shape.LEGS, low, high, strict=True)
+    ]
+    shape.add_ports(model, groups, legs)
+    return model
+
+
+def stewart_isolator(
+    *, torsion_stiffness: float = 5.0, torsion_damping: float = 5e-5, **others: Any
+) -> Model:
+    """Build the chapter's Stewart isolator: 14 bodies with the base, 12 degrees of freedom.
+
+    A ``stewart`` with flexures at both ends of its legs: spherical joints with a spring-damper about all three axes,
+    so that every leg can spin about its line. The chapter gives no data: the geometry is that of ``stewart``, and
+    torsion stiffness and damping are chosen (leg spins near 320 Hz with 1 % damping).
+
+    Parameters
+    ----------
+    torsion_stiffness, torsion_damping : float
+        Of a flexure, about each of its three axes [N m/rad, N m s/rad].
+    **others
+        As in ``stewart``.
+
+    Returns
+    -------
+    Model
+        The isolator.
+
+    Raises
+    ------
+    ModelError
+        As ``stewart`` does.
+
+    Source: W. Jiang, X. Chen, X. Luo, "Vibration and sensitivity analysis of spatial multibody systems based on
+    constraint topology transformation" (2011), section 5.2 b.
+    """
+    values = {"foot": "spherical", **others}
+    return stewart(torsion_stiffness=torsion_stiffness, torsion_damping=torsion_damping, **values)
+
+
+def _add_leg(
+    model: Model, leg: str, start: Vector, end: Vector, part: tuple[float, ...], spring: tuple[float, float],
+    foot: str, flexure: tuple[tuple[float, ...], tuple[float, ...]] | None,
+) -> tuple[str, str, Vector, Vector]:  # fmt: skip
+    x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    length = sqrt(x * x + y * y + z * z)
+    if length == 0.0:
+        raise check.refuse(leg, "end", end, "a point other than its start: change a radius, height or angle")
+    line = (x / length, y / length, z / length)
+    mass, size, radius = part
+    inertia, half, axes = shape.rod(shape.cylinder(mass, radius, size), line), 0.5 * size, check.frame_along(line)
+    lower, upper = f"{leg}.lower", f"{leg}.upper"
+    low = (start[0] + half * line[0], start[1] + half * line[1], start[2] + half * line[2])
+    high = (end[0] - half * line[0], end[1] - half * line[1], end[2] - half * line[2])
+    model.add_body(lower, mass, inertia, low)
+    model.add_body(upper, mass, inertia, high)
+    model.add_joint(f"{leg}.foot", foot, "ground", lower, start, axes)
+    model.add_joint(f"{leg}.slide", "prismatic", lower, upper, start, axis=line)
+    model.add_joint(f"{leg}.head", "spherical", upper, "platform", end)
+    model.add_spring(f"{leg}.k", lower, upper, start, end, *spring)
+    if flexure is not None:
+        model.add_bushing(f"{leg}.foot.k", "ground", lower, start, *flexure, axes)
+        model.add_bushing(f"{leg}.head.k", upper, "platform", end, *flexure, axes)
+    return lower, upper, start, line
