@@ -135,7 +135,8 @@ def inertia_weights(bodies: Sequence[Body]) -> Array:
 def _roots(inertia: Array) -> Array:
     """Return F with F^T F = the inertia tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
     try:
-        return np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1)
+        lower: Array = np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3))
+        return lower.transpose(0, 2, 1)
     except np.linalg.LinAlgError:
         xx, yy, zz, xy, xz, yz = inertia.T
         # L D L^T: of a body without extent in some direction a pivot and its whole row are zero
@@ -180,16 +181,23 @@ def check_inertia(mass: Array, names: tuple[str, ...]) -> None:
 def _cuts(topology: Topology, bodies: list[Body], number: Mapping[str, int]) -> Cuts | None:
     if not topology.cut:
         return None
-    tuples, names, owner = [], [], []
+    tuples: list[tuple[float, ...]] = []
+    names: list[str] = []
+    owner: list[int] = []
+    start: list[int] = []
     for count, k in enumerate(topology.cut):
         joint = topology.joints[k]
         a, b = number[joint.first], number[joint.second]
         point = joint.position or bodies[min(a, b)].position
+        if joint.locked:
+            start.append(len(names))
         for direction, six in joint.locked:
             tuples.append((a, b, *point, *six))
             names.append(f"{joint.name}.{direction}")
             owner.append(count)
-    return Cuts(Rows.stack(tuples), tuple(names), np.array(owner, dtype=np.intp), topology.cut_joints)
+    rows = Rows.stack(tuples)
+    return Cuts(rows, tuple(names), np.array(owner, dtype=np.intp), topology.cut_joints,
+                np.array(start, dtype=np.intp), rows.force.any(axis=0))  # fmt: skip
 
 
 def _input_output(

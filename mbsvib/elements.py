@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics import Rows
+from mbsvib.kinematics import Rows, columns
 from mbsvib.parts import Bushing, Spring
 
 if TYPE_CHECKING:
@@ -74,15 +74,14 @@ def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Ele
 
 
 def _of_lines(lines: list[tuple[int, Spring]], number: Mapping[str, int]) -> Elements:
-    table = np.array(
-        [(number[s.first], number[s.second], *s.start, *s.line, 0.0, 0.0, 0.0, s.stiffness, s.damping, i)
-         for i, s in lines], dtype=float,
-    ).reshape(-1, 14)  # fmt: skip
-    bodies = table[:, :2].astype(np.intp)
-    rows = Rows(bodies[:, 0], bodies[:, 1], table[:, 2:5], table[:, 5:8], table[:, 8:11])
+    table = columns(
+        [(number[s.first], number[s.second], i, *s.start, *s.line, 0.0, 0.0, 0.0, s.stiffness, s.damping)
+         for i, s in lines], 14,
+    )  # fmt: skip
+    first, second, owner = table[:3].astype(np.intp)
     unit = np.zeros((len(lines), 6))
     unit[:, 2] = 1.0
-    return Elements(rows, table[:, 11], table[:, 12], table[:, 13].astype(np.intp), unit)
+    return Elements(Rows(first, second, table[3:6], table[6:9], table[9:12]), table[12], table[13], owner, unit)
 
 
 def _of_bushings(bushings: list[tuple[int, Bushing]], number: Mapping[str, int]) -> Elements:
@@ -123,12 +122,12 @@ def _rows(
     bushings: list[Bushing], number: Mapping[str, int], which: Index, unit: Array, k: Array, c: Array, owner: Index
 ) -> Elements:
     """Turn directions in the bushings' axes into world rows."""
-    axes = np.array([b.orientation for b in bushings], dtype=float).reshape(-1, 3, 3)[which]
-    point = np.array([b.position for b in bushings], dtype=float).reshape(-1, 3)[which]
-    bodies = np.array([(number[b.first], number[b.second]) for b in bushings], dtype=np.intp).reshape(-1, 2)[which]
-    force = np.matmul(axes, unit[:, :3, None])[..., 0]
-    moment = np.matmul(axes, unit[:, 3:, None])[..., 0]
-    return Elements(Rows(bodies[:, 0], bodies[:, 1], point, force, moment), k, c, owner[which], unit)
+    axes = np.array([b.orientation for b in bushings])[which]
+    table = columns([(number[b.first], number[b.second], *b.position) for b in bushings], 5).take(which, axis=1)
+    first, second = table[:2].astype(np.intp)
+    force = np.einsum("nij,nj->in", axes, unit[:, :3])
+    moment = np.einsum("nij,nj->in", axes, unit[:, 3:])
+    return Elements(Rows(first, second, table[2:], force, moment), k, c, owner[which], unit)
 
 
 def _matrix(value: tuple[float, ...] | tuple[tuple[float, ...], ...]) -> Array:

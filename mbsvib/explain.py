@@ -66,7 +66,7 @@ def _loops(system: System) -> list[str]:
     lines = [f"  cut at {listed(system.cut_joints)}"]
     for group in groups:
         lines.append(
-            f"  {listed(group.joints)}: {group.rank} of {group.rows} constraint rows independent; smallest pivot kept "
+            f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; smallest pivot kept "
             f"{group.kept:.1e}, largest dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"
         )
         if group.redundant:

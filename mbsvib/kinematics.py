@@ -16,6 +16,8 @@ import numpy as np
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.parts import Body
@@ -31,9 +33,9 @@ _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(
 class Twists:
     """The joint coordinates of the tree as twists in world axes.
 
-    ``linear`` and ``angular`` (n, 3) at ``point`` (n, 3) [m]; ``path`` (bodies + 1, n) holds +1 or -1 where the
+    ``linear`` and ``angular`` (3, n) at ``point`` (3, n) [m]; ``path`` (bodies + 1, n) holds +1 or -1 where the
     coordinate lies on the path from ground to the body (last row: ground); ``turns`` (n,) tells rotations (rad) from
-    translations (m).
+    translations (m). Components come first, so that each is one contiguous vector.
     """
 
     names: tuple[str, ...]
@@ -48,7 +50,7 @@ class Twists:
 class Rows:
     """Scalar relative displacements d = force . u + moment . theta of ``second`` against ``first`` at ``point``.
 
-    Arrays over rows: ``first``, ``second`` (n,) body numbers, ``point``, ``force``, ``moment`` (n, 3), world axes.
+    Arrays over rows: ``first``, ``second`` (n,) body numbers, ``point``, ``force``, ``moment`` (3, n), world axes.
     """
 
     first: Index
@@ -60,9 +62,9 @@ class Rows:
     @staticmethod
     def stack(tuples: list[tuple[float, ...]]) -> Rows:
         """Build rows from tuples (first, second, point xyz, force xyz, moment xyz)."""
-        table = np.array(tuples, dtype=float).reshape(-1, 11)
-        bodies = table[:, :2].astype(np.intp)
-        return Rows(bodies[:, 0], bodies[:, 1], table[:, 2:5], table[:, 5:8], table[:, 8:])
+        table = columns(tuples, 11)
+        bodies = table[:2].astype(np.intp)
+        return Rows(bodies[0], bodies[1], table[2:5], table[5:8], table[8:])
 
     @staticmethod
     def join(parts: list[Rows]) -> Rows:
@@ -70,7 +72,12 @@ class Rows:
         parts = [part for part in parts if len(part.first)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        return Rows(*(np.concatenate([getattr(part, key) for part in parts]) for key in Rows.__slots__))
+        return Rows(*(np.concatenate([getattr(part, key) for part in parts], axis=-1) for key in Rows.__slots__))
+
+
+def columns(tuples: Sequence[tuple[float, ...]], width: int) -> Array:
+    """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
+    return np.ascontiguousarray(np.array(tuples, dtype=float).reshape(-1, width).T)
 
 
 def twists(topology: Topology, bodies: list[Body]) -> Twists:
@@ -92,7 +99,8 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     names: list[str] = []
     six: list[tuple[float, ...]] = []
     point: list[tuple[float, float, float]] = []
-    columns: dict[int, slice] = {}
+    turns: list[bool] = []
+    place: dict[int, slice] = {}
     for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
         joint = joints[branch.joint]
         at = joint.position or bodies[branch.body].position
@@ -101,7 +109,8 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             names.append(f"{joint.name}.{direction}")
             six.append(twist)
             point.append(at)
-        columns[branch.joint] = slice(start, len(names))
+            turns.append(direction[0] == "r")
+        place[branch.joint] = slice(start, len(names))
     path = np.zeros((len(bodies) + 1, len(names) + 6 * len(topology.floating)), dtype=np.int8)
     for branch in topology.branches:
         if branch.joint == FLOATS:
@@ -110,25 +119,13 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             names += [f"{body.name}.{direction}" for direction, _ in _FREE]
             six += [twist for _, twist in _FREE]
             point += [body.position] * 6
+            turns += [False] * 3 + [True] * 3
             path[branch.body, start : start + 6] = 1
         else:
             path[branch.body] = path[branch.parent]
-            path[branch.body, columns[branch.joint]] = branch.sign
-    table = np.array(six, dtype=float).reshape(-1, 6)
-    turns = np.array([name[name.rindex(".") + 1] == "r" for name in names], dtype=bool)
-    at_point = np.array(point, dtype=float).reshape(-1, 3)
-    return Twists(tuple(names), table[:, :3], table[:, 3:], at_point, path, turns)
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Return the cross products of the last axes; a third of the time that numpy.cross takes on short arrays."""
-    result = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    result[..., 0] = ay * bz - az * by
-    result[..., 1] = az * bx - ax * bz
-    result[..., 2] = ax * by - ay * bx
-    return result
+            path[branch.body, place[branch.joint]] = branch.sign
+    table = columns(six, 6)
+    return Twists(tuple(names), table[:3], table[3:], columns(point, 3), path, np.array(turns, dtype=bool))
 
 
 def body_motion(coordinates: Twists, position: Array) -> Array:
@@ -150,15 +147,18 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
-    path = coordinates.path[:-1]
-    body, column = np.nonzero(path)
-    sign = path[body, column][:, None].astype(float)
-    w = coordinates.angular[column] * sign
-    u = cross(w, position[body] - coordinates.point[column])
-    u += coordinates.linear[column] * sign
-    result = np.zeros((len(position), 6, path.shape[1]))
-    result[body, :3, column] = u
-    result[body, 3:, column] = w
+    sign = coordinates.path[:-1].astype(float)
+    vx, vy, vz = coordinates.linear
+    wx, wy, wz = coordinates.angular
+    px, py, pz = coordinates.point
+    rx, ry, rz = position[:, :1] - px, position[:, 1:2] - py, position[:, 2:] - pz
+    result = np.empty((len(position), 6, sign.shape[1]))
+    result[:, 0] = (wy * rz - wz * ry + vx) * sign
+    result[:, 1] = (wz * rx - wx * rz + vy) * sign
+    result[:, 2] = (wx * ry - wy * rx + vz) * sign
+    result[:, 3] = wx * sign
+    result[:, 4] = wy * sign
+    result[:, 5] = wz * sign
     return result
 
 
@@ -182,12 +182,16 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Array:
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
     sign = coordinates.path[rows.second] - coordinates.path[rows.first]
-    row, column = np.nonzero(sign)
-    force = rows.force[row]
-    arm = cross(rows.point[row] - coordinates.point[column], force)
-    arm += rows.moment[row]
-    arm *= coordinates.angular[column]
-    arm += force * coordinates.linear[column]
+    flat = np.flatnonzero(sign)
+    row, column = np.divmod(flat, max(1, sign.shape[1]))
+    rx, ry, rz = rows.point.take(row, axis=1) - coordinates.point.take(column, axis=1)
+    fx, fy, fz = force = rows.force.take(row, axis=1)
+    moment = rows.moment.take(row, axis=1)
+    moment[0] += ry * fz - rz * fy
+    moment[1] += rz * fx - rx * fz
+    moment[2] += rx * fy - ry * fx
+    moment *= coordinates.angular.take(column, axis=1)
+    moment += force * coordinates.linear.take(column, axis=1)
     result = np.zeros(sign.shape)
-    result[row, column] = arm.sum(axis=1) * sign[row, column]
+    result.reshape(-1)[flat] = (moment[0] + moment[1] + moment[2]) * sign.reshape(-1)[flat]
     return result

@@ -41,12 +41,14 @@ TIE_BREAK = 1e-6
 class LoopGroup:
     """What the rank decision of one independent group of loops was.
 
-    ``joints`` are the cut joints, ``kept`` the smallest pivot kept and ``dropped`` the largest one dropped (relative to
-    the largest pivot; rotations scaled by ``length`` [m]), ``redundant`` the names of redundant constraint rows.
+    ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
+    involved; ``kept`` is the smallest pivot kept and ``dropped`` the largest one dropped (relative to the largest pivot;
+    rotations scaled by ``length`` [m]), ``redundant`` the names of redundant constraint rows.
     """
 
     joints: tuple[str, ...]
-    rows: int
+    rows: Index
+    columns: Index
     rank: int
     kept: float
     dropped: float
@@ -72,12 +74,18 @@ class Reduction:
 
 @dataclass(frozen=True, slots=True)
 class Cuts:
-    """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each."""
+    """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each.
+
+    ``joints`` are the cut joints' names, ``start`` the first row of each joint that locks anything; ``translates``
+    tells locked translations from rotations.
+    """
 
     rows: Rows
     names: tuple[str, ...]
     joint: Index
     joints: tuple[str, ...]
+    start: Index
+    translates: Mask
 
 
 def reduce(
@@ -147,11 +155,10 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
 
 def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     """Loops that share a coordinate form a group: (rows, columns) of each."""
-    first_rows = np.searchsorted(cuts.joint, np.unique(cuts.joint))
-    first, second = cuts.rows.first[first_rows], cuts.rows.second[first_rows]
+    first, second = cuts.rows.first[cuts.start], cuts.rows.second[cuts.start]
     touched = coordinates.path[second] != coordinates.path[first]
     groups: list[tuple[int, list[int]]] = []
-    for joint, bits in zip(cuts.joint[first_rows].tolist(), np.packbits(touched, axis=1), strict=True):
+    for joint, bits in zip(cuts.joint[cuts.start].tolist(), np.packbits(touched, axis=1), strict=True):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
         mask, joints, apart = int.from_bytes(bits.tobytes(), "big"), [joint], []
         for other, members in groups:
@@ -166,7 +173,7 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     result = []
     for _, joints in sorted(groups, key=lambda group: min(group[1])):
         member = np.isin(cuts.joint, joints)
-        loops = np.isin(cuts.joint[first_rows], joints)
+        loops = np.isin(cuts.joint[cuts.start], joints)
         result.append((np.nonzero(member)[0], np.nonzero(touched[loops].any(axis=0))[0]))
     return result
 
@@ -175,12 +182,12 @@ def _solve(
     coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask
 ) -> tuple[LoopGroup, Index, Index, Array]:
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
-    points = np.concatenate((cuts.rows.point[rows], coordinates.point[columns]))
-    low, high = points.min(axis=0), points.max(axis=0)
+    points = np.concatenate((cuts.rows.point[:, rows], coordinates.point[:, columns]), axis=1)
+    low, high = points.min(axis=1), points.max(axis=1)
     length = float((high - low).max()) or 1.0
     scale = np.where(coordinates.turns[columns], 1.0, length)
-    scale *= 1.0 - TIE_BREAK * np.arange(len(columns)) / len(columns)
-    a = scaled(phi[rows[:, None], columns], cuts.rows.force[rows], scale, length)
+    scale *= 1.0 - TIE_BREAK / len(columns) * np.arange(len(columns))
+    a = scaled(phi[rows[:, None], columns], cuts, rows, scale, length)
     held = np.nonzero(pinned[columns])[0]
     candidate = np.nonzero(~pinned[columns])[0] if len(held) else np.arange(len(columns))
     qr, order, tau = pivoted_qr(a[:, candidate] if len(held) else a)
@@ -195,7 +202,7 @@ def _solve(
         _check_pins(coordinates, columns[held], product[rank:], RANK_FACTOR * noise)
         right = np.concatenate((right, product[:rank]), axis=1)
     group = LoopGroup(
-        tuple(cuts.joints[k] for k in dict.fromkeys(cuts.joint[rows].tolist())), len(rows), rank,
+        tuple(cuts.joints[k] for k in dict.fromkeys(cuts.joint[rows].tolist())), rows, columns, rank,
         float(pivots[rank - 1]) / largest if rank else 1.0,
         float(pivots[rank]) / largest if rank < len(pivots) else 0.0, length,
         _redundant(a, rank, rows, cuts),
@@ -207,10 +214,10 @@ def _solve(
     return group, columns[dependent], columns[others], block
 
 
-def scaled(phi: Array, force: Array, column_scale: Array, length: float) -> Array:
+def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
     """Return Phi with translations over ``length`` and rotations as they are, so that rank knows no units."""
-    rows = np.where(force.any(axis=1), 1.0 / length, 1.0)
-    return phi * rows[:, None] * column_scale
+    row_scale = np.where(cuts.translates[rows], 1.0 / length, 1.0)
+    return phi * row_scale[:, None] * column_scale
 
 
 def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics import Rows, body_motion, cross, relative_motion
+from mbsvib.kinematics import Rows, body_motion, relative_motion
 from mbsvib.loops import pivoted_qr, scaled
 from mbsvib.topology import FLOATS
 
@@ -58,15 +58,13 @@ def check_mobility(
     moved_coordinates, moved_rows = _moved(topology, coordinates, cuts, position, direction, groups)
     phi = relative_motion(moved_coordinates, moved_rows)
     for group in groups:
-        rows = np.nonzero(np.isin(cuts.joint, [cuts.joints.index(name) for name in group.joints]))[0]
-        columns = np.nonzero(phi[rows].any(axis=0))[0]
-        scale = np.where(coordinates.turns[columns], 1.0, group.length)
-        qr, _, _ = pivoted_qr(scaled(phi[rows[:, None], columns], cuts.rows.force[rows], scale, group.length))
+        scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
+        qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
         pivots = np.abs(qr.diagonal())
         rank = int(np.count_nonzero(pivots > LIMIT * max(1.0, float(pivots.max(initial=0.0)))))
         if rank > group.rank:
             raise SingularPoseError(
-                f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {group.rows} "
+                f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {len(group.rows)} "
                 f"constraint rows are independent here, {rank} in the poses nearby, so the number of degrees of "
                 f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular one."
             )
@@ -83,10 +81,10 @@ def _moved(
     centre = np.concatenate((position, np.zeros((1, 3))))
 
     def shift(body: Index, point: Array) -> Array:
-        return point + displacement[body, :3] + cross(displacement[body, 3:], point - centre[body])
+        return point + displacement[body, :3].T + np.cross(displacement[body, 3:], point.T - centre[body]).T
 
     def turn(body: Index, vector: Array) -> Array:
-        return vector + cross(displacement[body, 3:], vector)
+        return vector + np.cross(displacement[body, 3:], vector.T).T
 
     carrier = _carriers(topology)
     twists = replace(coordinates, linear=turn(carrier, coordinates.linear), angular=turn(carrier, coordinates.angular),
@@ -94,9 +92,9 @@ def _moved(
     rows = cuts.rows
     moment = turn(rows.first, rows.moment)
     for row, first_axis, second_axis in _crossed(topology, cuts):
-        a = turn(rows.first[row : row + 1], np.array([first_axis]))
-        b = turn(rows.second[row : row + 1], np.array([second_axis]))
-        moment[row] = cross(a, b)[0]
+        a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
+        b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
+        moment[:, row] = np.cross(a[:, 0], b[:, 0])
     return twists, replace(rows, point=shift(rows.first, rows.point), force=turn(rows.first, rows.force), moment=moment)
 
 
@@ -121,6 +119,6 @@ def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, tuple[float, ...
         turning = [six[3:] for _, six in topology.joints[k].freedom if any(six[3:])]
         if len(turning) == 2:
             rows = np.nonzero(cuts.joint == count)[0]
-            row = int(rows[cuts.rows.moment[rows].any(axis=1)][0])
+            row = int(rows[cuts.rows.moment[:, rows].any(axis=0)][0])
             result.append((row, turning[0], turning[1]))
     return result

@@ -128,7 +128,7 @@ def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[
         local = _blocks(modes.damped)
         transform = basis @ local
         forces = np.concatenate((np.zeros_like(b[:m]), modes.damped.shapes.T @ system.B))
-        b = np.linalg.solve(local, forces)
+        b[:] = np.linalg.solve(local, forces)
     names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
     return a, b, transform, names, ("modal", "modal/s") * m
 
