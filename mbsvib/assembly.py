@@ -135,8 +135,7 @@ def inertia_weights(bodies: Sequence[Body]) -> Array:
 def _roots(inertia: Array) -> Array:
     """Return F with F^T F = the inertia tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
     try:
-        lower: Array = np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3))
-        return lower.transpose(0, 2, 1)
+        return np.asarray(np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1), dtype=float)
     except np.linalg.LinAlgError:
         xx, yy, zz, xy, xz, yz = inertia.T
         # L D L^T: of a body without extent in some direction a pivot and its whole row are zero
@@ -197,7 +196,7 @@ def _cuts(topology: Topology, bodies: list[Body], number: Mapping[str, int]) -> 
             owner.append(count)
     rows = Rows.stack(tuples)
     return Cuts(rows, tuple(names), np.array(owner, dtype=np.intp), topology.cut_joints,
-                np.array(start, dtype=np.intp), rows.force.any(axis=0))  # fmt: skip
+                np.array(start, dtype=np.intp), np.asarray(rows.force.any(axis=0)))  # fmt: skip
 
 
 def _input_output(

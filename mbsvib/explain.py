@@ -66,8 +66,8 @@ def _loops(system: System) -> list[str]:
     lines = [f"  cut at {listed(system.cut_joints)}"]
     for group in groups:
         lines.append(
-            f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; smallest pivot kept "
-            f"{group.kept:.1e}, largest dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"
+            f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; smallest pivot "
+            f"kept {group.kept:.1e}, largest dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"
         )
         if group.redundant:
             lines.append(f"    redundant: {listed(group.redundant)}")

@@ -42,8 +42,8 @@ class LoopGroup:
     """What the rank decision of one independent group of loops was.
 
     ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
-    involved; ``kept`` is the smallest pivot kept and ``dropped`` the largest one dropped (relative to the largest pivot;
-    rotations scaled by ``length`` [m]), ``redundant`` the names of redundant constraint rows.
+    involved; ``kept`` is the smallest pivot kept and ``dropped`` the largest one dropped (relative to the largest
+    pivot; rotations scaled by ``length`` [m]), ``redundant`` the names of redundant constraint rows.
     """
 
     joints: tuple[str, ...]
@@ -158,24 +158,23 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     first, second = cuts.rows.first[cuts.start], cuts.rows.second[cuts.start]
     touched = coordinates.path[second] != coordinates.path[first]
     groups: list[tuple[int, list[int]]] = []
-    for joint, bits in zip(cuts.joint[cuts.start].tolist(), np.packbits(touched, axis=1), strict=True):
+    for loop, bits in enumerate(np.packbits(touched, axis=1)):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
-        mask, joints, apart = int.from_bytes(bits.tobytes(), "big"), [joint], []
+        mask, loops, apart = int.from_bytes(bits.tobytes(), "big"), [loop], []
         for other, members in groups:
             if mask & other:
                 mask |= other
-                joints = members + joints
+                loops = members + loops
             else:
                 apart.append((other, members))
-        groups = [*apart, (mask, joints)]
-    if len(groups) == 1:
-        return [(np.arange(len(cuts.joint)), np.nonzero(touched.any(axis=0))[0])]
-    result = []
-    for _, joints in sorted(groups, key=lambda group: min(group[1])):
-        member = np.isin(cuts.joint, joints)
-        loops = np.isin(cuts.joint[cuts.start], joints)
-        result.append((np.nonzero(member)[0], np.nonzero(touched[loops].any(axis=0))[0]))
-    return result
+        groups = [*apart, (mask, loops)]
+    row = np.arange(len(cuts.names))
+    of_loop = np.split(row, cuts.start[1:])
+    return [
+        (row if len(groups) == 1 else np.concatenate([of_loop[loop] for loop in loops]),
+         np.flatnonzero(touched[loops].any(axis=0)))
+        for _, loops in groups
+    ]  # fmt: skip
 
 
 def _solve(
