@@ -29,8 +29,8 @@ def rod(principal: Vector, line: Vector) -> tuple[float, ...]:
     """Return the inertia in world axes, xx yy zz xy xz yz, of a body whose axis of symmetry z lies along ``line``."""
     across, _, along = principal
     x, y, z = line
-    more = along - across
-    return (across + more * x * x, across + more * y * y, across + more * z * z, more * x * y, more * x * z, more * y * z)
+    d = along - across
+    return (across + d * x * x, across + d * y * y, across + d * z * z, d * x * y, d * x * z, d * y * z)
 
 
 def box(mass: float, x: float, y: float, z: float) -> Vector:
@@ -46,17 +46,16 @@ def circle(radius: Any, height: Any, angles: Any, who: str, what: str) -> list[V
     return [(r * cos(a), r * sin(a), z) for a in turns]
 
 
-def port_groups(ports: str | Sequence[str], who: str) -> tuple[str, ...]:
+def port_groups(ports: Any, who: str) -> tuple[str, ...]:
     """Return the groups of ports that are asked for."""
     if ports == "all":
         return GROUPS
     if ports == "none":
         return ()
-    groups = (ports,) if isinstance(ports, str) else tuple(ports)
-    for group in groups:
-        if group not in GROUPS:
-            raise check.refuse(who, "ports", ports, "'platform', 'legs' or 'base', several of them, 'all' or 'none'")
-    return groups
+    groups = (ports,) if isinstance(ports, str) or not hasattr(ports, "__iter__") else tuple(ports)
+    if all(group in GROUPS for group in groups):
+        return groups
+    raise check.refuse(who, "ports", ports, "'platform', 'legs' or 'base', several of them, 'all' or 'none'")
 
 
 def add_ports(model: Model, groups: Sequence[str], legs: Sequence[tuple[str, str, Vector, Vector]]) -> None:

@@ -62,10 +62,12 @@ def tree(
             parent = f"body{i - 1}.{carrier}" if i > 1 else "ground"
             point = (0.5 * (j + carrier), y - 0.5, 0.0)
             parts.join(f"joint{number}", f"spring{number}", parent, f"body{number}", point)
-    shifts, turns = parts.moves(family.X, family.Y)
     first, last = f"body{parts.size}.1", f"body{parts.size}.{2 ** (parts.size - 1)}"
+    # the first bodies of all layers are in line, those of the other branches spread over the plane
+    shifts, turns = parts.moves(family.Y)
     family.add_inputs(parts.model, first, shifts + turns)
     family.add_outputs(parts.model, first, shifts + turns)
     if first != last:
+        shifts, turns = parts.moves(family.X, family.Y)
         family.add_outputs(parts.model, last, shifts + turns, prefix="last.")
     return parts.model
