@@ -1,0 +1,35 @@
+"""Model files, .yaml or .json: the words of ``Model(...)`` and of the ``add_...`` calls, one entry a part.
+
+A file holds the sections bodies, joints, springs, inputs and outputs; each maps names to the words of the call that
+adds such a part, with the same units (SI, radians), axes and defaults. The order inside a section is the order of the
+parts, the order of the sections does not matter. ``type`` names the call where a section has two::
+
+    mbsvib: 1                       # format version; 1 if left out
+    name: isolator                  # the file's name if left out
+    bodies:
+      platform:
+        mass: 12
+        inertia: [0.3, 0.3, 0.5]
+        position: [0, 0, 0.25]
+    joints:
+      guide: {kind: prismatic, first: ground, second: platform, axis: [0, 0, 1]}
+    springs:
+      leg: {first: ground, second: platform, start: [0, 0, 0], end: [0, 0, 0.2], stiffness: 2e7, damping: 20}
+      mount: {type: bushing, first: ground, second: platform, position: [0, 0, 0], stiffness: [1e6, 0, 0, 0, 0, 0]}
+    inputs:
+      Fz: {body: platform, direction: z}
+      shaker: {type: base_motion, direction: z}
+    outputs:
+      z: {body: platform, direction: z, quantity: acceleration}
+      leg.force: {type: force_output, element: leg}
+
+A joint of free directions needs no kind: ``free: [x, rz]`` will do. Parts that share words can share them by an anchor
+and a merge key (``leg1: &leg {...}``, ``leg2: {<<: *leg, position: [...]}``). Editors check a file against
+``schema()``.
+"""
+
+from mbsvib.files.json_schema import schema
+from mbsvib.files.loading import load
+from mbsvib.files.saving import save
+
+__all__ = ["load", "save", "schema"]

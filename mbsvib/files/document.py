@@ -1,0 +1,49 @@
+"""A document: the plain values of a file, and the line at which each of its keys stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mbsvib.errors import ModelError
+
+# (section, name, word): the way from the top of a document down to one key
+Place = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """The values of a file, as dicts, lists and scalars, and the line of each key."""
+
+    file: str
+    data: Any
+    lines: Mapping[Place, int]
+
+    def error(
+        self, place: Place, message: str, *, element: str | None = None, field: str | None = None
+    ) -> ModelError:
+        """Build the error "FILE, line LINE, PLACE: MESSAGE"."""
+        known = place
+        while known and known not in self.lines:  # a key that is missing, or that came by an alias
+            known = known[:-1]
+        return fault(self.file, self.lines.get(known, 1), place, message, element=element, field=field)
+
+
+def fault(
+    file: str, line: int, place: Place, message: str, *, column: int | None = None,
+    element: str | None = None, field: str | None = None,
+) -> ModelError:  # fmt: skip
+    """Build the error "FILE, line LINE[, column COLUMN][, PLACE]: MESSAGE"."""
+    where = [file, f"line {line}"]
+    if column is not None:
+        where.append(f"column {column}")
+    if place:
+        where.append(".".join(place))
+    return ModelError(f"{', '.join(where)}: {message}", element=element, field=field)
+
+
+def repeated(file: str, line: int, place: Place, first: int) -> ModelError:
+    """Build the error of a key that is there twice."""
+    return fault(file, line, place, f"'{place[-1]}' is already there on line {first}, and each key can be there "
+                                    f"only once; rename or remove one.", element=place[-1])  # fmt: skip

@@ -1,0 +1,182 @@
+"""Model files to models: each entry becomes the ``add_...`` call that it spells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.files.document import Document, Place
+from mbsvib.files.reading import read
+from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, options, unfit, words
+from mbsvib.model import GROUND, Model
+
+# keys at the top level besides the sections and the words of Model(...)
+MARK, SCHEMA = "mbsvib", "$schema"
+# of what is known, no message lists more
+MOST_NAMES = 12
+
+
+def load(path: str | PathLike[str]) -> Model:
+    """Read a model file: the words of ``Model(...)`` and of its ``add_...`` calls as YAML 1.2 or JSON.
+
+    Parameters
+    ----------
+    path : str or path-like
+        A file whose name ends in .yaml, .yml or .json; ``mbsvib.files`` describes its layout.
+
+    Returns
+    -------
+    Model
+        The model, its parts in the order of the file; its name is the file's where the file gives none.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, or a key or value in it is refused; the message gives file, line and key.
+    """
+    document = read(path)
+    data = document.data
+    if not isinstance(data, dict):
+        given = "the file is empty" if data is None else f"{_what(data)} stands at the top"
+        raise document.error((), f"{given}; expected the sections of a model: {', '.join(SECTIONS)}.")
+    _check_version(document, data)
+    head = head_words()
+    for key in data:
+        if key not in SECTIONS and key not in head and key not in (MARK, SCHEMA):
+            raise document.error((key,), "there is no such section."
+                                 f"{_misplaced(key) or _known(key, [*SECTIONS, *head, MARK])}")  # fmt: skip
+    model = _model(document, {key: data[key] for key in head if key in data}, Path(path).stem)
+    for section in SECTIONS:
+        for name, entry in _entries(document, section, data.get(section)):
+            _add(document, model, section, name, entry)
+    return model
+
+
+def _check_version(document: Document, data: Mapping[str, Any]) -> None:
+    version = data.get(MARK, VERSION)
+    if type(version) is not int or version < 1:
+        raise document.error((MARK,), f"{version!r} is no format version; expected {VERSION}.")
+    if version > VERSION:
+        raise document.error((MARK,), f"the file has format version {version}, and this mbsvib reads up to "
+                                      f"{VERSION}; update mbsvib.")  # fmt: skip
+
+
+def _model(document: Document, head: dict[str, Any], stem: str) -> Model:
+    for key, value in head.items():
+        expected = unfit(head_words()[key], value)
+        if expected is not None:
+            raise document.error((key,), _mismatch(key, value, expected), field=key)
+    try:
+        return Model(**{"name": stem, **head})
+    except ModelError as error:
+        place = (error.field,) if error.field in head else ()
+        raise _placed(document, place, error) from error
+
+
+def _entries(document: Document, section: str, entries: Any) -> Iterable[tuple[str, Any]]:
+    if entries is None:
+        return ()
+    if not isinstance(entries, dict):
+        raise document.error((section,), f"expected a name and words for each of the {section}, not "
+                                         f"{_what(entries)}.")  # fmt: skip
+    return entries.items()
+
+
+def _add(document: Document, model: Model, section: str, name: str, entry: Any) -> None:
+    place = (section, name)
+    if not isinstance(entry, dict):
+        raise document.error(place, f"expected the words of {_calls(section)}, not {_what(entry)}.", element=name)
+    entry = dict(entry)
+    kind = _kind(document, place, entry)
+    known = words(kind)
+    for key, value in entry.items():
+        wrong = _wrong(model, section, kind, key, value)
+        if wrong is not None:
+            raise document.error((*place, key), wrong, element=name, field=key)
+    missing = [word for word, item in known.items() if mandatory(item) and word not in entry]
+    if missing:
+        raise document.error(place, f"missing: {', '.join(missing)}; add_{kind} takes {', '.join(known)}.",
+                             element=name, field=missing[0])  # fmt: skip
+    # a word that admits None may be left out here, though Python would ask for it
+    absent = {word: None for word, item in known.items() if item.default is item.empty and word not in entry}
+    try:
+        getattr(model, f"add_{kind}")(name, **absent, **entry)
+    except ModelError as error:
+        field = error.field
+        raise _placed(document, (*place, field) if field in known and field is not None else place, error) from error
+
+
+def _wrong(model: Model, section: str, kind: str, key: str, value: Any) -> str | None:
+    """Return what is wrong with a word that the ``add_...`` call could not say, or not as clearly."""
+    known = words(kind)
+    if key not in known:
+        return f"add_{kind} has no such word.{_other_kind(section, kind, key) or _known(key, known)}"
+    expected = unfit(known[key], value)
+    if expected is not None:
+        return _mismatch(key, value, expected)
+    # the call would advise to add bodies first, which in a file they always are
+    if "Body" in options(known[key]) and value not in model.bodies and value != GROUND:
+        return f"there is no body '{value}'.{_known(value, [*model.bodies, GROUND])}"
+    return None
+
+
+def _kind(document: Document, place: Place, entry: dict[str, Any]) -> str:
+    kinds = SECTIONS[place[0]]
+    if len(kinds) == 1 or "type" not in entry:
+        return kinds[0]
+    kind = entry.pop("type")
+    if kind not in kinds:
+        raise document.error((*place, "type"), f"{kind!r} is no type of {place[0]}; expected {' or '.join(kinds)}."
+                             f"{nearest(str(kind), kinds)}", element=place[1], field="type")  # fmt: skip
+    return str(kind)
+
+
+def _placed(document: Document, place: Place, error: ModelError) -> ModelError:
+    message = str(error).removeprefix(f"{error.element}: ")
+    return document.error(place, message, element=error.element, field=error.field)
+
+
+def _calls(section: str) -> str:
+    return " or ".join(f"add_{kind} ({', '.join(words(kind))})" for kind in SECTIONS[section])
+
+
+def _misplaced(key: str) -> str:
+    """Return a hint for sections that people expect, though their entries go into another one."""
+    for section, kinds in SECTIONS.items():
+        for kind in kinds:
+            if key in (kind, f"{kind}s"):
+                given = "" if kind == kinds[0] else f", each with 'type: {kind}'"
+                return f" These go under '{section}'{given}."
+    return ""
+
+
+def _other_kind(section: str, kind: str, key: str) -> str:
+    others = [other for other in SECTIONS[section] if other != kind and key in words(other)]
+    return f" It is a word of add_{others[0]}: add 'type: {others[0]}' if that is meant." if others else ""
+
+
+def _known(key: str, known: Iterable[str]) -> str:
+    names = list(known)
+    more = ", ..." if len(names) > MOST_NAMES else "."
+    return nearest(key, names) or f" Known: {', '.join(names[:MOST_NAMES])}{more}"
+
+
+def _mismatch(key: str, value: Any, expected: str) -> str:
+    hint = ""
+    if expected == "true or false" and isinstance(value, str):
+        hint = " In YAML 1.2 yes, no, on and off are text."
+    elif expected == "a text" and isinstance(value, (bool, int, float)):
+        hint = " Write it in quotes if it is a name."
+    return f"{key} = {check.shown(value)}; expected {expected}.{hint}"
+
+
+def _what(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, list):
+        return "a list"
+    return check.shown(value)

@@ -1,0 +1,51 @@
+"""Files to documents: the suffix says which language, and whatever hinders reading is told as a ModelError."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+
+from mbsvib.errors import ModelError, nearest
+from mbsvib.files.document import Document, fault
+from mbsvib.files.json_text import read_json
+from mbsvib.files.yaml_text import read_yaml
+
+READERS = {".yaml": read_yaml, ".yml": read_yaml, ".json": read_json}
+
+
+def suffix_of(path: str | PathLike[str]) -> str:
+    """Return the suffix of a model file in small letters; refuse one that says no language."""
+    suffix = Path(path).suffix
+    if suffix.lower() not in READERS:
+        raise ModelError(f"{path}: the suffix is {suffix!r}; expected .yaml, .yml or .json, which says how a model "
+                         f"is written.")  # fmt: skip
+    return suffix.lower()
+
+
+def read(path: str | PathLike[str]) -> Document:
+    """Read a file whose suffix is .yaml, .yml or .json."""
+    parse = READERS[suffix_of(path)]
+    file = Path(path)
+    try:
+        content = file.read_bytes()
+    except FileNotFoundError as error:
+        raise ModelError(f"{path}: there is no such file.{_neighbour(file)}") from error
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}.") from error
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise fault(str(path), line, (), f"the byte 0x{content[error.start]:02x} is not UTF-8; save the file "
+                                         f"with this encoding.") from error  # fmt: skip
+    return parse(text, str(path))
+
+
+def _neighbour(file: Path) -> str:
+    folder = file.parent
+    if not folder.is_dir():
+        return f" There is no folder '{folder}' either."
+    try:
+        return nearest(file.name, [entry.name for entry in folder.iterdir()])
+    except OSError:
+        return ""

@@ -1,0 +1,93 @@
+"""Models to model files: the words that made each part, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from mbsvib.errors import ModelError
+from mbsvib.files.directions import plain_axis
+from mbsvib.files.reading import suffix_of
+from mbsvib.files.text import json_text, yaml_text
+from mbsvib.files.words import SECTIONS, VERSION, head_words, words
+from mbsvib.model import ADDERS, Model
+
+
+def save(model: Model, path: str | PathLike[str]) -> Path:
+    """Write a model file; ``load`` gives back equal parts in the same order, every float to the last bit.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    path : str or path-like
+        Where to; its suffix .yaml, .yml or .json says how. A file that is there is replaced once the new one is
+        complete.
+
+    Returns
+    -------
+    Path
+        The path written.
+
+    Raises
+    ------
+    ModelError
+        If the suffix is none of these, or the file cannot be written.
+    """
+    file = Path(path)
+    write = json_text if suffix_of(path) == ".json" else yaml_text
+    text = write(described(model))
+    try:
+        _replace(file, text)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be written: {error.strerror}.") from error
+    return file
+
+
+def described(model: Model) -> dict[str, Any]:
+    """Return the content of a model's file: format version, words of ``Model(...)``, and the sections."""
+    data: dict[str, Any] = {"mbsvib": VERSION}
+    for word, item in head_words().items():
+        value = getattr(model, word, item.default)
+        if word == "name" or value != item.default:
+            data[word] = value
+    for section, kinds in SECTIONS.items():
+        entries = {}
+        for name, part in getattr(model, section).items():
+            kind = ADDERS[type(part)].removeprefix("add_")
+            said = {} if kind == kinds[0] else {"type": kind}
+            for word, value in part.words().items():
+                if word != "name" and value != words(kind)[word].default:
+                    said[word] = _spoken(word, value)
+            entries[name] = said
+        if entries:
+            data[section] = entries
+    return data
+
+
+def _spoken(word: str, value: Any) -> Any:
+    """Return the shorter form of a value that the ``add_...`` call turns into the same value."""
+    if word in ("axis", "axis2"):
+        return plain_axis(value)
+    if word in ("inertia", "direction") and len(value) == 6 and value[3:] == (0.0, 0.0, 0.0):
+        return value[:3]
+    return value
+
+
+def _replace(file: Path, text: str) -> None:
+    target = Path(os.path.realpath(file))  # a link stays a link
+    draft = target.with_name(f".{target.name[:60]}.{uuid4().hex[:8]}.part")
+    try:
+        with open(draft, "x", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        if target.exists():
+            shutil.copymode(target, draft)
+        os.replace(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)

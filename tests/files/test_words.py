@@ -1,0 +1,59 @@
+"""The words of the files cover the calls of the model, and every type that a call asks for is one that is checked."""
+
+import inspect
+
+import pytest
+
+from mbsvib.files.words import SECTIONS, head_words, mandatory, options, unfit, words
+from mbsvib.model import ADDERS, Model
+
+KNOWN_TYPES = {"None", "str", "float", "bool", "ArrayLike", "Sequence[str]", "Body", "Bushing", "Spring", "Joint"}
+
+
+def test_every_call_has_a_section():
+    calls = {name.removeprefix("add_") for name, _ in inspect.getmembers(Model, callable) if name.startswith("add_")}
+    kinds = [kind for section in SECTIONS.values() for kind in section]
+    assert sorted(kinds) == sorted(calls)
+    assert {adder.removeprefix("add_") for adder in ADDERS.values()} == calls
+
+
+def test_every_section_is_a_mapping_of_the_model():
+    assert all(len(getattr(Model(), section)) == 0 for section in SECTIONS)
+
+
+@pytest.mark.parametrize("kind", [kind for section in SECTIONS.values() for kind in section])
+def test_types_are_known_and_no_word_is_called_type(kind):
+    assert "type" not in words(kind)
+    assert all(options(item) <= KNOWN_TYPES for item in words(kind).values())
+
+
+def test_words_of_parts_are_words_of_their_calls():
+    for part, adder in ADDERS.items():
+        said = {field.name for field in part.__dataclass_fields__.values() if not field.metadata.get("derived")}
+        assert said - {"name"} <= set(words(adder.removeprefix("add_")))
+
+
+def test_words_of_the_model_itself():
+    assert "name" in head_words()
+    assert not set(head_words()) & {*SECTIONS, "mbsvib", "$schema"}
+
+
+def test_mandatory_words():
+    assert [word for word, item in words("body").items() if mandatory(item)] == ["mass", "inertia"]
+    assert [word for word, item in words("joint").items() if mandatory(item)] == ["first", "second"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "value", "expected"),
+    [
+        ("body", "mass", "heavy", None), ("body", "inertia", [[1, 2], 3], None), ("body", "inertia", 3, None),
+        ("body", "inertia", [1, None], "a list of numbers"), ("body", "inertia", {}, "a list of numbers"),
+        ("body", "orientation", None, None), ("joint", "free", "x", None), ("joint", "free", ["x"], None),
+        ("joint", "free", ["x", 1], "a list of texts"), ("joint", "kind", None, None), ("joint", "kind", 1, "a text"),
+        ("joint", "first", None, "a text"), ("output", "absolute", True, None),
+        ("output", "absolute", 1, "true or false"),
+        ("input", "direction", "x", None), ("input", "direction", [1, 2, "x"], "a list of numbers"),
+    ],
+)  # fmt: skip
+def test_what_a_word_admits(kind, word, value, expected):
+    assert unfit(words(kind)[word], value) == expected
