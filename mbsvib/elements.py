@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._checks import IDENTITY
 from mbsvib.kinematics import Rows, columns
 from mbsvib.parts import Bushing, Spring
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index
 
@@ -34,6 +37,13 @@ class Elements:
     damping: Array
     owner: Index
     unit: Array
+
+    def only(self, keep: NDArray[np.bool_]) -> Elements:
+        """Return the rows picked by a mask."""
+        if keep.all():
+            return self
+        rows = Rows(*(getattr(self.rows, key)[..., keep] for key in Rows.__slots__))
+        return Elements(rows, self.stiffness[keep], self.damping[keep], self.owner[keep], self.unit[keep])
 
 
 def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Elements:
@@ -122,11 +132,12 @@ def _rows(
     bushings: list[Bushing], number: Mapping[str, int], which: Index, unit: Array, k: Array, c: Array, owner: Index
 ) -> Elements:
     """Turn directions in the bushings' axes into world rows."""
-    axes = np.array([b.orientation for b in bushings])[which]
     table = columns([(number[b.first], number[b.second], *b.position) for b in bushings], 5).take(which, axis=1)
     first, second = table[:2].astype(np.intp)
-    force = np.einsum("nij,nj->in", axes, unit[:, :3])
-    moment = np.einsum("nij,nj->in", axes, unit[:, 3:])
+    force, moment = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
+    if any(b.orientation is not IDENTITY for b in bushings):
+        axes = np.array([b.orientation for b in bushings])[which]
+        force, moment = np.einsum("nij,kjn->kin", axes, np.array((force, moment)))
     return Elements(Rows(first, second, table[2:], force, moment), k, c, owner[which], unit)
 
 

@@ -65,10 +65,9 @@ def _loops(system: System) -> list[str]:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"]
     for group in groups:
-        lines.append(
-            f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; smallest pivot "
-            f"kept {group.kept:.1e}, largest dropped {group.dropped:.1e} (loop size {group.length:.3g} m)"
-        )
+        pivots = f"; smallest pivot kept {group.kept:.1e}, largest dropped {group.dropped:.1e}" if group.rank else ""
+        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent{pivots} "
+                     f"(loop size {group.length:.3g} m)")  # fmt: skip
         if group.redundant:
             lines.append(f"    redundant: {listed(group.redundant)}")
     return lines

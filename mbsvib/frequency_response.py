@@ -53,7 +53,7 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     s = 1j * w
     if modal.gamma.ndim == 1:
         eta = 1.0 / _denominator(modal, w)
-        residue = [np.einsum("om,mi->oim", c, b).reshape(-1, len(phi)) for c in (cq, cv, ca)]
+        residue = [np.einsum("om,mi->oim", c, b).reshape(len(c) * b.shape[1], len(phi)) for c in (cq, cv, ca)]
         result: Complex = residue[0] @ eta
         if cv.any():
             result += (residue[1] @ eta) * s

@@ -75,6 +75,35 @@ class Rows:
         return Rows(*(np.concatenate([getattr(part, key) for part in parts], axis=-1) for key in Rows.__slots__))
 
 
+@dataclass(frozen=True, slots=True)
+class Triplets:
+    """A matrix of ``shape`` by its entries: ``row`` (ascending), ``column`` and ``value`` (entries,)."""
+
+    row: Index
+    column: Index
+    value: Array
+    shape: tuple[int, int]
+
+    def acting(self, start: int, stop: int) -> NDArray[np.bool_]:
+        """Tell which of the rows start..stop have an entry that is not zero."""
+        result = np.zeros(self.shape[0], dtype=bool)
+        result[self.row[self.value != 0.0]] = True
+        return result[start:stop]
+
+    def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
+        """Return the rows start..stop, those that ``keep`` picks of them, as an array (rows, columns)."""
+        first, last = np.searchsorted(self.row, (start, stop))
+        row, column, value = self.row[first:last] - start, self.column[first:last], self.value[first:last]
+        if keep is None or keep.all():
+            result = np.zeros((stop - start, self.shape[1]))
+        else:
+            picked = keep[row]
+            row, column, value = (np.cumsum(keep) - 1)[row[picked]], column[picked], value[picked]
+            result = np.zeros((int(np.count_nonzero(keep)), self.shape[1]))
+        result[row, column] = value
+        return result
+
+
 def columns(tuples: Sequence[tuple[float, ...]], width: int) -> Array:
     """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
     return np.ascontiguousarray(np.array(tuples, dtype=float).reshape(-1, width).T)
@@ -162,7 +191,7 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
     return result
 
 
-def relative_motion(coordinates: Twists, rows: Rows) -> Array:
+def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     """Return the rows of relative displacements per unit joint coordinate, by the path rule.
 
     d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
@@ -176,13 +205,13 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Array:
 
     Returns
     -------
-    array, shape (rows, n)
-        One row per relative displacement.
+    Triplets
+        One row per relative displacement, one column per coordinate.
 
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
     sign = coordinates.path[rows.second] - coordinates.path[rows.first]
-    flat = np.flatnonzero(sign)
+    flat = np.flatnonzero(sign != 0)
     row, column = np.divmod(flat, max(1, sign.shape[1]))
     rx, ry, rz = rows.point.take(row, axis=1) - coordinates.point.take(column, axis=1)
     fx, fy, fz = force = rows.force.take(row, axis=1)
@@ -192,6 +221,5 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Array:
     moment[2] += rx * fy - ry * fx
     moment *= coordinates.angular.take(column, axis=1)
     moment += force * coordinates.linear.take(column, axis=1)
-    result = np.zeros(sign.shape)
-    result.reshape(-1)[flat] = (moment[0] + moment[1] + moment[2]) * sign.reshape(-1)[flat]
-    return result
+    value = (moment[0] + moment[1] + moment[2]) * sign.reshape(-1)[flat]
+    return Triplets(row, column, value, sign.shape)

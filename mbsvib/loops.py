@@ -185,7 +185,7 @@ def _solve(
     low, high = points.min(axis=1), points.max(axis=1)
     length = float((high - low).max()) or 1.0
     scale = np.where(coordinates.turns[columns], 1.0, length)
-    scale *= 1.0 - TIE_BREAK / len(columns) * np.arange(len(columns))
+    scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
     a = scaled(phi[rows[:, None], columns], cuts, rows, scale, length)
     held = np.nonzero(pinned[columns])[0]
     candidate = np.nonzero(~pinned[columns])[0] if len(held) else np.arange(len(columns))

@@ -56,7 +56,7 @@ def check_mobility(
     # a direction that no symmetry of the mechanism can single out
     direction = reduction.matrix @ np.cos(1.0 + np.arange(reduction.matrix.shape[1]))
     moved_coordinates, moved_rows = _moved(topology, coordinates, cuts, position, direction, groups)
-    phi = relative_motion(moved_coordinates, moved_rows)
+    phi = relative_motion(moved_coordinates, moved_rows).dense(0, len(cuts.names))
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows
 from mbsvib.parts import BaseMotion, ForceOutput, Input
 from mbsvib.parts.ports import QUANTITIES
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.elements import Elements
+    from mbsvib.inertia import SpatialInertia
     from mbsvib.kinematics import Array, Index
     from mbsvib.model import Model
     from mbsvib.parts import Body, Output
@@ -44,7 +46,7 @@ class Ports:
     output_units: tuple[str, ...]
 
 
-def ports(model: Model, bodies: list[Body], number: Mapping[str, int], springs: Elements) -> Ports:
+def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     """Return the ports of a model.
 
     Parameters
@@ -55,13 +57,16 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int], springs: 
         Its bodies in order.
     number : mapping
         Number of each body, ground included.
-    springs : Elements
-        The rows of its spring-dampers, to which force outputs refer.
 
     Returns
     -------
     Ports
         Rows, places and units.
+
+    Raises
+    ------
+    ModelError
+        If an absolute displacement or velocity is asked for while the ground moves.
     """
 
     def row(part: Input | Output) -> tuple[float, ...]:
@@ -82,10 +87,10 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int], springs: 
             force_inputs.append(i)
             rows.append(row(source))
             input_units.append(unit(source.wrench, _FORCE))
-    order = {name: i for i, name in enumerate(model.springs)}
+    springs = list(model.springs)
     for i, output in enumerate(model.outputs.values()):
         if isinstance(output, ForceOutput):
-            force_outputs.append((i, order[output.element], np.array(output.wrench)))
+            force_outputs.append((i, springs.index(output.element), np.array(output.wrench)))
             output_units.append(unit(output.wrench, _FORCE))
             continue
         motion_outputs.append(i)
@@ -94,7 +99,14 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int], springs: 
         order_of = QUANTITIES.index(output.quantity)
         derivative.append(order_of)
         output_units.append(unit(output.wrench, _MOTION[order_of]))
-        if output.inertial and order_of == 2:
+        if output.inertial and base_motions:
+            if order_of < 2:
+                raise ModelError(
+                    f"output '{output.name}': an absolute {output.quantity} would integrate the base motion "
+                    f"'{base_motions[0][1].name}', which is an acceleration. Ask for quantity='acceleration', or for "
+                    f"the {output.quantity} relative to the moving ground (absolute=False).",
+                    element=output.name, field="absolute",
+                )  # fmt: skip
             inertial.append((i, output, (place[2], place[3], place[4])))
     return Ports(
         Rows.stack(rows), np.array(force_inputs, dtype=np.intp), np.array(motion_outputs, dtype=np.intp),
@@ -108,3 +120,53 @@ def unit(wrench: tuple[float, ...], units: tuple[str, str]) -> str:
     """Return the unit of a direction: of translations, of rotations, or both where it mixes them."""
     translates, turns = any(wrench[:3]), any(wrench[3:])
     return units[0] if not turns else units[1] if not translates else " + ".join(units)
+
+
+def port_matrices(
+    port: Ports, seen: Array, springs: Elements, elastic: Array, inertia: SpatialInertia, factor: Array, position: Array
+) -> dict[str, Array]:
+    """Return B, Cq, Cv, Ca and D of q'' M + ... = B u, y = Cq q + Cv q' + Ca q'' + D u, by name.
+
+    Parameters
+    ----------
+    port : Ports
+        Inputs and outputs.
+    seen : array, shape (port rows, m)
+        Their relative displacements in minimal coordinates.
+    springs : Elements
+        The spring-dampers that act.
+    elastic : array, shape (elastic rows, m)
+        Their rows in minimal coordinates.
+    inertia : SpatialInertia
+        Square roots of the bodies' inertia.
+    factor : array, shape (6 bodies, m)
+        W of M = W^T W.
+    position : array, shape (bodies, 3)
+        Centres of mass [m], world axes.
+
+    Returns
+    -------
+    dict of str to array
+        The five matrices.
+    """
+    m, forces = factor.shape[1], len(port.force_inputs)
+    b = np.zeros((m, len(port.input_units)))
+    b[:, port.force_inputs] = seen[:forces].T
+    d = np.zeros((len(port.output_units), b.shape[1]))
+    for column, motion in port.base_motions:
+        linear, angular = np.array(motion.wrench[:3]), np.array(motion.wrench[3:])
+        carried = np.empty((len(position), 6, 1))
+        carried[:, :3, 0] = np.cross(angular, position - motion.position) + linear
+        carried[:, 3:, 0] = angular
+        b[:, column] = -(inertia.factor(carried)[:, 0] @ factor)
+        for row, output, point in port.inertial_outputs:
+            at = np.cross(angular, np.subtract(point, motion.position)) + linear
+            d[row, column] = np.dot(output.wrench, (*at, *angular))
+    c = np.zeros((3, len(port.output_units), m))
+    c[port.derivative, port.motion_outputs] = seen[forces:]
+    for row, owner, wrench in port.force_outputs:
+        own = np.nonzero(springs.owner == owner)[0]
+        share = springs.unit[own] @ wrench
+        c[0, row] = (share * springs.stiffness[own]) @ elastic[own]
+        c[1, row] = (share * springs.damping[own]) @ elastic[own]
+    return {"B": b, "Cq": c[0], "Cv": c[1], "Ca": c[2], "D": d}

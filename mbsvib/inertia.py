@@ -1,0 +1,121 @@
+"""Inertia as factors: M = W^T W, with three rows of W for the translation of each body and three for its rotation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lapack
+
+from mbsvib._checks import IDENTITY
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.kinematics import Array
+    from mbsvib.parts import Body
+
+# Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
+MASSLESS = 1e-14
+_DIAGONAL = np.arange(3)
+_TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
+
+
+@dataclass(frozen=True, slots=True)
+class SpatialInertia:
+    """Square roots of the bodies' inertia: ``linear`` (bodies,) of the masses, ``angular`` (bodies, 3, 3) F of the
+    tensors, F^T F = I about the centre of mass in world axes.
+    """
+
+    linear: Array
+    angular: Array
+
+    def factor(self, motion: Array) -> Array:
+        """Return the rows W of body motions (bodies, 6, m), shape (6 bodies, m)."""
+        result = np.empty_like(motion)
+        np.multiply(motion[:, :3], self.linear[:, None, None], out=result[:, :3])
+        np.matmul(self.angular, motion[:, 3:], out=result[:, 3:])
+        return result.reshape(6 * len(motion), motion.shape[2])
+
+
+def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
+    """Return the square roots of the bodies' inertia in world axes.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        The bodies.
+
+    Returns
+    -------
+    SpatialInertia
+        Factors of the masses and tensors.
+    """
+    table = np.array([(body.mass, *body.inertia) for body in bodies])
+    if table[:, 4:].any():
+        root = _roots(table[:, 1:])
+    else:
+        root = np.zeros((len(bodies), 3, 3))
+        root[:, _DIAGONAL, _DIAGONAL] = np.sqrt(table[:, 1:4])
+    if any(body.orientation is not IDENTITY for body in bodies):
+        root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
+    return SpatialInertia(np.sqrt(table[:, 0]), root)
+
+
+def _roots(inertia: Array) -> Array:
+    """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
+    try:
+        return np.asarray(np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1), dtype=float)
+    except np.linalg.LinAlgError:
+        xx, yy, zz, xy, xz, yz = inertia.T
+        # L D L^T: of a body without extent in some direction a pivot and its whole row are zero
+        d1 = np.maximum(xx, 0.0)
+        a, b = _ratio(xy, d1), _ratio(xz, d1)
+        d2 = np.maximum(yy - a * xy, 0.0)
+        e = _ratio(yz - a * xz, d2)
+        d3 = np.maximum(zz - b * xz - e * (yz - a * xz), 0.0)
+        one, none = np.ones_like(a), np.zeros_like(a)
+        root = np.stack([one, a, b, none, one, e, none, none, one], axis=-1).reshape(-1, 3, 3)
+        root *= np.sqrt(np.stack([d1, d2, d3], axis=-1))[..., None]
+        return root
+
+
+def _ratio(a: Array, b: Array) -> Array:
+    return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
+
+
+def check_mass(mass: Array, names: tuple[str, ...]) -> None:
+    """Refuse coordinates whose motion moves no mass, by name.
+
+    Parameters
+    ----------
+    mass : array, shape (m, m)
+        The mass matrix.
+    names : tuple of str
+        Names of its coordinates.
+
+    Raises
+    ------
+    ModelError
+        If the mass matrix is singular to rounding.
+    """
+    if not names:
+        return
+    diagonal = mass.diagonal()
+    if float(diagonal.min()) > 0.0:
+        scale = 1.0 / np.sqrt(diagonal)
+        scaled = mass * scale[:, None] * scale
+        factor, failed = lapack.dpotrf(scaled)
+        pivots = np.linalg.eigvalsh(scaled) if failed else factor.diagonal() ** 2
+        if float(pivots.min()) > MASSLESS:
+            return
+        lowest = failed - 1 if failed else int(pivots.argmin())
+    else:
+        lowest = int(diagonal.argmin())
+    raise ModelError(
+        f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass. "
+        f"Massless coordinates are not supported yet: give the bodies it moves an inertia about its axis.",
+        element=names[lowest],
+    )  # fmt: skip
