@@ -60,7 +60,7 @@ def test_a_row_of_wrong_length_is_refused():
 
 
 def test_terminal_gets_styles_and_whole_columns():
-    console = Console(file=io.StringIO(), force_terminal=True, width=25, color_system="standard", legacy_windows=False)
+    console = Console(file=io.StringIO(), force_terminal=True, width=25, color_system="standard")
     tables.show(console, "Modes", COLUMNS, ROWS, ["note"])
     words = console.file.getvalue()
     assert "\x1b[" in words

@@ -1,0 +1,171 @@
+"""Bode plots: magnitude with its unit and phase over frequency in Hz, from named inputs to named outputs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.plots import choice, style, units
+from mbsvib.plots.curves import Curve, curves
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.plots.choice import Names, Systems
+
+    Array = NDArray[np.float64]
+
+LONGEST_LABEL = 24
+MOST_MARKS = 25
+
+
+def bode(
+    systems: Systems, inputs: Names = None, outputs: Names = None, frequencies: ArrayLike | None = None, *,
+    span: tuple[float | None, float | None] = (None, None), labels: Sequence[str] | None = None,
+    wrap: bool = False, marks: bool = True,
+) -> Figure:  # fmt: skip
+    """Draw the magnitude and phase of G(i w) from inputs to outputs.
+
+    Parameters
+    ----------
+    systems : System or sequence of System
+        One system, or several that are drawn into the same panels.
+    inputs, outputs : str or sequence of str, optional
+        Names; default: all, if they are not too many.
+    frequencies : array-like, shape (n,), optional
+        Where to compute [Hz]; default: a grid that resolves every resonance and antiresonance in ``span``.
+    span : (float or None, float or None)
+        First and last frequency [Hz]; None: from the modes.
+    labels : sequence of str, optional
+        Names of the systems in the legend; default: their own.
+    wrap : bool
+        Keep the phase within -180 to 180 degrees, with gaps where it leaps; default: continuous.
+    marks : bool
+        Mark the natural frequencies by faint lines; only if a single system is drawn.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel for each pair of input and output.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, there are more than twelve panels, or a frequency is an undamped pole.
+    """
+    named = choice.listed(systems, labels)
+    panels = choice.pairs(named[0][1], inputs, outputs)
+    flat = [pair for row in panels for pair in row]
+    lines = [curves(system, [s for _, s in named], flat, frequencies, span) for _, system in named]
+    rows, columns, count = len(panels), max(map(len, panels)), len(flat)
+    with style.context():
+        figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))
+        places = figure.add_gridspec(2 * rows, columns, height_ratios=[2.0, 1.15] * rows)
+        number = 0
+        for i, row in enumerate(panels):
+            for j, _ in enumerate(row):
+                top = figure.add_subplot(places[2 * i, j])
+                below = figure.add_subplot(places[2 * i + 1, j], sharex=top)
+                drawn = [(label, group[number]) for (label, _), group in zip(named, lines, strict=True)]
+                _panel(top, below, drawn, wrap)
+                if (i + 1) * columns + j < count:
+                    below.set_xlabel("")
+                if marks and len(named) == 1:
+                    _mark(top, below, named[0][1].modes().frequencies)
+                number += 1
+        style.name_systems(figure, [label for label, _ in named], figure.axes[2 * len(panels[0]) - 2])
+    return figure
+
+
+def _panel(top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool) -> None:
+    curve = drawn[0][1]
+    phases = []
+    for i, (label, each) in enumerate(drawn):
+        magnitude = np.abs(each.values)
+        look = style.line(i, faint=each.negligible)
+        top.plot(each.frequencies, np.where(magnitude > 0.0, magnitude, np.nan), label=label, **look)
+        phase = each.phase(wrap)
+        phases.append(phase)
+        below.plot(each.frequencies, phase, **look)
+    _magnitude_axis(top, curve)
+    top.set_title(f"{curve.source} → {curve.output}")
+    _phase_axis(below, phases)
+    _frequency_axis(below, curve.frequencies)
+    top.tick_params(labelbottom=False, which="both")
+    if all(each.negligible for _, each in drawn):
+        style.remark(top, "zero: what is drawn is rounding")
+
+
+def _magnitude_axis(axes: Axes, curve: Curve) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    unit = units.pretty(units.ratio(curve.output_unit, curve.source_unit))
+    name = f"|{curve.output} / {curve.source}| [{unit}]"
+    axes.set_ylabel(name if len(name) <= LONGEST_LABEL else f"magnitude [{unit}]")
+    values = np.abs(curve.values)
+    if not (values > 0.0).any():
+        axes.set_ylim(0.0, 1.0)
+        return
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    if high < 10.0 * low:  # a log axis without two decades has hardly a label
+        middle = np.sqrt(low * high)
+        low, high = middle / 10.0**0.6, middle * 10.0**0.6
+        axes.set_ylim(low, high)
+    if high < 50.0 * low:
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(_written))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _written(value: float, _: int) -> str:
+    if 0.0099 < value < 9999.0:
+        return f"{value:g}"
+    power = np.floor(np.log10(value) + 1e-9)
+    factor = value / 10.0**power
+    return rf"$10^{{{power:.0f}}}$" if factor < 1.5 else rf"${factor:.0f}\times10^{{{power:.0f}}}$"
+
+
+def _frequency_axis(axes: Axes, frequencies: Array) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xscale("log")
+    axes.set_xlabel("frequency [Hz]")
+    low, high = frequencies[0], frequencies[-1]
+    if high > low:
+        axes.set_xlim(low, high)
+    if high < 50.0 * low:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if low >= 1e-3 and high <= 1e5:
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _phase_axis(axes: Axes, phases: list[Array]) -> None:
+    from matplotlib.ticker import MultipleLocator
+
+    both = np.concatenate(phases)
+    both = both[np.isfinite(both)]
+    low, high = (both.min(), both.max()) if both.size else (-90.0, 90.0)
+    low, high = 90.0 * np.floor(low / 90.0 + 0.02), 90.0 * np.ceil(high / 90.0 - 0.02)
+    while high - low < 180.0:
+        low, high = (low - 90.0, high) if high - low == 90.0 or high > 0.0 else (low, high + 90.0)
+    step = next((step for step in (45.0, 90.0, 180.0, 360.0) if high - low <= 5.0 * step), 720.0)
+    axes.yaxis.set_major_locator(MultipleLocator(step if high - low > 180.0 else 90.0))
+    axes.set_ylim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+    axes.set_ylabel("phase [deg]")
+
+
+def _mark(top: Axes, below: Axes, natural: Array) -> None:
+    low, high = below.get_xlim()
+    seen = np.unique(np.round(natural[(natural > low) & (natural < high)], 9))
+    if len(seen) > MOST_MARKS:
+        return
+    for axes in (top, below):
+        for frequency in seen:
+            axes.axvline(frequency, color=style.MARK, linewidth=0.6, linestyle=(0, (1, 2)), zorder=0.9)

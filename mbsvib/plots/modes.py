@@ -1,0 +1,84 @@
+"""Modes at a glance: natural frequencies and damping ratios."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+
+LOG_FROM = 20.0  # ratio of the highest to the lowest value from which an axis is logarithmic
+
+
+def modes(system: System) -> Figure:
+    """Draw the natural frequency and the damping ratio of every mode.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Frequencies [Hz] above, damping ratios [%] below, over the number of the mode. Rigid-body modes are open
+        circles on the axis.
+
+    Raises
+    ------
+    ResponseError
+        If the system has no degree of freedom.
+    """
+    if system.dof == 0:
+        raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
+    result = system.modes()
+    number = np.arange(1.0, system.dof + 1.0)
+    with style.context():
+        figure = style.new_figure(6.4, 4.6)
+        top, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1.0])
+        _stems(top, number, result.frequencies, style.COLOURS[0])
+        _stems(below, number, 100.0 * result.damping_ratios, style.COLOURS[1])
+        top.set_ylabel("natural frequency [Hz]")
+        below.set_ylabel("damping ratio [%]")
+        below.set_xlabel("mode")
+        top.set_title("Modes")
+        top.set_title(f"{system.name}: {system.dof} DOF", loc="right", color=style.MARK, fontsize=8.5)
+        below.set_xlim(0.4, system.dof + 0.6)
+        below.xaxis.get_major_locator().set_params(integer=True)
+        if system.dof <= 20:
+            below.set_xticks(number)
+        for axes in (top, below):
+            axes.grid(False, axis="x")
+    return figure
+
+
+def _stems(axes: Axes, number: Array, values: Array, colour: str) -> None:
+    drawn = np.isfinite(values)
+    rising = drawn & (values > 0.0)
+    floor = 0.0
+    if rising.any() and values[rising].max() > LOG_FROM * values[rising].min():
+        axes.set_yscale("log")
+        floor = 10.0 ** np.floor(np.log10(values[rising].min()) - 0.1)
+        axes.set_ylim(floor, 10.0 ** (np.log10(values[rising].max()) + 0.15))
+    width = max(0.6, min(2.0, 120.0 / len(number)))
+    size = max(2.0, min(6.0, 300.0 / len(number)))
+    heights = np.where(rising, values, floor)
+    axes.vlines(number[rising], floor, heights[rising], color=colour, linewidth=width, alpha=0.45)
+    axes.plot(number[rising], values[rising], "o", color=colour, markersize=size)
+    rest = drawn & ~rising
+    at = np.where(axes.get_yscale() == "log", floor, values)[rest]
+    if rest.any():
+        axes.plot(number[rest], at, "o", color=colour, markersize=size, mfc="white", clip_on=False, zorder=3)
+    if axes.get_yscale() == "linear" and not (values[drawn] < 0.0).any():
+        axes.set_ylim(0.0, 1.12 * values[drawn].max() if rising.any() else 1.0)

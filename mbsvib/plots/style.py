@@ -1,0 +1,103 @@
+"""The look of all figures: colours that the colour-blind can tell apart, a restrained grid, sizes for a paper."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from threading import RLock
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")  # Okabe and Ito
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1, 1.5)))
+INK, FAINT, MARK = "#333333", "#E4E4E4", "#9A9A9A"
+PANEL_WIDTH, WIDEST = 3.6, 10.8
+DPI = 150
+LETTERS_PER_INCH = 12.0
+
+RC: Any = {
+    "figure.dpi": DPI,
+    "figure.facecolor": "white",
+    "savefig.dpi": DPI,
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.5,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": "#777777",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.grid.which": "major",
+    "axes.unicode_minus": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "lines.solid_joinstyle": "round",
+    "xtick.color": "#777777",
+    "ytick.color": "#777777",
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 8.5,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "text.color": INK,
+}
+
+_LOCK = RLock()  # matplotlib's settings are one dictionary for the whole process
+
+
+@contextmanager
+def context() -> Iterator[None]:
+    """Apply the look while a figure is built; figures may be built in several threads."""
+    import matplotlib
+
+    with _LOCK, matplotlib.rc_context(RC):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure [inch] that fits its labels by itself."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def line(number: int, faint: bool = False) -> dict[str, Any]:
+    """Return colour and dashes of the line with this number: told apart in grey print too."""
+    look = {"color": COLOURS[number % len(COLOURS)], "linestyle": DASHES[number % len(DASHES)]}
+    return {**look, "color": MARK, "linewidth": 0.8} if faint else look
+
+
+def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[float, float]:
+    """Return the size [inch] of a figure that is ``tall`` with one row of panels and else ``height`` for each."""
+    width = WIDEST * 0.6 if columns == 1 else min(columns * PANEL_WIDTH, WIDEST)
+    return width, tall if rows == 1 else height * rows
+
+
+def name_systems(figure: Figure, names: Sequence[str], place: Axes) -> None:
+    """Name a single system at the right end above ``place`` if there is room, several in a legend above all."""
+    if len(names) > 1:
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(names), 4))
+        return
+    room = place.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
+    if len(place.get_title(loc="left")) + len(names[0]) + 3 <= room:
+        place.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
+
+
+def remark(axes: Axes, words: str, top: bool = False) -> None:
+    """Write a short remark into the lower or upper left corner of a panel."""
+    height, side = (0.96, "top") if top else (0.04, "bottom")
+    axes.text(0.02, height, words, transform=axes.transAxes, va=side, fontsize=8.5, color=MARK, style="italic")

@@ -1,0 +1,174 @@
+"""Bode plots: labels, units, and data against closed forms."""
+
+import threading
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.plots import bode
+from tests.plots.conftest import MASS, STIFFNESS
+
+
+def panels(figure):
+    """Return the (magnitude, phase) axes in the order in which they are read."""
+    return list(zip(figure.axes[0::2], figure.axes[1::2], strict=True))
+
+
+def curve(axes, number=0):
+    lines = [line for line in axes.lines if len(line.get_xdata()) > 2]
+    return np.asarray(lines[number].get_xdata()), np.asarray(lines[number].get_ydata(), dtype=float)
+
+
+def test_labels_and_units(slider):
+    figure = bode(slider(damping=10.0))
+    titles = [top.get_title(loc="left") for top, _ in panels(figure)]
+    assert titles == ["F → x", "ax → x", "F → v", "ax → v", "F → a", "ax → a"]
+    magnitudes = [top.get_ylabel() for top, _ in panels(figure)]
+    assert magnitudes == ["|x / F| [m/N]", "|x / ax| [s²]", "|v / F| [(m/s)/N]", "|v / ax| [(m/s)/(m/s²)]",
+                          "|a / F| [(m/s²)/N]", "|a / ax| [1]"]  # fmt: skip
+    assert {below.get_ylabel() for _, below in panels(figure)} == {"phase [deg]"}
+    assert [below.get_xlabel() for _, below in panels(figure)][-2:] == ["frequency [Hz]"] * 2
+    top, below = panels(figure)[0]
+    assert (top.get_xscale(), top.get_yscale(), below.get_xscale()) == ("log", "log", "log")
+
+
+def test_the_peak_is_that_of_the_closed_form(slider):
+    ratio = 1e-4
+    system = slider(damping=2 * ratio * np.sqrt(STIFFNESS * MASS))
+    ((top, below),) = panels(bode(system, "F", "x"))
+    f, magnitude = curve(top)
+    assert magnitude.max() == pytest.approx(1 / (2 * ratio * STIFFNESS * np.sqrt(1 - ratio**2)), rel=1e-9)
+    assert f[magnitude.argmax()] == pytest.approx(np.sqrt(STIFFNESS / MASS * (1 - 2 * ratio**2)) / (2 * np.pi))
+    _, phase = curve(below)
+    assert phase[0] == pytest.approx(0.0, abs=0.01)
+    assert phase[-1] == pytest.approx(-180.0, abs=0.01)
+    assert phase[magnitude.argmax()] == pytest.approx(-90.0, abs=0.1)
+
+
+def test_stewart_peaks_equal_the_frequency_response():
+    system = mv.library.build("stewart").linearize()
+    ((top, _),) = panels(bode(system, "Fx", "x"))
+    _, magnitude = curve(top)
+    at = 2 * np.pi * system.modes().damped_frequencies[0]
+    assert magnitude.max() == pytest.approx(abs(system.frequency_response([at])[0, 0, 0]), rel=1e-4)
+    assert magnitude[0] == pytest.approx(2.8371955207e-8, rel=5e-3)
+
+
+def test_an_antiresonance_is_resolved():
+    system = mv.library.build("quarter_car").linearize()
+    ((top, _),) = panels(bode(system, "road", "wheel.z"))
+    _, magnitude = curve(top)
+    # undamped, so that the zero is exact: a grid that is even falls short of it by orders of magnitude
+    assert magnitude.min() < 1e-3 * magnitude[0]
+
+
+def test_natural_frequencies_are_marked_once(slider):
+    system = mv.library.build("stewart").linearize()
+    ((top, _),) = panels(bode(system, "Fx", "x"))
+    marks = [line.get_xdata()[0] for line in top.lines if len(line.get_xdata()) == 2]
+    assert len(marks) == 4  # two pairs are equal
+    assert marks == pytest.approx(sorted({round(f, 6) for f in system.modes().frequencies}), abs=1e-6)
+    ((top, _),) = panels(bode(system, "Fx", "x", marks=False))
+    assert len(top.lines) == 1
+
+
+def test_many_natural_frequencies_are_not_marked():
+    ((top, _),) = panels(bode(mv.library.build("C50RF1").linearize(), "Fx", "x"))
+    assert len(top.lines) == 1
+
+
+def test_given_frequencies_are_used_as_they_are(slider):
+    system = slider(damping=1.0)
+    ((top, _),) = panels(bode(system, "F", "x", [4.0, 1.0, 2.0]))
+    f, magnitude = curve(top)
+    assert f.tolist() == [1.0, 2.0, 4.0]
+    expected = 1 / np.abs(STIFFNESS - MASS * (2 * np.pi * f) ** 2 + 2j * np.pi * f)
+    np.testing.assert_allclose(magnitude, expected, rtol=1e-12)
+    for wrong in ([], [0.0, 1.0], [1.0, np.nan]):
+        with pytest.raises(mv.ResponseError, match="above 0 Hz"):
+            bode(system, "F", "x", wrong)
+
+
+def test_continuous_and_wrapped_phase():
+    system = mv.library.build("stewart").linearize()
+    ((_, below),) = panels(bode(system, "My", "x"))
+    _, phase = curve(below)
+    assert phase.min() < -350
+    assert np.abs(np.diff(phase)).max() < 90
+    ((_, below),) = panels(bode(system, "My", "x", wrap=True))
+    _, phase = curve(below)
+    assert np.isnan(phase).any()
+    assert np.nanmin(phase) >= -180
+    assert np.nanmax(phase) <= 180
+
+
+def test_an_undamped_system_has_phases_of_0_and_minus_180(slider):
+    ((_, below),) = panels(bode(slider(), "F", "x"))
+    _, phase = curve(below)
+    assert set(np.unique(phase)) == {0.0, -180.0}
+
+
+def test_phase_of_a_free_body_starts_behind(slider):
+    ((_, below),) = panels(bode(slider(stiffness=0.0), "F", "x"))
+    assert curve(below)[1] == pytest.approx(-180.0)
+
+
+def test_what_is_zero_by_symmetry_is_named():
+    system = mv.library.build("stewart").linearize()
+    ((top, _),) = panels(bode(system, "Fx", "y"))
+    assert any("rounding" in text.get_text() for text in top.texts)
+
+
+def test_a_response_that_is_exactly_zero_is_drawn(tmp_path):
+    model = mv.Model("two")
+    for name in ("one", "other"):
+        model.add_body(name, 1.0, (1, 1, 1))
+        model.add_joint(f"{name}.rail", "prismatic", "ground", name, axis=(1, 0, 0))
+        model.add_spring(f"{name}.k", "ground", name, (-1, 0, 0), (0, 0, 0), 100.0, 1.0)
+    model.add_input("F", "one", "x")
+    model.add_output("x", "other", "x")
+    figure = bode(model.linearize())
+    figure.savefig(tmp_path / "zero.png")
+    assert np.isnan(curve(figure.axes[0])[1]).all()
+
+
+def test_several_systems_get_a_legend(slider):
+    figure = bode([slider(damping=1.0), slider(damping=50.0)], "F", "x", labels=["1 N s/m", "50 N s/m"])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["1 N s/m", "50 N s/m"]
+    for i, damping in enumerate((1.0, 50.0)):
+        ratio = damping / (2 * np.sqrt(STIFFNESS * MASS))
+        assert curve(figure.axes[0], i)[1].max() == pytest.approx(1 / (2 * ratio * STIFFNESS * np.sqrt(1 - ratio**2)))
+    assert figure.axes[0].lines[0].get_linestyle() != figure.axes[0].lines[1].get_linestyle()
+
+
+def test_flat_responses_keep_labels_on_their_axis(slider, tmp_path):
+    figure = bode(slider(), "F", "x", span=(0.01, 0.1))
+    figure.savefig(tmp_path / "flat.png")
+    labels = [tick.label1.get_text() for tick in figure.axes[0].yaxis.get_major_ticks()]
+    assert len([label for label in labels if label]) >= 2
+
+
+def test_nothing_global_is_left_behind(slider):
+    before = dict(mpl.rcParams)
+    bode(slider(damping=1.0), "F", "x")
+    assert dict(mpl.rcParams) == before
+
+
+def test_figures_can_be_built_in_threads(slider, tmp_path):
+    system = slider(damping=1.0)
+    before, sizes = dict(mpl.rcParams), []
+
+    def draw(number):
+        path = tmp_path / f"{number}.png"
+        bode(system, "F", "x").savefig(path)
+        sizes.append(path.stat().st_size)
+
+    threads = [threading.Thread(target=draw, args=(i,)) for i in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(sizes) == 3
+    assert dict(mpl.rcParams) == before

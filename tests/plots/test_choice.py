@@ -1,0 +1,51 @@
+"""Names of inputs and outputs, and where panels go."""
+
+import pytest
+
+import mbsvib as mv
+from mbsvib.plots import bode, choice
+
+
+def test_all_pairs_make_a_matrix(slider):
+    panels = choice.pairs(slider(), None, None)
+    assert panels == [[("F", name), ("ax", name)] for name in ("x", "v", "a")]
+
+
+def test_a_single_input_fills_rows(slider):
+    assert choice.pairs(slider(), "F", None) == [[("F", "x"), ("F", "v"), ("F", "a")]]
+    four = choice.pairs(slider(), "F", ["x", "v", "a", "x"])
+    assert [len(row) for row in four] == [2, 2]
+
+
+def test_too_many_panels_are_refused_with_an_example():
+    system = mv.library.build("stewart").linearize()
+    with pytest.raises(mv.ResponseError, match=r"36 panels.*inputs='Fx', outputs='x'"):
+        choice.pairs(system, None, None)
+
+
+def test_unknown_names_suggest_the_nearest():
+    system = mv.library.build("stewart").linearize()
+    with pytest.raises(mv.ResponseError, match=r"input 'fx': system 'stewart' has no such input\. Did you mean 'Fx'"):
+        bode(system, "fx", "x")
+    with pytest.raises(mv.ResponseError, match=r"output 'q'.*It has x, y, z, rx, ry, rz"):
+        bode(system, "Fx", "q")
+    with pytest.raises(mv.ResponseError, match="list of outputs is empty"):
+        bode(system, "Fx", [])
+
+
+def test_a_system_without_outputs_says_what_to_do():
+    model = mv.Model("bare")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_input("F", "b", "x")
+    with pytest.raises(mv.ResponseError, match=r"has no outputs.*add_output"):
+        bode(model.linearize())
+
+
+def test_labels(slider):
+    one, two = slider(), slider(damping=1.0)
+    assert [label for label, _ in choice.listed([one, two], None)] == ["slider (1)", "slider (2)"]
+    assert [label for label, _ in choice.listed([one, two], ["a", "b"])] == ["a", "b"]
+    with pytest.raises(mv.ResponseError, match="1 labels for 2 systems"):
+        choice.listed([one, two], ["a"])
+    with pytest.raises(mv.ResponseError, match="no system"):
+        choice.listed([], None)

@@ -1,0 +1,47 @@
+"""The overview of modes."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.plots import modes
+
+
+def dots(axes):
+    return [line for line in axes.lines if line.get_marker() == "o"]
+
+
+def test_values_and_labels():
+    system = mv.library.build("stewart").linearize()
+    top, below = modes(system).axes
+    assert (top.get_ylabel(), below.get_ylabel(), below.get_xlabel()) == (
+        "natural frequency [Hz]", "damping ratio [%]", "mode")  # fmt: skip
+    np.testing.assert_allclose(dots(top)[0].get_ydata(), system.modes().frequencies)
+    np.testing.assert_allclose(dots(below)[0].get_ydata(), 100 * system.modes().damping_ratios)
+    assert top.get_title(loc="right") == "stewart: 6 DOF"
+
+
+def test_a_wide_range_is_logarithmic():
+    top, _ = modes(mv.library.build("C50RF1").linearize()).axes
+    assert top.get_yscale() == "log"
+
+
+def test_rigid_body_modes_are_open_circles(slider, tmp_path):
+    figure = modes(slider(stiffness=0.0))
+    figure.savefig(tmp_path / "rigid.png")
+    top, _ = figure.axes
+    assert dots(top)[-1].get_markerfacecolor() == "white"
+    assert dots(top)[-1].get_ydata() == pytest.approx([0.0])
+
+
+def test_a_braked_rigid_body_is_drawn(slider, tmp_path):
+    modes(slider(stiffness=0.0, damping=3.0)).savefig(tmp_path / "braked.png")
+    assert (tmp_path / "braked.png").stat().st_size > 1000
+
+
+def test_a_locked_mechanism_has_nothing_to_draw():
+    model = mv.Model("locked")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("weld", "fixed", "ground", "b")
+    with pytest.raises(mv.ResponseError, match="fully locked"):
+        modes(model.linearize())

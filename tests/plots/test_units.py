@@ -1,0 +1,50 @@
+"""How units are written on axes."""
+
+import pytest
+
+from mbsvib.plots import units
+
+
+@pytest.mark.parametrize(
+    ("output", "source", "expected"),
+    [
+        ("m", "N", "m/N"),
+        ("rad", "N m", "rad/(N m)"),
+        ("m/s^2", "m/s^2", "1"),
+        ("rad/s^2", "m/s^2", "rad/m"),
+        ("m/s", "N", "(m/s)/N"),
+        ("m", "m/s^2", "s^2"),
+        ("N", "m/s^2", "N/(m/s^2)"),
+        ("m + rad", "N + N m", "(m + rad)/(N + N m)"),
+        ("m/s^2 + rad/s^2", "m/s^2", "(m/s^2 + rad/s^2)/(m/s^2)"),
+    ],
+)
+def test_ratio(output, source, expected):
+    assert units.ratio(output, source) == expected
+
+
+def test_pretty():
+    assert units.pretty("m/s^2") == "m/s²"
+    assert units.pretty("N/(m/s^2)") == "N/(m/s²)"
+    assert units.pretty("s^-1") == "s⁻¹"
+    assert units.pretty("N m") == "N m"
+
+
+@pytest.mark.parametrize(
+    ("unit", "largest", "shown", "name"),
+    [
+        ("m", 2.8e-8, 28.0, "nm"),
+        ("m", 1e-3, 1.0, "mm"),
+        ("m", 0.9999, 999.9, "mm"),
+        ("N", 4.2e5, 420.0, "kN"),
+        ("rad", 4.2e5, 4.2e5, "rad"),
+        ("m", 3e-17, 3e-5, "pm"),
+        ("s", 20.0, 20.0, "s"),
+        ("m + rad", 1e-6, 1e-6, "m + rad"),
+        ("m", 0.0, 0.0, "m"),
+    ],
+)
+def test_prefix(unit, largest, shown, name):
+    factor, prefixed = units.prefix(unit, largest)
+    assert prefixed == name
+    assert factor * largest == pytest.approx(shown, rel=1e-12)
