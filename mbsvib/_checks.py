@@ -6,7 +6,7 @@ has hundreds of them.
 
 from __future__ import annotations
 
-from math import isfinite, sin, sqrt
+from math import hypot, inf, isfinite, sin, sqrt
 from typing import Any
 
 from mbsvib.errors import ModelError, nearest
@@ -21,6 +21,7 @@ UNIT6 = tuple(tuple(1.0 if i == j else 0.0 for j in range(6)) for i in range(6))
 # A rotation matrix computed in double precision is orthonormal to 1e-15; one typed with ten digits to 1e-10.
 # Beyond 1e-9 the axes would scale stiffness by more than the accuracy this toolbox promises.
 ROTATION_TOLERANCE = 1e-9
+TINY = 1e-150
 
 
 def refuse(who: str, field: str, given: Any, expected: str, hint: str = "") -> ModelError:
@@ -42,7 +43,7 @@ def number(value: Any, who: str, field: str, expected: str = "a finite number") 
             raise refuse(who, field, value, expected)
         try:
             value = float(value)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise refuse(who, field, value, expected) from error
     if not isfinite(value):
         raise refuse(who, field, value, expected, "NaN and infinity are not values a mechanism can have.")
@@ -56,9 +57,9 @@ def numbers(value: Any, sizes: tuple[int, ...], who: str, field: str, expected: 
         raise refuse(who, field, value, expected)
     try:
         result = tuple(map(float, items))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise refuse(who, field, value, expected) from error
-    if not isfinite(sum(result)):
+    if not all(map(isfinite, result)):
         hint = "NaN and infinity are not values a mechanism can have."
         raise refuse(who, field, value, expected, hint)
     return result
@@ -72,11 +73,11 @@ def vector(value: Any, who: str, field: str, expected: str = "three finite numbe
 def axis(value: Any, who: str, field: str) -> Vector:
     """Return ``value`` as a unit vector."""
     x, y, z = vector(value, who, field, "a direction (x, y, z) that is not zero")
-    scale = max(abs(x), abs(y), abs(z))
-    if scale == 0.0:
-        raise refuse(who, field, value, "a direction (x, y, z) that is not zero")
-    x, y, z = x / scale, y / scale, z / scale
-    length = sqrt(x * x + y * y + z * z)
+    length = hypot(x, y, z)
+    if length == 0.0 or length == inf:
+        raise refuse(who, field, value, "a direction (x, y, z) that is not zero, nor too long for a number")
+    if length < TINY:  # up, to where lengths keep all their digits
+        return axis((x / TINY, y / TINY, z / TINY), who, field)
     return (x / length, y / length, z / length)
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.system import System
+    from mbsvib.topology import Topology
 
 GROUND = "ground"
 
@@ -54,6 +55,7 @@ class Model:
         self._springs: dict[str, Bushing | Spring] = {}
         self._inputs: dict[str, Input | BaseMotion] = {}
         self._outputs: dict[str, Output | ForceOutput] = {}
+        self._topology: Topology | None = None  # what bodies and joints imply, until one more is added
 
     @property
     def bodies(self) -> Mapping[str, Body]:
@@ -113,6 +115,7 @@ class Model:
         self._check_name(name, "body")
         part = _body.make(name, mass, inertia, position, orientation)
         self._bodies[name] = part
+        self._topology = None
         return part
 
     def add_joint(
@@ -160,6 +163,7 @@ class Model:
         b = self._body_name(second, "joint", name, "second")
         part = _joint.make(name, kind, a, b, position, orientation, axis, axis2, pitch, free)
         self._joints[name] = part
+        self._topology = None
         return part
 
     def add_bushing(

@@ -79,6 +79,8 @@ def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
 
     Source: Chaudhary & Saha (2009), appendix B.
     """
+    if not cut and model._topology is not None:
+        return model._topology
     if not model.bodies:
         raise ModelError(f"model '{model.name}' has no body; add one with add_body.", element=model.name)
     bodies, joints = tuple(model.bodies), tuple(model.joints.values())
@@ -91,7 +93,10 @@ def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
         _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
     used = {branch.joint for branch in branches}
     left = tuple(k for k in range(len(joints)) if k not in used)
-    return Topology(bodies, joints, tuple(branches), left, tuple(floating))
+    topology = Topology(bodies, joints, tuple(branches), left, tuple(floating))
+    if not cut:
+        model._topology = topology
+    return topology
 
 
 def _edges(

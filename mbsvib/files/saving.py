@@ -10,7 +10,6 @@ from typing import Any
 from uuid import uuid4
 
 from mbsvib.errors import ModelError
-from mbsvib.files.directions import plain_axis
 from mbsvib.files.reading import suffix_of
 from mbsvib.files.text import json_text, yaml_text
 from mbsvib.files.words import SECTIONS, VERSION, head_words, words
@@ -71,8 +70,6 @@ def described(model: Model) -> dict[str, Any]:
 
 def _spoken(word: str, value: Any) -> Any:
     """Return the shorter form of a value that the ``add_...`` call turns into the same value."""
-    if word in ("axis", "axis2"):
-        return plain_axis(value)
     if word in ("inertia", "direction") and len(value) == 6 and value[3:] == (0.0, 0.0, 0.0):
         return value[:3]
     return value

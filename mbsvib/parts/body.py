@@ -68,13 +68,15 @@ def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, f
 
 def principal(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> tuple[float, float, float]:
     """Return the eigenvalues of a symmetric 3x3 matrix in ascending order (trigonometric closed form)."""
+    scale = max(map(abs, (xx, yy, zz, xy, xz, yz))) or 1.0
+    xx, yy, zz, xy, xz, yz = (entry / scale for entry in (xx, yy, zz, xy, xz, yz))
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
     p = sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
-    if p == 0.0:
-        return (mean, mean, mean)
+    if p < 1e-100:  # a ball, up to entries that no rounding can tell from zero
+        return (scale * mean, scale * mean, scale * mean)
     determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
     angle = acos(min(1.0, max(-1.0, determinant / (2.0 * p * p * p)))) / 3.0
     high = mean + 2.0 * p * cos(angle)
     low = mean + 2.0 * p * cos(angle + 2.0 * pi / 3.0)
-    return (low, 3.0 * mean - high - low, high)
+    return (scale * low, scale * (3.0 * mean - high - low), scale * high)

@@ -9,7 +9,7 @@ hands on, diag(Q, Q) S and L diag(Q, Q)^T, is in world axes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot
 from typing import Any
 
 from mbsvib import _checks as check
@@ -92,14 +92,16 @@ def make(
         if orientation is not None:
             raise ModelError(f"{who}: both orientation and axis are given; they say the same, give one.",
                              element=who, field="axis")  # fmt: skip
-        axis = check.axis(axis, who, "axis")
+        axis = check.vector(axis, who, "axis")
     if kind == "universal":
-        axis, axis2, axes, freedom = _universal(axis, axis2, orientation, who)
+        axis2 = None if axis2 is None else check.vector(axis2, who, "axis2")
+        axes, freedom = _universal(axis, axis2, orientation, who)
     else:
         if axis2 is not None:
             raise ModelError(f"{who}: axis2 is for universal joints; a {kind} joint has none.",
                              element=who, field="axis2")  # fmt: skip
-        axes = check.frame_along(axis) if axis is not None else check.orientation(orientation, who)
+        axes = check.orientation(orientation, who) if axis is None else \
+            check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
     if kind == "screw":
         pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
         freedom = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
@@ -139,6 +141,8 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
             f"{who}: kind = {kind!r} already says what is free; leave out free=, or give kind=None with it.",
             element=who, field="free",
         )  # fmt: skip
+    if not hasattr(free, "__iter__"):
+        raise check.refuse(who, "free", free, "directions out of x y z rx ry rz")
     given = (free,) if isinstance(free, str) else tuple(free)
     for direction in given:
         if direction not in DIRECTIONS:
@@ -149,22 +153,22 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
     return "custom", tuple(d for d in DIRECTIONS if d in given)
 
 
-def _universal(axis: Any, axis2: Any, orientation: Any, who: str) -> tuple[Any, Any, Matrix3, Named]:
+def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who: str) -> tuple[Matrix3, Named]:
     """Axes of a universal joint: x along ``axis``, ``axis2`` in the x-y plane, the locked rotation along z."""
     if axis is None:
         if axis2 is not None:
             raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")
-        return None, None, check.orientation(orientation, who), _SUBSPACES["universal"][0]
-    a = axis
+        return check.orientation(orientation, who), _SUBSPACES["universal"][0]
+    a = check.axis(axis, who, "axis")
     if axis2 is None:
         raise check.refuse(who, "axis2", None, "the axis in the second body, to go with axis")
     b = check.axis(axis2, who, "axis2")
     n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    sine = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    sine = hypot(*n)
     if sine < PARALLEL:
         raise check.refuse(who, "axis2", axis2, f"an axis that is not parallel to axis = {axis}")
     z = (n[0] / sine, n[1] / sine, n[2] / sine)
     y = (z[1] * a[2] - z[2] * a[1], z[2] * a[0] - z[0] * a[2], z[0] * a[1] - z[1] * a[0])
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     freedom = (("rx", UNIT6[3]), ("ry", (0.0, 0.0, 0.0, cosine, sine, 0.0)))
-    return axis, b, ((a[0], y[0], z[0]), (a[1], y[1], z[1]), (a[2], y[2], z[2])), freedom
+    return ((a[0], y[0], z[0]), (a[1], y[1], z[1]), (a[2], y[2], z[2])), freedom

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, inf
 from typing import Any
 
 from mbsvib import _checks as check
@@ -37,8 +37,8 @@ def make(name: str, first: str, second: str, start: Any, end: Any, stiffness: An
     a = check.vector(start, who, "start")
     b = check.vector(end, who, "end")
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    length = sqrt(x * x + y * y + z * z)
-    if not length > 0.0:
+    length = hypot(x, y, z)
+    if not 0.0 < length < inf:
         raise check.refuse(who, "end", end, "a point other than start",
                            "A spring of no length has no line to act along: use a bushing.")  # fmt: skip
     k = check.number(stiffness, who, "stiffness", "a finite number [N/m]")

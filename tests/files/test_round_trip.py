@@ -8,15 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mbsvib as mv
-from mbsvib import _checks as check
 from mbsvib.files import load, save
-from mbsvib.files.directions import plain_axis
 from mbsvib.files.json_text import read_json
 from mbsvib.files.saving import described
 from mbsvib.files.text import json_text, yaml_text
 from mbsvib.files.yaml_text import read_yaml
 from mbsvib.library import models as library_models
-from tests.files.models import axes, models, sections
+from tests.files.models import models, sections
 
 SUFFIXES = ("yaml", "yml", "json")
 
@@ -54,25 +52,6 @@ def test_every_float_comes_back_to_the_last_bit(value, write):
     again = read(write({"value": value, "list": (value, 1.0)}), "file").data
     assert bits(again["value"]) == bits(value)
     assert bits(tuple(again["list"])) == bits((value, 1.0))
-
-
-@given(axes)
-@settings(max_examples=500, deadline=None)
-def test_axis_comes_back_to_the_last_bit(vector):
-    axis = check.axis(vector, "axis", "axis")
-    plain = plain_axis(axis)
-    assert check.axis(plain, "axis", "axis") == axis
-    assert max(map(abs, plain)) == 1.0
-
-
-def test_axis_that_no_vector_leads_to_is_left_alone():
-    assert plain_axis((0.3, 0.4, 0.5)) == (0.3, 0.4, 0.5)
-
-
-def test_axis_of_a_thousand_joints_comes_back():
-    for vector in np.random.default_rng(3).normal(size=(1000, 3)).tolist():
-        axis = check.axis(vector, "axis", "axis")
-        assert check.axis(plain_axis(axis), "axis", "axis") == axis
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -37,8 +37,8 @@ joints:
     first: ground
     second: "1"
     position: [0.1, 0.0, 0.0]
-    axis: [1.0, 0.0, 0.0]
-    axis2: [0.0, 0.5, 1.0]
+    axis: [3.0, 0.0, 0.0]
+    axis2: [0.0, 1.0, 2.0]
   "on":
     kind: custom
     first: "1"
