@@ -1,0 +1,76 @@
+"""Skyhook damping of a quarter car: the damper that hangs on the sky, and how to build it without a sky.
+
+A damper between body and wheel calms the resonance and pays with a harsh ride above it. A damper between body and sky
+would not, and an actuator can pretend to be one: integrate the accelerometer on the body, and push with -g times that
+velocity. Signals are wired by their names. Were the tyre rigid, road to body would be
+
+    T(s) = w0^2 / (s^2 + (g/m) s + w0^2),    w0^2 = k/m.
+
+It is not, and near 11 Hz the picture shows what the sky cannot do: the wheel has lost its damper, and hops.
+"""
+
+import control
+import numpy as np
+
+from mbsvib.library import quarter_car
+from mbsvib_export import to_control
+
+BODY, WHEEL, SUSPENSION, TYRE = 317.5, 45.4, 22e3, 192e3
+GAIN = 2 * 0.7 * np.sqrt(SUSPENSION * BODY)  # 70 % damping [N s/m]
+
+
+def skyhook(**car):
+    """Close the loop from the body's accelerometer by way of an integrator to the actuator."""
+    plant = to_control(quarter_car(**car).linearize())
+    law = control.ss([[0]], [[1]], [[-GAIN]], [[0]], inputs=["body:az"], outputs=["actuator"], name="law")
+    return control.interconnect([plant, law], inputs=["road"], outputs=["body:az"], check_unused=False)
+
+
+def transmissibility(system):
+    """Acceleration of the body for a unit acceleration of the road, over ``frequency``."""
+    return control.frequency_response(system["body:az", "road"], 2 * np.pi * frequency).complex
+
+
+frequency = np.geomspace(0.2, 30.0, 400)
+s = 2j * np.pi * frequency
+active, passive = skyhook(), to_control(quarter_car(suspension_damping=1500.0).linearize())
+# The actuator pushes the wheel as much as the body: with body and wheel as unknowns,
+body, wheel, force = BODY * s**2 + GAIN * s + SUSPENSION, WHEEL * s**2 + SUSPENSION + TYRE, GAIN * s + SUSPENSION
+closed_form = SUSPENSION * TYRE / (body * wheel - SUSPENSION * force)
+assert np.allclose(transmissibility(active), closed_form, rtol=1e-11, atol=0)
+# and a tyre of stone leaves the textbook's isolator.
+ideal = SUSPENSION / body
+assert np.allclose(transmissibility(skyhook(tyre_stiffness=1e12)), ideal, rtol=1e-4, atol=0)
+
+# A bump, 5 cm high and a quarter of a second long, given as the acceleration it is
+time = np.linspace(0.0, 2.0, 4001)
+bump = np.where(time < 0.25, 0.025 * (8 * np.pi) ** 2 * np.cos(8 * np.pi * time), 0.0)
+ride = {name: control.forced_response(car["body:az", "road"], time, bump).outputs
+        for name, car in (("damper 1.5 kN s/m", passive), ("skyhook", active))}  # fmt: skip
+assert np.max(abs(ride["skyhook"])) < 0.8 * np.max(abs(ride["damper 1.5 kN s/m"]))
+
+
+def draw():
+    """Transmissibility, and the ride over the bump."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
+    for (name, acceleration), car in zip(ride.items(), (passive, active), strict=True):
+        left.loglog(frequency, abs(transmissibility(car)), label=name)
+        right.plot(time, acceleration, label=name)
+    left.loglog(frequency, abs(ideal), "k:", label="skyhook on a rigid tyre")
+    left.set(title="Road to body", xlabel="frequency [Hz]", ylabel="transmissibility [-]", ylim=(1e-3, 5))
+    left.set_xticks((0.2, 0.5, 1, 2, 5, 10, 20), labels=("0.2", "0.5", "1", "2", "5", "10", "20"))
+    left.minorticks_off()
+    right.set(title="Over a bump of 5 cm", xlabel="time [s]", ylabel="acceleration of the body [m/s²]")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend()
+    return figure
+
+
+if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
+    draw()
+    plt.show()

@@ -1,0 +1,49 @@
+"""Every example runs, keeps its promises in numbers, and draws pictures that can be read."""
+
+import ast
+import runpy
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Figures that an example leaves open, without a screen."""
+    mpl.use("agg")
+    from matplotlib import pyplot as plt
+
+    shown = []
+    monkeypatch.setattr(plt, "show", lambda: shown.extend(map(plt.figure, plt.get_fignums())))
+    yield shown
+    plt.close("all")
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_runs_and_draws(path, figures):
+    runpy.run_path(str(path), run_name="__main__")
+    assert figures
+    for figure in figures:
+        figure.canvas.draw()
+        labels = [label for axes in figure.axes for label in (axes.get_xlabel(), axes.get_ylabel()) if label]
+        assert len(labels) >= 2
+        assert all(label.endswith("]") for label in labels), "an axis has no unit"
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_example_is_short_and_holds_itself_to_numbers(path):
+    source = path.read_text()
+    tree = ast.parse(source)
+    assert ast.get_docstring(tree)
+    assert len(source.splitlines()) < 80
+    assert any(isinstance(node, ast.Assert) for node in ast.walk(tree))
+    # importing an example computes; drawing waits until it is run
+    imports = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert not any("matplotlib" in line for line in imports)
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 5
