@@ -96,7 +96,7 @@ def curves(
     else:
         grid = np.unique(np.asarray(frequencies, dtype=float))
         if not grid.size or not (np.isfinite(grid).all() and grid[0] > 0.0):
-            raise ResponseError("frequencies: expected one or more, finite and above 0 Hz, as the axis is logarithmic.")
+            raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
     response = system.frequency_response(2.0 * np.pi * grid)
     height = np.abs(response).max(axis=2)
     result = []

@@ -19,7 +19,7 @@ def test_a_single_input_fills_rows(slider):
 
 def test_too_many_panels_are_refused_with_an_example():
     system = mv.library.build("stewart").linearize()
-    with pytest.raises(mv.ResponseError, match=r"36 panels.*inputs='Fx', outputs='x'"):
+    with pytest.raises(mv.ResponseError, match=r"36 panels.*input 'Fx' and output 'x'"):
         choice.pairs(system, None, None)
 
 

@@ -1,0 +1,42 @@
+"""The application: its commands and the options that all of them share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from mbsvib import __version__
+from mbsvib.cli import demo, drawing, exporting, looking, shell
+
+app = typer.Typer(
+    cls=shell.Group, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="MODEL is a model file (.yaml or .json) or the name of a built-in model, see: mbsvib models",
+)  # fmt: skip
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"mbsvib {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    debug: Annotated[bool, typer.Option(shell.DEBUG, help="Show an error's traceback, with any command.")] = False,
+) -> None:
+    """Vibration of multibody mechanisms: modes, Bode plots, step responses and state-space models."""
+
+
+app.command()(demo.demo)
+app.command()(looking.models)
+app.command()(looking.modes)
+app.command()(drawing.bode)
+app.command()(drawing.step)
+app.command()(looking.check)
+app.command()(exporting.export)
+app.command()(looking.schema)

@@ -1,0 +1,56 @@
+"""The demonstration: the Stewart platform from bodies and joints to figures and files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbsvib.cli import shell
+
+FOLDER = Path("mbsvib-demo")
+
+
+def demo(
+    folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")] = FOLDER,
+) -> None:
+    """Compute the Stewart platform end to end: modes, Bode plots, step response, files in a folder."""
+    from mbsvib import library, plots, tables
+    from mbsvib.cli.drawing import write_figure
+    from mbsvib.cli.records import csv_text
+    from mbsvib.files import save
+    from mbsvib_export import to_json, to_npz
+    from mbsvib_export.whole_file import write_whole
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise shell.UsageProblem(f"'{folder}' cannot be made: {error.strerror}. Give another folder by -o.") from error
+    model = library.stewart(ports=("platform", "base"))
+    system = model.linearize()
+    modes = system.modes()
+    shell.say(str(modes))
+
+    files = []
+
+    def wrote(name: str, words: str) -> Path:
+        files.append((name, words))
+        return folder / name
+
+    table = csv_text(modes).encode()
+    write_whole(wrote("modes.csv", "the table above, with every digit"), lambda stream: stream.write(table))
+    write_figure(plots.modes(system), wrote("modes.png", "natural frequencies and damping ratios"))
+    force = plots.bode(system, "Fx", "x")
+    write_figure(force, wrote("bode-force.png", "Bode plot, force on the platform to its displacement"))
+    base = plots.bode(system, "ax", "platform.ax")
+    write_figure(base, wrote("bode-base.png", "Bode plot, acceleration of the base to that of the platform"))
+    write_figure(plots.step(system, "Fx", "x"), wrote("step.png", "response to a step of that force"))
+    save(model, wrote("stewart.yaml", "the model: bodies, joints, springs, inputs, outputs; edit and try again"))
+    to_npz(system, wrote("stewart.npz", "M C K B, state space, names and units for numpy"))
+    to_json(system, wrote("stewart.json", "the same for any language"))
+
+    shell.say("")
+    place = shell.shown(folder)
+    tables.show(shell.console(), f"Written to {place}", [("file", "left"), ("what is in it", "left")], files)
+    shell.say(f"Next: mbsvib modes {Path(place) / 'stewart.yaml'}")

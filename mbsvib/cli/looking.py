@@ -1,0 +1,57 @@
+"""Commands that print: models, modes, check, schema."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from mbsvib.cli import shell
+from mbsvib.cli.lookup import ModelArgument, system_of
+
+
+def models() -> None:
+    """List the built-in models."""
+    from mbsvib import library, tables
+
+    rows = [(name, words) for name, (_, words) in library.models().items()]
+    note = "Members of the families by the chapter's names too: C50RF1, T5PF1, L20SF1 (size and joint)."
+    tables.show(shell.console(), "Built-in models", [("name", "left"), ("what it is", "left")], rows, [note])
+
+
+def modes(
+    model: ModelArgument,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Comma-separated values with every digit.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON with every digit.")] = False,
+) -> None:
+    """Print natural frequencies, damping ratios and what moves most in each mode."""
+    if as_csv and as_json:
+        raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
+    result = system_of(model).modes()
+    if as_csv or as_json:
+        from mbsvib.cli import records
+
+        shell.say(records.json_text(result) if as_json else records.csv_text(result).rstrip("\n"))
+        return
+    shell.say(str(result))
+
+
+def check(model: ModelArgument) -> None:
+    """Load and linearize a model and explain what was found; exit status 1 if it is faulty."""
+    system = system_of(model)
+    shell.say(system.explain())
+    modes = system.modes()
+    shell.say("modes")
+    if len(modes):
+        shell.say(f"  {len(modes)}, {modes.frequencies[0]:.6g} to {modes.frequencies[-1]:.6g} Hz")
+    for remark in modes.remarks():
+        shell.say(f"  {remark}")
+
+
+def schema() -> None:
+    """Print the JSON schema of model files, for editors that check and complete them."""
+    import json
+
+    from mbsvib.files import schema as of_files
+
+    shell.say(json.dumps(of_files(), indent=2))

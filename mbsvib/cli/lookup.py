@@ -1,0 +1,109 @@
+"""From words on the command line to models, systems, inputs and outputs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from mbsvib.cli.shell import UsageProblem
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from mbsvib.model import Model
+    from mbsvib.system import System
+
+SUFFIXES = (".yaml", ".yml", ".json")
+
+ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="Model file, or name of a built-in model.")]
+InputOption = Annotated[
+    list[str] | None, typer.Option("--input", "-i", metavar="NAME", help="Input; may be given several times.")
+]
+OutputOption = Annotated[
+    list[str] | None, typer.Option("--output", "-o", metavar="NAME", help="Output; may be given several times.")
+]
+
+
+def model_of(word: str) -> Model:
+    """Return the model that a file holds or a name of the library stands for.
+
+    Parameters
+    ----------
+    word : str
+        A path that ends in .yaml, .yml or .json, or a built-in name.
+
+    Returns
+    -------
+    Model
+        The model.
+
+    Raises
+    ------
+    UsageProblem
+        If there is neither such a file nor such a name.
+    ModelError
+        If the file is faulty.
+    """
+    path = Path(word)
+    if path.suffix.lower() in SUFFIXES or path.is_file():
+        if not path.is_file():
+            beside = [str(path.parent / each.name) for each in _models_beside(path)]
+            raise UsageProblem(f"there is no file '{word}'.{nearest(word, beside)}")
+        from mbsvib.files import load
+
+        return load(path)
+    from mbsvib import library
+
+    try:
+        return library.build(word)
+    except ModelError as error:
+        if error.element != word:
+            raise
+        raise UsageProblem(
+            f"there is no model '{word}': it is no file that ends in {', '.join(SUFFIXES)}, and no built-in name."
+            f"{nearest(word, library.models())} Built in: {', '.join(library.models())}."
+        ) from error
+
+
+def system_of(word: str) -> System:
+    """Return the linear system of a model; raises as ``model_of`` does, and if it cannot be linearized."""
+    return model_of(word).linearize()
+
+
+def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -> tuple[list[str], list[str], str]:
+    """Return the inputs and outputs to draw, and a remark on those that were left out.
+
+    Without any wish, all are drawn if they fit into one figure, and otherwise the first of each.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : list of str or None
+        Names asked for.
+
+    Returns
+    -------
+    (list of str, list of str, str)
+        Names of inputs, of outputs, and the remark, empty if there is nothing to say.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    from mbsvib.plots.choice import MOST_PANELS, pick
+
+    sources, results = pick(system, "input", inputs or None), pick(system, "output", outputs or None)
+    if len(sources) * len(results) <= MOST_PANELS or (inputs and outputs):
+        return sources, results, ""
+    remark = (f"Drawn: {sources[0]} to {results[0]}. Others by -i and -o; inputs: {', '.join(system.inputs)}; "
+              f"outputs: {', '.join(system.outputs)}.")  # fmt: skip
+    return sources[:1], results[:1], remark
+
+
+def _models_beside(path: Path) -> list[Path]:
+    if not path.parent.is_dir():
+        return []
+    return [each for each in sorted(path.parent.iterdir()) if each.suffix.lower() in SUFFIXES]

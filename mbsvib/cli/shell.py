@@ -1,0 +1,79 @@
+"""Between the commands and the terminal: words out, warnings and errors as one message, exit status."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer.core import TyperGroup
+
+from mbsvib import tables
+from mbsvib.errors import AccuracyWarning, MbsvibError, NearSingularWarning, ResponseError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console
+
+DEBUG = "--debug"
+FAILED, MISUSED = 1, 2
+
+
+class UsageProblem(MbsvibError):
+    """A command line that asks for what there is not: exit status 2, where a faulty model has 1."""
+
+
+class Group(TyperGroup):
+    """The commands, with mbsvib's errors and warnings as readable messages on standard error."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take ``--debug`` from wherever it stands."""
+        ctx.meta[DEBUG] = DEBUG in args
+        return super().parse_args(ctx, [word for word in args if word != DEBUG])
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; an error that mbsvib raises on purpose ends it with a message and a status."""
+        with warnings.catch_warnings():
+            for category in (NearSingularWarning, AccuracyWarning):
+                warnings.simplefilter("always", category)
+            warnings.showwarning = _show_warning
+            try:
+                return super().invoke(ctx)
+            except (MbsvibError, OSError) as error:
+                if ctx.meta[DEBUG] or isinstance(error, BrokenPipeError):
+                    raise
+                complain(f"error: {error}")
+                raise typer.Exit(MISUSED if isinstance(error, (UsageProblem, ResponseError)) else FAILED) from error
+
+
+def console() -> Console:
+    """Return a console on standard output as it is now."""
+    from rich.console import Console
+
+    return Console(highlight=False)
+
+
+def say(words: str) -> None:
+    """Print lines as they are: no colours, no wrapping, in ASCII where standard output knows nothing else."""
+    typer.echo(words if tables.encodable(words) else tables.to_ascii(words))
+
+
+def complain(words: str) -> None:
+    """Print a message on standard error."""
+    typer.echo(words if tables.encodable(words, sys.stderr.encoding) else tables.to_ascii(words), err=True)
+
+
+def shown(path: Path) -> str:
+    """Return a path as the user would type it: relative to the current folder if it is in there."""
+    from pathlib import Path
+
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(path)
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    complain(f"warning: {message}")

@@ -1,0 +1,101 @@
+"""Errors: one readable message on standard error, the exit status, and no traceback unless it is asked for."""
+
+import io
+import sys
+import warnings
+
+import pytest
+from typer.testing import CliRunner
+
+import mbsvib as mv
+from mbsvib.cli import shell
+from mbsvib.cli.app import app
+from mbsvib.errors import NearSingularWarning
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "words"),
+    [
+        ("modes stewrt", 2, ["no model 'stewrt'", "Did you mean 'stewart'?", "quarter_car"]),
+        ("modes slidr.yaml", 2, ["no file 'slidr.yaml'", "Did you mean 'slider.yaml'?"]),
+        ("modes nowhere/slider.yaml", 2, ["no file 'nowhere/slider.yaml'"]),
+        ("check faulty.yaml", 1, ["faulty.yaml", "line 5", "mas", "Did you mean 'mass'?"]),
+        ("modes faulty.yaml", 1, ["no body 'mas'"]),
+        ("modes C0RF1", 2, ["no model 'C0RF1'"]),
+        ("bode slider.yaml -i f", 2, ["input 'f'", "Did you mean 'F'?"]),
+        ("bode slider.yaml -o y", 2, ["output 'y'", "It has x."]),
+        ("step quarter_car -i rod", 2, ["input 'rod'", "Did you mean 'road'?"]),
+        ("bode slider.yaml --from 10 --to 1", 2, ["10 to 1 Hz"]),
+        ("bode slider.yaml -f bode.gif", 2, ["bode.gif", ".png, .pdf, .svg"]),
+        ("bode slider.yaml -f nowhere/bode.png", 1, ["nowhere/bode.png", "cannot be written"]),
+        ("step slider.yaml --until 0", 2, ["duration"]),
+        ("bode stewart " + "-i Fx -i Fy -i Fz -i Mx " + "-o x -o y -o z -o rx", 2, ["16 panels", "at most 12"]),
+        ("export slider.yaml -o slider.csv", 2, ["'.csv'", ".json: ", ".npz: ", ".yaml: "]),
+        ("export slider.yaml -o slider.npy", 2, ["Did you mean '.npz'?"]),
+        ("export slider.yaml -o nowhere/slider.json", 1, ["nowhere/slider.json", "cannot be written"]),
+        ("export slider.yaml -o slider.json --states modl", 2, ["'modl'", "Did you mean 'modal'?"]),
+        ("demo -o slider.yaml", 2, ["'slider.yaml'", "another folder"]),
+        ("demo -o slider.yaml/below", 2, ["'slider.yaml/below'"]),
+    ],
+)
+def test_message_and_status(run, line, status, words):
+    result = run(line)
+    assert result.exit_code == status
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: ")
+    assert result.stderr.count("\n") == 1
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+@pytest.mark.parametrize("line", ["modes", "modes stewart --wrong", "modez", "export slider.yaml"])
+def test_misuse_of_the_command_line_has_status_2(run, line):
+    assert run(line).exit_code == 2
+
+
+@pytest.mark.parametrize("line", ["--debug modes stewrt", "modes stewrt --debug"])
+def test_debug_lets_the_error_through(run, line):
+    with pytest.raises(shell.UsageProblem, match="stewrt"):
+        run(line)
+
+
+def test_errors_of_the_library_itself_are_not_hidden(run, monkeypatch):
+    def broken(name):
+        raise mv.ModelError("part 'x' is wrong.", element="x")
+
+    monkeypatch.setattr("mbsvib.library.build", broken)
+    result = run("modes stewart")
+    assert result.exit_code == 1
+    assert "part 'x' is wrong" in result.stderr
+
+
+def test_warnings_are_messages(run, monkeypatch):
+    def warn(word):
+        warnings.warn("near a singular pose", NearSingularWarning, stacklevel=1)
+        return mv.library.build(word).linearize()
+
+    monkeypatch.setattr("mbsvib.cli.looking.system_of", warn)
+    result = run("modes stewart")
+    assert result.exit_code == 0
+    assert result.stderr == "warning: near a singular pose\n"
+
+
+def test_a_closed_pipe_ends_it_quietly(run, monkeypatch):
+    def closed(word):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("mbsvib.cli.looking.system_of", closed)
+    result = CliRunner().invoke(app, ["modes", "stewart"])
+    assert result.exit_code != 0
+    assert "error:" not in result.stderr
+
+
+def test_ascii_where_the_terminal_knows_nothing_else(monkeypatch):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", write_through=True)
+    monkeypatch.setattr(sys, "stdout", stream)
+    shell.say("Fx → x")
+    assert stream.buffer.getvalue() == b"Fx -> x\n"
+    monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(io.BytesIO(), encoding="ascii", write_through=True))
+    shell.complain("90°")
+    assert sys.stderr.buffer.getvalue() == b"90 deg\n"

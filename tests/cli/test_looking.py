@@ -1,0 +1,95 @@
+"""Commands that print, for people and for scripts."""
+
+import csv
+import io
+import json
+import math
+
+import pytest
+from jsonschema import Draft202012Validator
+
+import mbsvib as mv
+
+
+def test_version(run):
+    result = run("--version")
+    assert (result.exit_code, result.stdout) == (0, f"mbsvib {mv.__version__}\n")
+
+
+def test_help_lists_the_commands(run):
+    result = run("--help")
+    assert result.exit_code == 0
+    for command in ("demo", "models", "modes", "bode", "step", "check", "export", "schema"):
+        assert f" {command} " in result.stdout
+
+
+def test_models_lists_the_library(run):
+    lines = run("models").stdout.splitlines()
+    for name, (_, words) in mv.library.models().items():
+        assert any(line.split()[:1] == [name] and words in line for line in lines)
+
+
+def test_modes_prints_the_table(run):
+    result = run("modes stewart")
+    assert result.exit_code == 0
+    assert result.stdout == str(mv.library.stewart().linearize().modes()) + "\n"
+    assert "780.601788" in result.stdout
+    assert "\x1b" not in result.stdout
+
+
+def test_modes_of_a_file_and_of_a_family(run):
+    assert "7.957747" in run("modes slider.yaml").stdout  # sqrt(5000/2)/2 pi
+    assert "C20RF1: 20 DOF" in run("modes C20RF1").stdout
+
+
+def test_modes_as_json_keep_every_digit(run):
+    data = json.loads(run("modes slider.yaml --json").stdout)
+    assert (data["name"], data["dof"]) == ("slider", 1)
+    (mode,) = data["modes"]
+    assert mode["natural_hz"] == pytest.approx(50 / (2 * math.pi), rel=1e-14)
+    assert mode["damping_ratio"] == pytest.approx(10 / (2 * 2 * 50), rel=1e-14)
+    assert mode["real_1"] == pytest.approx(-2.5, rel=1e-14)
+    assert abs(mode["imag_1"]) == pytest.approx(math.sqrt(2500 - 6.25), rel=1e-14)
+    assert mode["imag_2"] == -mode["imag_1"]
+    assert mode["moves_most"] == "mass x"
+
+
+def test_modes_as_csv(run):
+    rows = list(csv.DictReader(io.StringIO(run("modes stewart --csv").stdout)))
+    frequencies = mv.library.stewart().linearize().modes().frequencies
+    assert [float(row["natural_hz"]) for row in rows] == frequencies.tolist()
+    assert [row["mode"] for row in rows] == ["1", "2", "3", "4", "5", "6"]
+
+
+def test_an_infinite_damping_ratio_is_null_in_json(run, tmp_path):
+    words = (tmp_path / "slider.yaml").read_text(encoding="utf-8").replace("stiffness: 5000, ", "")
+    (tmp_path / "braked.yaml").write_text(words, encoding="utf-8")
+    assert json.loads(run("modes braked.yaml --json").stdout)["modes"][0]["damping_ratio"] is None
+    assert ",inf," in run("modes braked.yaml --csv").stdout
+
+
+def test_csv_and_json_together_are_refused(run):
+    result = run("modes stewart --csv --json")
+    assert result.exit_code == 2
+    assert "choose one" in result.stderr
+
+
+def test_check_explains(run):
+    result = run("check stewart")
+    assert result.exit_code == 0
+    assert result.stdout.startswith(mv.library.stewart().linearize().explain())
+    assert "6, 780.602 to 1269.66 Hz" in result.stdout
+
+
+def test_check_of_a_locked_mechanism(run, tmp_path):
+    words = (tmp_path / "slider.yaml").read_text(encoding="utf-8")
+    words = words.replace("prismatic", "fixed").replace(", axis: [1, 0, 0]", "")
+    (tmp_path / "locked.yaml").write_text(words, encoding="utf-8")
+    result = run("check locked.yaml")
+    assert result.exit_code == 0
+    assert "fully locked" in result.stdout
+
+
+def test_schema_is_one(run):
+    schema = json.loads(run("schema").stdout)
+    Draft202012Validator.check_schema(schema)

@@ -1,0 +1,42 @@
+"""The command line as a process of its own."""
+
+import json
+import subprocess
+import sys
+
+
+def mbsvib(*words, code=None):
+    command = [sys.executable, "-c", code, *words] if code else [sys.executable, "-m", "mbsvib", *words]
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
+
+
+def test_a_table_in_a_pipe_is_neither_coloured_nor_wrapped():
+    result = mbsvib("modes", "stewart")
+    assert result.returncode == 0
+    assert result.stderr == ""
+    assert "\x1b" not in result.stdout
+    assert any("780.601788" in line and "platform" in line for line in result.stdout.splitlines())
+
+
+def test_an_error_is_one_line_and_a_status():
+    result = mbsvib("check", "stewrt")
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr.startswith("error: there is no model 'stewrt'")
+
+
+def test_debug_shows_the_traceback():
+    result = mbsvib("check", "stewrt", "--debug")
+    assert result.returncode == 1
+    assert "Traceback" in result.stderr
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys, json\n"
+        "from mbsvib.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print(json.dumps(sorted(m for m in sys.modules if '.' not in m)))\n"
+    )
+    modules = set(json.loads(mbsvib("--help", code=code).stdout.splitlines()[-1]))
+    assert not modules & {"matplotlib", "control", "scipy", "ruamel", "mbsvib_export"}

@@ -1,0 +1,84 @@
+"""Commands that write files."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+
+PNG = b"\x89PNG"
+
+
+def test_bode_writes_a_figure_of_the_model_s_name(run, tmp_path):
+    result = run("bode slider.yaml")
+    assert result.exit_code == 0
+    assert result.stdout == "Written: slider-bode.png\n"
+    assert (tmp_path / "slider-bode.png").read_bytes().startswith(PNG)
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.parametrize(("suffix", "start"), [("png", PNG), ("pdf", b"%PDF"), ("svg", b"<?xml")])
+def test_formats_go_by_the_suffix(run, tmp_path, suffix, start):
+    assert run(f"step slider.yaml -i F -o x --until 1 -f figure.{suffix}").exit_code == 0
+    assert (tmp_path / f"figure.{suffix}").read_bytes().startswith(start)
+
+
+def test_the_first_of_many_is_drawn_and_said(run, tmp_path):
+    result = run("bode stewart")
+    assert "Drawn: Fx to x" in result.stdout
+    assert "Fy, Fz" in result.stdout
+    assert (tmp_path / "stewart-bode.png").exists()
+    assert "Drawn" not in run("bode stewart -i Fx -o x -o ry --from 100 --to 2000 -f two.png").stdout
+
+
+def test_figures_replace_what_was_there(run, tmp_path):
+    (tmp_path / "slider-bode.png").write_bytes(b"old" * 100_000)
+    run("bode slider.yaml")
+    data = (tmp_path / "slider-bode.png").read_bytes()
+    assert data.startswith(PNG)
+    assert b"oldold" not in data
+
+
+def test_export_by_suffix(run, tmp_path):
+    system = mv.load("slider.yaml").linearize()
+    assert run("export slider.yaml -o slider.npz").exit_code == 0
+    np.testing.assert_array_equal(mx.from_npz("slider.npz").K, system.K)
+    assert run("export slider.yaml -o slider.json --states modal").exit_code == 0
+    assert mx.from_json(tmp_path / "slider.json").state_space.realization == "modal"
+    result = run("export stewart -o platform.YAML")
+    assert result.exit_code == 0
+    assert "the model itself" in result.stdout
+    np.testing.assert_array_equal(mv.load("platform.YAML").linearize().M, mv.library.stewart().linearize().M)
+
+
+def test_demo_leaves_a_folder_that_it_names(run, tmp_path):
+    (tmp_path / "mbsvib-demo").mkdir()
+    (tmp_path / "mbsvib-demo" / "step.png").write_bytes(b"old")
+    result = run("demo")
+    assert result.exit_code == 0
+    assert "780.601788" in result.stdout
+    assert "Written to mbsvib-demo" in result.stdout
+    folder = tmp_path / "mbsvib-demo"
+    names = {path.name for path in folder.iterdir()}
+    table = result.stdout.split("Written to mbsvib-demo")[1]
+    assert names == {line.split()[0] for line in table.splitlines() if line.startswith("  ")} - {"file"}
+    for name in ("bode-force.png", "bode-base.png", "step.png", "modes.png"):
+        assert (folder / name).read_bytes().startswith(PNG)
+        assert (folder / name).stat().st_size > 10_000
+    system = mv.load(folder / "stewart.yaml").linearize()
+    np.testing.assert_array_equal(mx.from_npz(folder / "stewart.npz").M, system.M)
+    assert json.loads((folder / "stewart.json").read_text(encoding="utf-8"))["name"] == "stewart"
+    rows = (folder / "modes.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 7
+    assert float(rows[1].split(",")[1]) == system.modes().frequencies[0]
+    assert run("modes mbsvib-demo/stewart.yaml").stdout == str(system.modes()) + "\n"
+
+
+def test_demo_into_another_folder(run, tmp_path):
+    result = run("demo -o there/below")
+    assert result.exit_code == 0
+    assert "Written to there/below" in result.stdout
+    assert (tmp_path / "there" / "below" / "modes.csv").exists()
+    assert not (tmp_path / "mbsvib-demo").exists()
