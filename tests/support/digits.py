@@ -23,6 +23,12 @@ def exact(values):
     return [mp.mpf(float(v)) for v in values]
 
 
+def unit_vector(vector):
+    values = [mp.mpf(v) for v in vector]
+    length = mp.sqrt(dot(values, values))
+    return [v / length for v in values]
+
+
 def columns(matrix):
     return [exact(column) for column in zip(*matrix, strict=True)]
 
@@ -34,6 +40,11 @@ def transpose(a):
 def product(a, b):
     other = transpose(b) if b else []
     return [[dot(row, column) for column in other] for row in a]
+
+
+def clean(a):
+    """Zeros where 50 digits leave the rounding of a zero, for entries of the order of one."""
+    return [[v if abs(v) > mp.mpf("1e-40") else mp.mpf(0) for v in row] for row in a]
 
 
 def double(a, width=0):

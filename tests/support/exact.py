@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from tests.support.digits import (
+    clean,
     columns,
     combination,
     cross,
@@ -22,6 +23,7 @@ from tests.support.digits import (
     rounded,
     solve,
     transpose,
+    unit_vector,
 )  # fmt: skip
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -40,7 +42,7 @@ def covectors(joint):
     none = [mp.mpf(0)] * 3
     unit = {"x": x + none, "y": y + none, "z": z + none, "rx": none + x, "ry": none + y, "rz": none + z}
     if joint.kind == "universal":
-        a, b = (exact(joint.axis), exact(joint.axis2)) if joint.axis is not None else (x, y)
+        a, b = (unit_vector(joint.axis), unit_vector(joint.axis2)) if joint.axis is not None else (x, y)
         normal = cross(a, b)
         square = dot(normal, normal)
         first, second = cross(b, normal), cross(normal, a)  # theta = q1 a + q2 b, solved for q1 and q2
@@ -93,9 +95,7 @@ class Exact:
         """Relative displacements of a spring or bushing in its own axes, six rows or (line) one; and its k and c."""
         if hasattr(spring, "line"):
             start, end = exact(spring.start), exact(spring.end)
-            line = [b - a for a, b in zip(start, end, strict=True)]
-            length = mp.sqrt(dot(line, line))
-            covector = [v / length for v in line] + [mp.mpf(0)] * 3
+            covector = unit_vector([b - a for a, b in zip(start, end, strict=True)]) + [mp.mpf(0)] * 3
             a, b = self.row(spring.first, start, covector), self.row(spring.second, end, covector)
             rows = [[q - p for p, q in zip(a, b, strict=True)]]
             return rows, [[mp.mpf(spring.stiffness)]], [[mp.mpf(spring.damping)]]
@@ -134,6 +134,7 @@ class Exact:
             rows, k, c = self._spring(spring)
             moved = product(rows, basis)
             elements[spring.name] = moved, k, c
+            moved = clean(moved)
             self.K = combination((self.K, 1), (product(transpose(moved), product(k, moved)), 1))
             self.C = combination((self.C, 1), (product(transpose(moved), product(c, moved)), 1))
         fields, forces = [], []

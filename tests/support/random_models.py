@@ -37,7 +37,7 @@ def add_random_body(model, rng, name, centre):
 def add_random_joint(model, rng, name, kind, first, second, centre):
     words = {"position": centre + rng.uniform(-0.3, 0.3, size=3)}
     if kind == "universal" and rng.random() < 0.6:
-        words["axis"], words["axis2"] = rng.normal(size=(2, 3))
+        words["axis"], words["axis2"] = rng.normal(size=(2, 3)) * rng.choice([1.0, 20.0])
     elif rng.random() < 0.5 and kind != "universal":
         words["axis"] = rng.normal(size=3)
     else:

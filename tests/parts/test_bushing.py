@@ -1,0 +1,59 @@
+"""Bushings: six values or a matrix, in any axes."""
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+SIX = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+
+
+def make(**words):
+    model = mv.Model()
+    model.add_body("a", 1.0, (1, 1, 1))
+    given = {"name": "k", "first": "ground", "second": "a", "position": (0, 0, 0), "stiffness": SIX} | words
+    return model.add_bushing(**given)
+
+
+@pytest.mark.parametrize("form", [tuple, list, np.array])
+def test_lists_tuples_and_arrays(form):
+    bushing = make(stiffness=form(SIX), damping=form(np.diag(SIX).tolist()), position=form([1, 2, 3]))
+    assert bushing.stiffness == SIX
+    assert bushing.damping == tuple(map(tuple, np.diag(SIX).tolist()))
+    assert bushing.position == (1.0, 2.0, 3.0)
+
+
+def test_a_matrix_turned_into_other_axes_is_symmetric_enough():
+    matrix = np.diag(SIX).copy()
+    matrix[0, 1], matrix[1, 0] = 0.5 + 1e-10, 0.5
+    stored = np.array(make(stiffness=matrix).stiffness)
+    assert (stored == stored.T).all()
+    assert stored[0, 1] == pytest.approx(0.5 + 0.5e-10, rel=1e-15)
+
+
+@pytest.mark.parametrize("values", [{"stiffness": (0, 0, -5.0, 0, 0, 0)}, {"damping": (0, 0, 0, 0, 0, -1.0)},
+                                    {"stiffness": (0,) * 6, "damping": SIX}])  # fmt: skip
+def test_negative_values_and_dampers_alone_are_legal(values):
+    bushing = make(**values)
+    for key, value in values.items():
+        assert getattr(bushing, key) == tuple(map(float, value))
+
+
+def test_words_give_the_call_back():
+    words = {"name": "k", "first": "ground", "second": "a", "position": (1.0, 2.0, 3.0), "stiffness": SIX,
+             "damping": tuple(map(tuple, np.diag(SIX).tolist())),
+             "orientation": ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))}  # fmt: skip
+    assert make(**words).words() == words
+
+
+def test_words_leave_defaults_out():
+    assert set(make().words()) == {"name", "first", "second", "position", "stiffness"}
+
+
+def test_bushings_are_immutable():
+    with pytest.raises(FrozenInstanceError):
+        make().stiffness = SIX
+    with pytest.raises(TypeError):
+        make().stiffness[0] = 7.0

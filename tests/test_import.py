@@ -1,0 +1,40 @@
+"""``import mbsvib`` is quick: what a model and a linearization do not need is not loaded."""
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("matplotlib", "control", "rich", "typer", "ruamel", "casadi", "jsonschema", "mbsvib_export")
+LINEARIZE = (
+    "m = mbsvib.Model(); m.add_body('b', 1.0, (1, 1, 1)); "
+    "m.add_bushing('k', 'ground', 'b', (0, 0, 0), (1,) * 6); m.linearize().modes().frequencies"
+)
+
+
+def loaded(code):
+    script = f"import sys, mbsvib; {code}; print(*sorted(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize("code", ["pass", LINEARIZE])
+def test_nothing_heavy_is_loaded(code):
+    modules = loaded(code)
+    assert "mbsvib.model" in modules
+    assert not [name for name in HEAVY if name in modules]
+
+
+def test_of_scipy_only_linear_algebra_is_loaded():
+    allowed = {"scipy.linalg", "scipy.version", "scipy.__config__"}
+    heavy = {name for name in loaded("pass") if name.startswith("scipy.") and name.count(".") == 1}
+    assert not {name for name in heavy - allowed if not name.startswith("scipy._")}
+
+
+def test_public_names_resolve():
+    import mbsvib
+
+    for name in mbsvib.__all__:
+        assert getattr(mbsvib, name) is not None
+    with pytest.raises(AttributeError, match="no_such_name"):
+        mbsvib.no_such_name  # noqa: B018
