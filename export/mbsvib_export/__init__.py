@@ -1,0 +1,62 @@
+"""Systems of mbsvib for other tools, one function a target.
+
+>>> import mbsvib_export as mx
+>>> plant = mx.to_control(system)                          # doctest: +SKIP
+>>> mx.to_npz(system, "isolator.npz")                      # doctest: +SKIP
+
+A target whose package is not installed says at the first call what to install; the others work without it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mbsvib_export.control_ import to_control, to_frd
+    from mbsvib_export.json_ import from_json, json_schema, to_json
+    from mbsvib_export.names_ import SignalNames
+    from mbsvib_export.neutral import SystemData
+    from mbsvib_export.npz_ import from_npz, to_npz
+    from mbsvib_export.scipy_ import to_scipy
+
+__all__ = [
+    "SignalNames",
+    "SystemData",
+    "from_json",
+    "from_npz",
+    "json_schema",
+    "to_control",
+    "to_frd",
+    "to_json",
+    "to_npz",
+    "to_scipy",
+]
+
+_HOMES = {
+    "SignalNames": "names_",
+    "SystemData": "neutral",
+    "from_json": "json_",
+    "from_npz": "npz_",
+    "json_schema": "json_",
+    "to_control": "control_",
+    "to_frd": "control_",
+    "to_json": "json_",
+    "to_npz": "npz_",
+    "to_scipy": "scipy_",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a target's module on first use."""
+    from importlib import import_module
+
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mbsvib_export' has no attribute {name!r}")
+    value = getattr(import_module(f"mbsvib_export.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names, imported or not."""
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,30 @@
+"""The format of the files of mbsvib that hold a system, and its version."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mbsvib.errors import ExportError
+
+FORMAT = "mbsvib-system"
+VERSION = 1  # counts up when a key changes its meaning or goes; readers skip keys they do not know
+
+
+def check_version(name: Any, version: Any) -> None:
+    """Refuse a file of another format, or of a version this release does not know.
+
+    Parameters
+    ----------
+    name, version : object
+        What the file says of itself.
+
+    Raises
+    ------
+    ExportError
+        If the format is another one or the version is not known.
+    """
+    if name != FORMAT:
+        raise ExportError(f"format = {name!r}; expected {FORMAT!r}. This is no system written by mbsvib.")
+    if version != VERSION or isinstance(version, bool):
+        raise ExportError(f"version = {version!r}; this release of mbsvib reads version {VERSION}. A later release "
+                          f"wrote it: upgrade mbsvib (pip install -U mbsvib), or export it again.")  # fmt: skip

@@ -1,0 +1,155 @@
+"""JSON: the whole neutral object as text that any language reads, every number to the last bit."""
+
+from __future__ import annotations
+
+import json
+import os
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from mbsvib.errors import ExportError
+from mbsvib_export.format_version import FORMAT, VERSION
+from mbsvib_export.json_reading import system_data
+from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, system_data_of
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.system import System
+    from mbsvib_export.neutral import SystemData
+
+
+def to_json(
+    system: System | SystemData, path: str | os.PathLike[str] | None = None, realization: str = "physical"
+) -> str:
+    """Return a system as JSON text, and write it to a file if a path is given.
+
+    The text holds M, C, K, B, Cq, Cv, Ca, D, the state space A, B, C, D, names, units and the bodies' displacements
+    per coordinate, in the form that ``json_schema()`` lays down. Numbers come back bit for bit.
+
+    Parameters
+    ----------
+    system : System or SystemData
+        The equations of motion.
+    path : str or path, optional
+        File to write: whole or not at all.
+    realization : str
+        States of the state space: "physical" or "modal".
+
+    Returns
+    -------
+    str
+        The JSON text.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, or no system is given.
+    ResponseError
+        If the realization is unknown.
+    """
+    text = _text(_words(system_data_of(system, realization, "to_json"))) + "\n"
+    if path is not None:
+        write_whole(path, lambda stream: stream.write(text.encode()))
+    return text
+
+
+def from_json(source: str | os.PathLike[str] | Mapping[str, Any]) -> SystemData:
+    """Return the system that ``to_json`` wrote.
+
+    Parameters
+    ----------
+    source : str, path or dict
+        Path of a file, the JSON text itself (it begins with a brace), or what a JSON reader made of it.
+
+    Returns
+    -------
+    SystemData
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read, is damaged, or is of a later version of the format.
+    """
+    if not isinstance(source, (str, os.PathLike)):
+        return system_data(source)
+    is_text = isinstance(source, str) and source.lstrip()[:1] == "{"
+    where = "from_json" if is_text else os.fspath(source)
+    try:
+        text = source if is_text else Path(source).read_text(encoding="utf-8-sig")
+        return system_data(json.loads(str(text), parse_constant=_refuse_constant))
+    except OSError as error:
+        raise ExportError(f"{where}: cannot be read: {error.strerror or error}; expected a file of to_json.") from error
+    except json.JSONDecodeError as error:
+        raise ExportError(f"{where}: line {error.lineno}, column {error.colno}: {error.msg}; expected JSON as to_json "
+                          f"writes it. The file is damaged or of another kind: write it again.") from error  # fmt: skip
+    except (ValueError, RecursionError) as error:
+        raise ExportError(f"{where}: no JSON that can be read ({error}); expected a file of to_json.") from error
+    except ExportError as error:
+        raise ExportError(f"{where}: {error}") from error
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of the files of ``to_json``.
+
+    Returns
+    -------
+    dict
+        The schema; the file ``system.schema.json`` of this package.
+    """
+    text = (files("mbsvib_export") / "system.schema.json").read_text(encoding="utf-8")
+    result: dict[str, Any] = json.loads(text)
+    return result
+
+
+def _words(data: SystemData) -> dict[str, Any]:
+    from mbsvib import __version__
+
+    space = data.state_space
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "generator": f"mbsvib {__version__}",
+        "name": data.name,
+        "coordinates": _signals(data.coordinates, data.coordinate_units),
+        "inputs": _signals(data.inputs, data.input_units),
+        "outputs": _signals(data.outputs, data.output_units),
+        "second_order": {label: getattr(data, label).tolist() for label in SECOND_ORDER},
+        "state_space": {
+            "realization": space.realization,
+            "states": _signals(space.states, space.state_units),
+            **{label: getattr(space, label).tolist() for label in FIRST_ORDER},
+        },
+        "bodies": [
+            {"name": name, "displacement": motion.tolist()}
+            for name, motion in zip(data.bodies, data.body_motion, strict=True)
+        ],
+    }
+
+
+def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, str]]:
+    return [{"name": name, "unit": unit} for name, unit in zip(names, units, strict=True)]
+
+
+def _text(value: Any, indent: str = "") -> str:
+    """JSON with one line for each row of a matrix and each signal: people read these files, and compare them."""
+    inner = indent + "  "
+    parts = value.values() if isinstance(value, dict) else value
+    if not any(isinstance(part, (dict, list)) for part in parts):
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if isinstance(value, dict):
+        lines = [f"{inner}{json.dumps(key, ensure_ascii=False)}: {_line(part, inner)}" for key, part in value.items()]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    return "[\n" + ",\n".join(inner + _line(part, inner) for part in value) + f"\n{indent}]"
+
+
+def _line(value: Any, indent: str) -> str:
+    plain = not isinstance(value, (dict, list))
+    return json.dumps(value, ensure_ascii=False) if plain else _text(value, indent)
+
+
+def _refuse_constant(word: str) -> NoReturn:
+    raise ExportError(f"{word} is no number; expected finite numbers only.")

@@ -1,0 +1,211 @@
+"""The neutral object in the middle: all that a file keeps of a system, and nothing that has to be computed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.state_space import StateSpace
+from mbsvib.system import System
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+SECOND_ORDER = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+FIRST_ORDER = ("A", "B", "C", "D", "transform")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class SystemData:
+    """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, the same as a state space, names and units.
+
+    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs);
+    ``body_motion`` (bodies, 6, m) leads from q to the displacements of the bodies, world axes; ``state_space`` holds
+    A, B, C, D, the states and the way back from them to q. SI units and radians. Arrays are read-only.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    coordinate_units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    bodies: tuple[str, ...]
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    body_motion: Array
+    state_space: StateSpace
+
+    def __post_init__(self) -> None:
+        for label, array, shape in self._shapes():
+            if array.shape != shape:
+                raise ExportError(f"{self.name}: {label} has shape {array.shape}; expected {shape}, one row and column "
+                                  f"for each name that goes with it.")  # fmt: skip
+            if not np.isfinite(array).all():
+                raise ExportError(f"{self.name}: {label} holds NaN or infinity; expected finite numbers.")
+            array.setflags(write=False)
+        for label, names, units in self._names():
+            if len(set(names)) < len(names) or "" in names:
+                wrong = next(name for name in names if not name or names.count(name) > 1)
+                raise ExportError(f"{self.name}: the name {wrong!r} among the {label} is empty or there more than "
+                                  f"once; expected names that differ.")  # fmt: skip
+            if len(units) != len(names):
+                raise ExportError(f"{self.name}: {len(units)} units for {len(names)} {label}; expected one for each.")
+
+    @classmethod
+    def of(cls, system: System, realization: str = "physical") -> SystemData:
+        """Return what a file keeps of a system.
+
+        Parameters
+        ----------
+        system : System
+            The equations of motion.
+        realization : str
+            Of the state space: "physical" or "modal".
+
+        Returns
+        -------
+        SystemData
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is unknown.
+        """
+        return cls(
+            name=system.name, coordinates=system.coordinates, coordinate_units=system.coordinate_units,
+            inputs=system.inputs, input_units=system.input_units,
+            outputs=system.outputs, output_units=system.output_units, bodies=system.bodies,
+            M=system.M, C=system.C, K=system.K, B=system.B, Cq=system.Cq, Cv=system.Cv, Ca=system.Ca, D=system.D,
+            body_motion=system.body_motion, state_space=system.state_space(realization),
+        )  # fmt: skip
+
+    def displacements(self, q: ArrayLike) -> dict[str, Array]:
+        """Return the displacements of the bodies.
+
+        Parameters
+        ----------
+        q : array-like, shape (m,) or (m, n)
+            Minimal coordinates [m, rad].
+
+        Returns
+        -------
+        dict of str to array, shape (6,) or (6, n)
+            Translation of each body's centre of mass [m] and its rotation [rad], world axes.
+
+        Raises
+        ------
+        ExportError
+            If ``q`` does not have one entry for each coordinate.
+        """
+        vector = np.asarray(q)
+        if vector.ndim not in (1, 2) or len(vector) != len(self.coordinates):
+            raise ExportError(f"{self.name}: q has shape {vector.shape}; expected ({len(self.coordinates)},) or "
+                              f"({len(self.coordinates)}, n), one entry for each coordinate.")  # fmt: skip
+        return dict(zip(self.bodies, self.body_motion @ vector, strict=True))
+
+    def _shapes(self) -> list[tuple[str, Array, tuple[int, ...]]]:
+        space = self.state_space
+        m, i, o, n = len(self.coordinates), len(self.inputs), len(self.outputs), len(space.states)
+        second = ((m, m), (m, m), (m, m), (m, i), (o, m), (o, m), (o, m), (o, i))
+        first = ((n, n), (n, i), (o, n), (o, i), (2 * m, n))
+        return [
+            *((label, getattr(self, label), shape) for label, shape in zip(SECOND_ORDER, second, strict=True)),
+            ("body_motion", self.body_motion, (len(self.bodies), 6, m)),
+            *((f"state_space.{label}", getattr(space, label), shape)
+              for label, shape in zip(FIRST_ORDER, first, strict=True)),
+        ]  # fmt: skip
+
+    def _names(self) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+        space = self.state_space
+        return [
+            ("coordinates", self.coordinates, self.coordinate_units), ("inputs", self.inputs, self.input_units),
+            ("outputs", self.outputs, self.output_units), ("states", space.states, space.state_units),
+            ("bodies", self.bodies, self.bodies),
+        ]  # fmt: skip
+
+    def __repr__(self) -> str:
+        return (f"SystemData({self.name!r}: {len(self.coordinates)} DOF, {len(self.inputs)} inputs, "
+                f"{len(self.outputs)} outputs)")  # fmt: skip
+
+
+def state_space_of(source: System | StateSpace | SystemData, realization: str, caller: str) -> StateSpace:
+    """Return the state space of what an exporter was given.
+
+    Parameters
+    ----------
+    source : System, StateSpace or SystemData
+        A system, or a state space that is ready and taken as it is.
+    realization : str
+        The states wanted of a system; of a ready state space, "physical" (the default) asks for nothing.
+    caller : str
+        Name of the exporter, for messages.
+
+    Returns
+    -------
+    StateSpace
+        Matrices, names and units.
+
+    Raises
+    ------
+    ExportError
+        If the source is none of the three, or is ready in another realization.
+    ResponseError
+        If the realization is unknown.
+    """
+    if isinstance(source, System):
+        return source.state_space(realization)
+    ready = source.state_space if isinstance(source, SystemData) else source
+    if not isinstance(ready, StateSpace):
+        raise ExportError(f"{caller}: system = {type(source).__name__}; expected a System (model.linearize()), a "
+                          f"StateSpace (system.state_space()) or SystemData (from_json, from_npz).")  # fmt: skip
+    if realization not in ("physical", ready.realization):
+        raise ExportError(f"{caller}: realization = {realization!r}, and the state space given is "
+                          f"{ready.realization!r}; give the System instead, or leave the realization out.")  # fmt: skip
+    return ready
+
+
+def system_data_of(source: System | SystemData, realization: str, caller: str) -> SystemData:
+    """Return the neutral object of what a file's exporter was given.
+
+    Parameters
+    ----------
+    source : System or SystemData
+        A system, or what was read back from a file.
+    realization : str
+        As in ``state_space_of``.
+    caller : str
+        Name of the exporter, for messages.
+
+    Returns
+    -------
+    SystemData
+        Matrices, names and units.
+
+    Raises
+    ------
+    ExportError
+        If the source is neither, or is ready in another realization.
+    ResponseError
+        If the realization is unknown.
+    """
+    if isinstance(source, System):
+        return SystemData.of(source, realization)
+    state_space_of(source, realization, caller)
+    if not isinstance(source, SystemData):
+        raise ExportError(f"{caller}: system = StateSpace; expected a System or SystemData: the file also holds the "
+                          f"second-order equations, which a state space does not have.")  # fmt: skip
+    return source

@@ -1,0 +1,119 @@
+"""numpy's .npz: the whole neutral object as arrays, compact and bit-exact.
+
+``numpy.load(path)`` alone reads it. The keys are
+
+    format, version                                    "mbsvib-system", 1
+    name, realization                                  texts
+    coordinates, coordinate_units                      texts (m,);  likewise inputs, outputs
+    M C K (m, m)   B (m, inputs)   Cq Cv Ca (outputs, m)   D (outputs, inputs)
+    bodies (texts), body_motion (bodies, 6, m)         q -> displacements of the bodies, world axes
+    states, state_units                                texts (n,)
+    state_space.A .B .C .D, state_space.transform      x' = A x + B u, y = C x + D u, (q, q') = transform x
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.state_space import StateSpace
+from mbsvib_export.format_version import FORMAT, VERSION, check_version
+from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, SystemData, system_data_of
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mbsvib.system import System
+
+_TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
+_STATE_TEXTS = ("states", "state_units")
+
+
+def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
+    """Write a system to a .npz file of numpy: whole or not at all.
+
+    Parameters
+    ----------
+    system : System or SystemData
+        The equations of motion.
+    path : str or path
+        File to write, taken as it is: no suffix is added.
+    realization : str
+        States of the state space: "physical" or "modal".
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, or no system is given.
+    ResponseError
+        If the realization is unknown.
+    """
+    data = system_data_of(system, realization, "to_npz")
+    space = data.state_space
+    arrays: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION),
+        "name": np.array(data.name),
+        "realization": np.array(space.realization),
+        **{key: np.array(getattr(data, key), dtype=str) for key in _TEXTS},
+        **{key: np.array(getattr(space, key), dtype=str) for key in _STATE_TEXTS},
+        **{key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")},
+        **{f"state_space.{key}": getattr(space, key) for key in FIRST_ORDER},
+    }
+    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+
+
+def from_npz(path: str | os.PathLike[str]) -> SystemData:
+    """Return the system that ``to_npz`` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    SystemData
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read, is damaged, or is of a later version of the format.
+    """
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+            return _system_data(dict(arrays))
+    except OSError as error:
+        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
+                          f"to_npz.") from error  # fmt: skip
+    except ExportError as error:
+        raise ExportError(f"{os.fspath(path)}: {error}") from error
+    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
+        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz, or a damaged one ({error}); write it "
+                          f"again.") from error  # fmt: skip
+
+
+def _system_data(arrays: dict[str, Any]) -> SystemData:
+    check_version(str(arrays.get("format")), int(arrays.get("version", 0)))
+    expected = (*_TEXTS, *_STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
+                *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
+    if missing := [key for key in expected if key not in arrays]:
+        raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
+    texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*_TEXTS, *_STATE_TEXTS)}
+    if wrong := [key for key in expected if key not in (*texts, "name", "realization") and arrays[key].dtype != float]:
+        raise ExportError(f"the array '{wrong[0]}' holds {arrays[wrong[0]].dtype}; expected float64.")
+    ports = {key: texts[key] for key in (*_STATE_TEXTS, *_TEXTS[2:6])}
+    first: dict[str, Any] = {key: arrays[f"state_space.{key}"] for key in FIRST_ORDER}
+    second: dict[str, Any] = {key: arrays[key] for key in (*SECOND_ORDER, "body_motion")}
+    space = StateSpace(name=str(arrays["name"]), realization=str(arrays["realization"]), **first, **ports)
+    return SystemData(name=space.name, state_space=space, **{key: texts[key] for key in _TEXTS}, **second)

@@ -1,0 +1,40 @@
+"""Packages that one target needs and the others do not: imported at the first use, and asked for by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from mbsvib.errors import ExportError
+
+
+def need(package: str, caller: str, install: str) -> Any:
+    """Import a package that an exporter cannot do without.
+
+    Parameters
+    ----------
+    package : str
+        Import name, such as ``"control"`` or ``"scipy.signal"``.
+    caller : str
+        Name of the public function that needs it.
+    install : str
+        What pip is told to install: a requirement, or an extra such as ``"mbsvib[casadi]"``.
+
+    Returns
+    -------
+    module
+        The package.
+
+    Raises
+    ------
+    ExportError
+        If the package is not installed. Other failures of its import are not touched.
+    """
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as error:
+        if error.name != package.split(".")[0]:  # the package is there; something it needs itself is not
+            raise
+        raise ExportError(
+            f'{caller}: the package {error.name} is not installed; install it with:  pip install "{install}"'
+        ) from error

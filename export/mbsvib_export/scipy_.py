@@ -1,0 +1,46 @@
+"""scipy.signal: StateSpace. It holds no names; rows and columns keep the order of the system's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib_export.neutral import state_space_of
+from mbsvib_export.packages import need
+
+if TYPE_CHECKING:
+    from scipy import signal
+
+    from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
+    from mbsvib_export.neutral import SystemData
+
+
+def to_scipy(system: System | StateSpace | SystemData, realization: str = "physical") -> signal.StateSpace:
+    """Return a system as a state space of scipy.signal.
+
+    x' = A x + B u,  y = C x + D u, the matrices bit for bit those of ``system.state_space(realization)``, whose
+    ``states``, ``inputs`` and ``outputs`` name their rows and columns. Take ``lsim`` and ``to_discrete`` for responses
+    in time, and ``system.frequency_response`` for those in frequency: scipy's pass through polynomials.
+
+    Parameters
+    ----------
+    system : System, StateSpace or SystemData
+        The equations of motion, or a state space that is ready.
+    realization : str
+        The states of a System: "physical" (q and q') or "modal".
+
+    Returns
+    -------
+    scipy.signal.StateSpace
+        Continuous in time; SI units and radians.
+
+    Raises
+    ------
+    ExportError
+        If no system is given, or a state space that is ready in another realization.
+    ResponseError
+        If the realization is unknown.
+    """
+    space = state_space_of(system, realization, "to_scipy")
+    signal = need("scipy.signal", "to_scipy", "scipy>=1.11.4")
+    return signal.StateSpace(space.A.copy(), space.B.copy(), space.C.copy(), space.D.copy())

@@ -1,0 +1,48 @@
+"""The package itself: names on demand, and packages that are not installed asked for by name."""
+
+import subprocess
+import sys
+
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib_export.packages import need
+from tests.export.plants import slider
+
+
+def test_every_public_name_is_there_and_explained():
+    assert sorted(mx.__all__) == mx.__all__
+    assert set(mx.__all__) <= set(dir(mx))
+    for name in mx.__all__:
+        assert getattr(mx, name).__doc__
+    with pytest.raises(AttributeError, match="no attribute 'to_nothing'"):
+        _ = mx.to_nothing
+
+
+def test_a_target_is_imported_when_it_is_used():
+    code = (
+        "import sys, mbsvib_export as mx; loaded = {'control', 'scipy.signal', 'matplotlib'};"
+        "assert not loaded & set(sys.modules); mx.to_control; mx.to_frd; mx.to_scipy; mx.to_json; mx.from_npz;"
+        "assert not loaded & set(sys.modules), loaded & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(("function", "words"), [(mx.to_control, ()), (mx.to_frd, ([1.0],))])
+def test_a_package_that_is_missing_is_asked_for(function, words, monkeypatch):
+    monkeypatch.setitem(sys.modules, "control", None)
+    with pytest.raises(mv.ExportError, match=rf'{function.__name__}: .*control is not.*pip install "control>='):
+        function(slider(), *words)
+
+
+def test_an_extra_is_named():
+    with pytest.raises(mv.ExportError, match=r'to_any: .*no_such_package.*pip install "mbsvib\[any\]"'):
+        need("no_such_package.part", "to_any", "mbsvib[any]")
+
+
+def test_a_broken_package_speaks_for_itself(tmp_path, monkeypatch):
+    (tmp_path / "broken_package.py").write_text("import no_such_package")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ModuleNotFoundError, match="no_such_package"):
+        need("broken_package", "to_any", "mbsvib[any]")
