@@ -45,6 +45,11 @@ def text(
     -------
     str
         Lines without escape codes, trailing blanks or a final newline.
+
+    Raises
+    ------
+    ValueError
+        If a row has more or fewer entries than there are columns.
     """
     from io import StringIO
 
@@ -73,8 +78,14 @@ def show(
     ----------
     console : rich.console.Console
         Where it goes.
-    title, columns, rows, notes
-        As for `text`.
+    title : str
+        As for ``text``, like the three that follow.
+    columns : sequence of (str, str)
+        Header and justification.
+    rows : iterable of sequences
+        One entry a column.
+    notes : sequence of str
+        Lines below the table.
     """
     body = [[str(cell) for cell in row] for row in rows]
     if console.is_terminal and encodable(_RULES, console.encoding):
@@ -85,7 +96,7 @@ def show(
 
 
 def encodable(words: str, encoding: str | None = None) -> bool:
-    """Return whether a text can be written in an encoding; default: that of standard output."""
+    """Return whether ``words`` can be written in an ``encoding``; default: that of standard output."""
     try:
         words.encode(encoding or getattr(sys.stdout, "encoding", None) or "utf-8")
     except (UnicodeEncodeError, LookupError):
@@ -94,7 +105,7 @@ def encodable(words: str, encoding: str | None = None) -> bool:
 
 
 def to_ascii(words: str) -> str:
-    """Return a text in ASCII: arrows and signs as words, any other character as its escape."""
+    """Return ``words`` in ASCII: arrows and signs as words, any other character as its escape."""
     for sign, plain in _ASCII_WORDS.items():
         words = words.replace(sign, plain)
     return words.encode("ascii", "backslashreplace").decode("ascii")

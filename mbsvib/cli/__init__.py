@@ -5,7 +5,7 @@ from __future__ import annotations
 
 def main() -> None:
     """Run the command line with the arguments of the process."""
-    from mbsvib.cli.app import app
+    from mbsvib.cli._app import app
 
     app(prog_name="mbsvib")
 

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.plots import choice, style, units
-from mbsvib.plots.curves import Curve, curves
+from mbsvib.plots import _choice as choice
+from mbsvib.plots import _style as style
+from mbsvib.plots import _units as units
+from mbsvib.plots._curves import Curve, curves
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.plots.choice import Names, Systems
+    from mbsvib.plots._choice import Names, Systems
 
     Array = NDArray[np.float64]
 

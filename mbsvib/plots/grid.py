@@ -23,8 +23,8 @@ MOST_TIMES = 20_000
 _UNDAMPED = 1e-9
 
 
-def eigenvalues(systems: Sequence[System]) -> NDArray[np.complex128]:
-    """Return the eigenvalues [rad/s] of several systems that are neither rigid nor the lower half of a pair."""
+def upper_eigenvalues(systems: Sequence[System]) -> NDArray[np.complex128]:
+    """Return the eigenvalues [1/s] of all ``systems`` that are neither zero nor the lower half of a pair."""
     values = np.concatenate([np.zeros(0, complex), *(np.asarray(system.modes().eigenvalues) for system in systems)])
     upper: NDArray[np.complex128] = values[(values != 0.0) & (values.imag >= 0.0)]
     return upper
@@ -56,7 +56,7 @@ def frequency_grid(
     ResponseError
         If the span is not two positive frequencies in ascending order.
     """
-    poles = eigenvalues([systems] if isinstance(systems, System) else systems)
+    poles = upper_eigenvalues([systems] if isinstance(systems, System) else systems)
     low, high = _span(np.abs(poles) / (2.0 * np.pi), span)
     count = max(2, round(PER_DECADE * np.log10(high / low)) + 1)
     even = np.geomspace(low, high, count)
@@ -127,7 +127,7 @@ def time_grid(systems: System | Sequence[System], duration: float | None = None)
     ResponseError
         If the duration is not positive.
     """
-    poles = eigenvalues([systems] if isinstance(systems, System) else systems)
+    poles = upper_eigenvalues([systems] if isinstance(systems, System) else systems)
     if duration is None:
         decaying = -poles.real[poles.real < 0.0]
         swinging = poles.imag[poles.imag > 0.0]

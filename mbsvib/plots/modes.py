@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.plots import style
+from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

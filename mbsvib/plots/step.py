@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.plots import choice, style, units
+from mbsvib.plots import _choice as choice
+from mbsvib.plots import _style as style
+from mbsvib.plots import _units as units
 from mbsvib.plots.grid import time_grid
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from mbsvib.plots.choice import Names, Systems
+    from mbsvib.plots._choice import Names, Systems
     from mbsvib.system import System
 
     Array = NDArray[np.float64]

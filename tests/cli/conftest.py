@@ -3,7 +3,7 @@
 import pytest
 from typer.testing import CliRunner
 
-from mbsvib.cli.app import app
+from mbsvib.cli._app import app
 
 FAULTY = """\
 name: faulty

@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 import mbsvib as mv
-from mbsvib.cli import shell
-from mbsvib.cli.app import app
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._app import app
 from mbsvib.errors import NearSingularWarning
 
 
@@ -75,7 +75,7 @@ def test_warnings_are_messages(run, monkeypatch):
         warnings.warn("near a singular pose", NearSingularWarning, stacklevel=1)
         return mv.library.build(word).linearize()
 
-    monkeypatch.setattr("mbsvib.cli.looking.system_of", warn)
+    monkeypatch.setattr("mbsvib.cli._looking.system_of", warn)
     result = run("modes stewart")
     assert result.exit_code == 0
     assert result.stderr == "warning: near a singular pose\n"
@@ -85,7 +85,7 @@ def test_a_closed_pipe_ends_it_quietly(run, monkeypatch):
     def closed(word):
         raise BrokenPipeError
 
-    monkeypatch.setattr("mbsvib.cli.looking.system_of", closed)
+    monkeypatch.setattr("mbsvib.cli._looking.system_of", closed)
     result = CliRunner().invoke(app, ["modes", "stewart"])
     assert result.exit_code != 0
     assert "error:" not in result.stderr

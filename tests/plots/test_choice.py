@@ -3,7 +3,8 @@
 import pytest
 
 import mbsvib as mv
-from mbsvib.plots import bode, choice
+from mbsvib.plots import _choice as choice
+from mbsvib.plots import bode
 
 
 def test_all_pairs_make_a_matrix(slider):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mbsvib.plots import units
+from mbsvib.plots import _units as units
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from mbsvib.cli import shell
-from mbsvib.cli.lookup import ModelArgument, model_of
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._lookup import ModelArgument, model_of
 from mbsvib.errors import nearest
 
 KINDS = {

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.plots import choice
-from mbsvib.plots.grid import eigenvalues, frequency_grid
+from mbsvib.plots import _choice as choice
+from mbsvib.plots.grid import frequency_grid, upper_eigenvalues
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -112,7 +112,7 @@ def curves(
 
 
 def _refine(system: System, grid: Array, sources: Sequence[int], results: Sequence[int]) -> Array:
-    poles = np.sort(np.abs(eigenvalues([system]))) / (2.0 * np.pi)
+    poles = np.sort(np.abs(upper_eigenvalues([system]))) / (2.0 * np.pi)
     response = system.frequency_response(2.0 * np.pi * grid)
     shown = response[results, sources]
     weighty = np.abs(shown).max(axis=1) > NEGLIGIBLE * np.abs(response).max()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbsvib.cli.shell import UsageProblem
+from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
     ResponseError
         If a name is unknown.
     """
-    from mbsvib.plots.choice import MOST_PANELS, pick
+    from mbsvib.plots._choice import MOST_PANELS, pick
 
     sources, results = pick(system, "input", inputs or None), pick(system, "output", outputs or None)
     if len(sources) * len(results) <= MOST_PANELS or (inputs and outputs):

@@ -7,7 +7,11 @@ from typing import Annotated
 import typer
 
 from mbsvib import __version__
-from mbsvib.cli import demo, drawing, exporting, looking, shell
+from mbsvib.cli import _demo as demo
+from mbsvib.cli import _drawing as drawing
+from mbsvib.cli import _exporting as exporting
+from mbsvib.cli import _looking as looking
+from mbsvib.cli import _shell as shell
 
 app = typer.Typer(
     cls=shell.Group, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mbsvib.cli import shell
-from mbsvib.cli.lookup import InputOption, ModelArgument, OutputOption, ports, system_of
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._lookup import InputOption, ModelArgument, OutputOption, ports, system_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

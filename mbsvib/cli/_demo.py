@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from mbsvib.cli import shell
+from mbsvib.cli import _shell as shell
 
 FOLDER = Path("mbsvib-demo")
 
@@ -17,8 +17,8 @@ def demo(
 ) -> None:
     """Compute the Stewart platform end to end: modes, Bode plots, step response, files in a folder."""
     from mbsvib import library, plots, tables
-    from mbsvib.cli.drawing import write_figure
-    from mbsvib.cli.records import csv_text
+    from mbsvib.cli._drawing import write_figure
+    from mbsvib.cli._records import csv_text
     from mbsvib.files import save
     from mbsvib_export import to_json, to_npz
     from mbsvib_export.whole_file import write_whole

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from mbsvib.cli import shell
-from mbsvib.cli.lookup import ModelArgument, system_of
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._lookup import ModelArgument, system_of
 
 
 def models() -> None:
@@ -29,7 +29,7 @@ def modes(
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
     result = system_of(model).modes()
     if as_csv or as_json:
-        from mbsvib.cli import records
+        from mbsvib.cli import _records as records
 
         shell.say(records.json_text(result) if as_json else records.csv_text(result).rstrip("\n"))
         return
