@@ -1,0 +1,113 @@
+"""The README keeps its word: its Python runs, its YAML is the same model, its commands work, its pictures are there."""
+
+import re
+import shlex
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import mbsvib as mv
+from mbsvib.cli._app import app
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, re.DOTALL | re.MULTILINE)
+MOST_BYTES = 150_000
+
+
+def blocks(language):
+    return [text for name, text in BLOCKS if name == language]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with the README's model file."""
+    path = tmp_path_factory.mktemp("readme")
+    (path / "table.yaml").write_text(blocks("yaml")[0], encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def names(folder):
+    """The names that are there after all blocks of Python, in order."""
+    mpl.use("agg")
+    from matplotlib import pyplot as plt
+
+    space = {"__name__": "readme"}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for text in blocks("python"):
+            exec(compile(text, "README.md", "exec"), space)
+    yield space
+    plt.close("all")
+
+
+def test_the_python_runs(names, folder):
+    system = names["system"]
+    assert system.dof == 7
+    assert names["G"].shape == (2, 2, 3)
+    assert names["y"].shape == (2, 2001)
+    assert names["plant"].input_labels == ["floor", "motor"]
+    assert names["space"].states[0] == "hinge.rz"
+    assert (folder / "isolation.png").stat().st_size > 10_000
+    # at rest the table follows the floor
+    assert abs(system.frequency_response([0.0])[0, 0, 0]) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_the_table_shown_is_the_one_printed(names):
+    shown = blocks("text")[0].splitlines()
+    assert str(names["system"].modes()).splitlines()[: len(shown)] == shown
+
+
+def test_the_yaml_is_the_same_model(names, folder):
+    model, system = mv.load(folder / "table.yaml"), names["system"]
+    other = model.linearize()
+    assert repr(model) == repr(names["model"])
+    for matrix in ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D"):
+        np.testing.assert_array_equal(getattr(other, matrix), getattr(system, matrix))
+    assert (other.inputs, other.outputs, other.coordinates) == (system.inputs, system.outputs, system.coordinates)
+
+
+def test_the_mistake_shown_is_answered_as_shown(folder, monkeypatch):
+    words = (folder / "table.yaml").read_text(encoding="utf-8")
+    (folder / "typo").mkdir()
+    monkeypatch.chdir(folder / "typo")
+    Path("table.yaml").write_text(words.replace("second: mirror,", "second: miror,"), encoding="utf-8")
+    with pytest.raises(mv.ModelError) as error:
+        mv.load("table.yaml")
+    assert str(error.value) in " ".join(README.split())
+
+
+def test_the_commands_work(names, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    lines = [line for text in blocks("bash") for line in text.splitlines() if line.startswith("mbsvib ")]
+    assert {line.split()[1] for line in lines} >= {"models", "modes", "bode", "step", "check", "export", "schema"}
+    for line in lines:
+        result = CliRunner().invoke(app, shlex.split(line)[1:], catch_exceptions=False)
+        assert result.exit_code == 0, f"{line}\n{result.stderr}"
+    for name in ("isolation.png", "table-step.png", "table.npz", "stewart.yaml"):
+        assert (folder / name).exists()
+
+
+def test_the_set_up_is_one_command_each():
+    assert [text for text in blocks("bash") if "pip" in text] == [
+        "pip install uv && uv run mbsvib demo\n", "pip install uv && uv run pytest\n",
+    ]  # fmt: skip
+
+
+def test_pictures_and_links_are_there_and_small():
+    targets = re.findall(r"\]\(([^)#]+)\)", README)
+    assert targets
+    for target in targets:
+        path = ROOT / target
+        assert path.exists(), target
+        if path.suffix == ".png":
+            assert path.stat().st_size < MOST_BYTES
+
+
+def test_no_address_or_path_of_a_machine():
+    for word in ("http://", "/home/", "/root/", "/tmp/"):
+        assert word not in README
