@@ -2,7 +2,7 @@
 
 In the undamped modes' coordinates the damping matrix is Gamma = Phi^T C Phi. Where it is diagonal (classical damping)
 every mode is a quadratic of its own. Elsewhere the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]], whose
-norm is the largest frequency and not its square, each improved by one Newton step on its own two-sided Rayleigh
+norm is the largest frequency and not its square, each improved by Newton steps on its own two-sided Rayleigh
 quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0.
 """
 
@@ -27,6 +27,18 @@ EPS = float(np.finfo(float).eps)
 CLASSICAL = 1e-13
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class _Forms:
+    """Mass, damping and stiffness in the basis, from the factors: no more than rounding away from 1, Gamma, Omega^2,
+    yet that rounding counts where an eigenvalue is asked for to the last digit. ``spread`` bounds Gamma's rounding.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    spread: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +79,7 @@ def damped(system: System, basis: Undamped) -> Damped:
         errors = _classical_errors(pairs, basis, gamma)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None)
     shapes, gamma, free = _split_rigid(basis, gamma)
-    pairs, vectors, errors = _coupled(basis, gamma, free)
+    pairs, vectors, errors = _coupled(basis, _forms(system, shapes, gamma, basis.rigid), free)
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors)
 
 
@@ -134,13 +146,22 @@ def _split_rigid(basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
     return shapes, gamma, free
 
 
-def _coupled(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex, Array]:
+def _forms(system: System, shapes: Array, gamma: Array, rigid: int) -> _Forms:
+    h = system.inertia_factor @ shapes
+    e = system.elastic_rows @ shapes
+    stiffness = e.T @ (e * system.stiffness[:, None])
+    stiffness[:rigid] = stiffness[:, :rigid] = 0.0
+    cancel = np.abs(system.elastic_rows) @ np.abs(shapes)
+    return _Forms(h.T @ h, gamma, stiffness, cancel.T @ (np.abs(e) * np.abs(system.damping)[:, None]))
+
+
+def _coupled(basis: Undamped, forms: _Forms, free: int) -> tuple[Complex, Complex, Array]:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2) in the basis, errors (m, 2)."""
     m, r = len(basis.square), basis.rigid
-    values, right = _energy_eigenvalues(basis, gamma, free)
+    values, right = _energy_eigenvalues(basis, forms.damping, free)
     y = np.zeros((m, len(values)), dtype=complex)
     y[free:] = right / np.linalg.norm(right, axis=0)
-    values, bound = _rayleigh(values, y, gamma, basis)
+    values, bound = _rayleigh(values, y, forms, basis)
     first, second = _pair(values, y, free, r)
     pairs = np.zeros((m, 2), dtype=complex)
     vectors = np.zeros((m, m, 2), dtype=complex)
@@ -173,27 +194,30 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     return values.astype(complex), vectors[flexible:].astype(complex)
 
 
-def _rayleigh(values: Complex, y: Complex, gamma: Array, basis: Undamped) -> tuple[Complex, Array]:
+def _rayleigh(values: Complex, y: Complex, forms: _Forms, basis: Undamped) -> tuple[Complex, Array]:
     """Improve every eigenvalue by its two-sided Rayleigh quadratic; return it with a bound of its relative error."""
-    damping = gamma @ y
-    a = np.einsum("ij,ij->j", y, y)
-    b = np.einsum("ij,ij->j", y, damping)
-    c = np.einsum("ij,ij->j", y, basis.square[:, None] * y)
-    slope = 2.0 * values * a + b
-    step = np.divide(values * (values * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
-    small = np.abs(step) <= CORRECTION * np.abs(values)
-    improved = np.where(small, values - step, values)
-    residual = improved**2 * y + improved * damping + basis.square[:, None] * y
-    size = np.abs(y)
-    noise = np.abs(improved) ** 2 + np.abs(improved) * np.einsum("ij,ij->j", size, np.abs(gamma) @ size)
-    noise += np.einsum("ij,i,ij->j", size, np.abs(basis.square), size)
-    omega_error = np.einsum("ij,i,ij->j", size, np.abs(basis.square) * basis.errors, size)
-    slope = np.maximum(np.abs(slope), EPS * np.maximum(noise / np.maximum(np.abs(improved), 1e-300), 1e-300))
-    # second order in the residual of the vector, first order in the rounding of the three quadratic forms
-    bound = np.linalg.norm(residual, axis=0) ** 2 / slope**2 / np.abs(improved) ** 2
-    bound += (4.0 * EPS * noise + 2.0 * omega_error) / slope / np.abs(improved)
-    bound = np.where(small, bound, np.maximum(bound, np.abs(step / improved)))
-    return improved, bound
+    inertia, damping, elastic = forms.mass @ y, forms.damping @ y, forms.stiffness @ y
+    a, b, c = (np.einsum("ij,ij->j", y, part) for part in (inertia, damping, elastic))
+    improved = values
+    for _ in range(2):  # the second step squares what the first leaves
+        slope = 2.0 * improved * a + b
+        step = np.divide(improved * (improved * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
+        small = np.abs(step) <= CORRECTION * np.abs(improved)
+        improved = np.where(small, improved - step, improved)
+    size, speed = np.abs(y), np.abs(improved)
+    # what is left is of second order: the residual r through the resolvent, the sum of y y^T / (slope (l - l_k))
+    seen = np.abs(y.T @ (improved * (improved * inertia + damping) + elastic))
+    slope = np.abs(2.0 * improved * a + b)
+    apart = slope[:, None] * np.abs(improved - improved[:, None])
+    np.fill_diagonal(apart, np.inf)
+    doubt = np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen)
+    doubt = np.einsum("ij,ij->j", seen, doubt)
+    # rounding of the three quadratic forms; errors of the frequencies tell how far the factors can be trusted
+    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread @ size)
+    trust = 2.0 * (basis.errors[:, None] + EPS)
+    doubt += np.einsum("ij,ij->j", size, (speed**2 + np.abs(basis.square[:, None])) * trust * size)
+    bound = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
+    return improved, np.minimum(np.where(small, bound, np.maximum(bound, np.abs(step) / speed)), 1.0)
 
 
 def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -47,7 +47,7 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     w = np.atleast_1d(np.asarray(omega, dtype=float))
     if w.ndim != 1 or not np.isfinite(w).all():
         raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
-    modal = system._modes.damped
+    modal = system._modal
     phi = modal.shapes
     b, cq, cv, ca = phi.T @ system.B, system.Cq @ phi, system.Cv @ phi, system.Ca @ phi
     s = 1j * w

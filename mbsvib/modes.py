@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
 
 
+# Accuracy that a caller who does not ask for one gets, at least: ten digits.
+RTOL = 1e-10
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Modes:
     """The modes of a system, one for each degree of freedom, in ascending natural frequency.
@@ -157,20 +161,22 @@ class Modes:
         return tuple(result)
 
 
-def modes(system: System) -> Modes:
+def modes(system: System, rtol: float = RTOL) -> Modes:
     """Return all modes of a system, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
     ----------
     system : System
         The equations of motion.
+    rtol : float
+        Relative accuracy asked of every eigenvalue.
 
     Returns
     -------
     Modes
         Eigenvalues, shapes and error estimates.
     """
-    basis = undamped(system)
+    basis = undamped(system, rtol)
     result = damped(system, basis)
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:

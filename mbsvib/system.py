@@ -13,6 +13,7 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.damped import Damped
     from mbsvib.loops import Reduction
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
+
+
+# Responses want the modes as accurate as they come without effort; what falls short is used nevertheless.
+RESPONSE_RTOL = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,27 +125,40 @@ class System:
 
     @cached_property
     def _modes(self) -> Modes:
-        from mbsvib.modes import modes
+        from mbsvib.modes import RTOL, modes
 
-        return modes(self)
+        return modes(self, RTOL)
 
-    def modes(self, rtol: float | None = None) -> Modes:
+    @cached_property
+    def _modal(self) -> Damped:
+        """The basis of the responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times."""
+        return self.modes(rtol=RESPONSE_RTOL, warn=False).damped
+
+    def modes(self, rtol: float | None = None, warn: bool = True) -> Modes:
         """Return all modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
 
         Parameters
         ----------
         rtol : float, optional
-            Relative accuracy asked of every eigenvalue; a mode whose error estimate is larger is warned of by number.
+            Relative accuracy asked of every eigenvalue, 1e-10 if none is; more accurate and slower methods are taken
+            as far as needed.
+        warn : bool
+            Whether modes whose error estimate stays larger than ``rtol`` are warned of by number (AccuracyWarning).
 
         Returns
         -------
         Modes
-            One entry for each degree of freedom, in ascending natural frequency. The result is kept, so that asking
-            again costs nothing.
+            One entry for each degree of freedom, in ascending natural frequency. The result at the default accuracy
+            is kept, so that asking again costs nothing.
         """
-        if rtol is not None:
-            self._modes.check_accuracy(rtol)
-        return self._modes
+        from mbsvib.modes import modes
+
+        if rtol is None or float(self._modes.errors.max(initial=0.0)) <= rtol:
+            return self._modes
+        result = modes(self, rtol)
+        if warn:
+            result.check_accuracy(rtol)
+        return result
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
         """Return the frequency response of all inputs and outputs.

@@ -54,7 +54,7 @@ def time_response(
         If times do not ascend, shapes do not match, or the hold is unknown.
     """
     time, inputs, state = _checked(system, t, u, hold, initial)
-    modal = system._modes.damped
+    modal = system._modal
     phi, m = modal.shapes, system.dof
     gamma = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
     a = np.block([[np.zeros((m, m)), np.eye(m)], [-np.diag(modal.square), -gamma]])
