@@ -36,6 +36,8 @@ SUSPECT = 1e-5
 RANK = 1e-11
 # Two modes are told apart where what they share is less than this part of the distance of their squared frequencies.
 SEPARATE = 0.1
+# Angles of which the square is rounding.
+TINY_ANGLE = 1e-9
 # Rounding of |H| grows with the cancellation in W phi; errors of many rows average out. Calibrated in the tests.
 ROUNDING = 0.25
 
@@ -44,7 +46,7 @@ ROUNDING = 0.25
 class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and
     negative where stiffness is; ``shapes`` (m, m) with shapes^T M shapes = 1; ``errors`` (m,) of omega, relative;
-    ``method`` is the rung of the ladder that was enough.
+    ``method`` is the rung of the ladder that was enough, ``doubt`` the largest error that a higher one could mend.
     """
 
     square: Array
@@ -52,6 +54,7 @@ class Undamped:
     errors: Array
     rigid: int
     method: str
+    doubt: float
 
     @property
     def omega(self) -> Array:
@@ -88,12 +91,13 @@ def undamped(system: System, rtol: float) -> Undamped:
     """
     m = system.dof
     if m == 0:
-        return Undamped(np.zeros(0), np.zeros((0, 0)), np.zeros(0), 0, "no degree of freedom")
+        return Undamped(np.zeros(0), np.zeros((0, 0)), np.zeros(0), 0, "no degree of freedom", 0.0)
     used = system.stiffness != 0.0
     k = system.stiffness if used.all() else system.stiffness[used]
     rows = system.elastic_rows if used.all() else system.elastic_rows[used]
     negative = bool((k < 0.0).any())
-    scene = _Scene(system.M, system.K, system.inertia_factor, rows * np.sqrt(np.abs(k))[:, None],
+    w = system.inertia_factor
+    scene = _Scene(system.M, system.K, w[w.any(axis=1)], rows * np.sqrt(np.abs(k))[:, None],
                    np.sign(k) if negative else None)  # fmt: skip
     shapes, square = by_products(scene)
     if float(np.abs(square).min()) <= SUSPECT**2 * float(np.abs(square).max()):
@@ -101,10 +105,10 @@ def undamped(system: System, rtol: float) -> Undamped:
     result = _accepted(scene, shapes, square, rtol)
     rungs: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
     for method, rung in rungs if not negative else ():
-        if float(result.errors.max()) <= rtol:
+        if result.doubt <= rtol:
             break
         better = refined(scene, rung(scene, result.shapes), method)
-        if float(better.errors.max()) < float(result.errors.max()):
+        if better.doubt < result.doubt:
             result = better
     return result
 
@@ -116,7 +120,7 @@ def _accepted(scene: _Scene, shapes: Array, square: Array, rtol: float) -> Undam
         growth = (np.sqrt(scene.mass.diagonal()) @ np.abs(shapes)) ** 2
         bound = 2.0 * EPS * float(growth.max()) * float(square[-1]) / square
         if float(bound[0]) <= rtol:
-            return Undamped(square, shapes, bound, 0, "products")
+            return Undamped(square, shapes, bound, 0, "products", 0.0)
     return refined(scene, shapes, "products")
 
 
@@ -195,33 +199,48 @@ def refined(scene: _Scene, shapes: Array, method: str) -> Undamped:
         phi = _without_rigid(scene, shapes)
     h = scene.w @ phi
     length = np.sqrt(np.einsum("ij,ij->j", h, h))
-    phi = phi / length
+    h, phi = h / length, phi / length
     e = scene.e @ phi
     signed = e if scene.sign is None else scene.sign[:, None] * e
-    square = np.einsum("ij,ij->j", e, signed)
-    square[:rigid] = 0.0
-    # row j, column i: what mode j sees of the residual of mode i
-    shared = phi.T @ (scene.e.T @ signed - (scene.mass @ phi) * square)
+    inertia, elastic = h.T @ h, e.T @ signed
+    elastic[:rigid] = elastic[:, :rigid] = 0.0
+    square = elastic.diagonal()
+    # row j, column i: what mode j sees of the residual of mode i, and how much of mode j is in mode i
+    shared = np.abs(_off_diagonal(elastic - inertia * square))
     gap = square - square[:, None]
-    apart = np.abs(shared) < SEPARATE * np.abs(gap)
-    mixing = np.divide(shared, gap, out=np.zeros_like(gap), where=apart)
+    apart = shared < SEPARATE * np.abs(gap)
+    mixing = np.divide(elastic - inertia * square, gap, out=np.zeros_like(gap), where=apart & (gap != 0.0))
     np.fill_diagonal(mixing, 0.0)
-    correction = (mixing * shared).sum(axis=0)
-    unresolved = np.where(apart, 0.0, np.minimum(np.abs(shared), np.abs(gap)))
-    np.fill_diagonal(unresolved, 0.0)
+    value = square + (mixing * gap * mixing).sum(axis=0)
+    unresolved = _off_diagonal(np.where(apart, 0.0, np.minimum(shared, np.abs(gap))))
     growth = np.sqrt(scene.mass.diagonal()) @ np.abs(phi)
     cancel = np.abs(scene.e) @ np.abs(phi)
     noise = EPS * np.einsum("ij,ij->j", np.abs(e), cancel) + EPS**2 * np.einsum("ij,ij->j", cancel, cancel)
     doubt = np.abs(mixing * shared).sum(axis=0) + unresolved.max(axis=0) + noise
-    value = square + correction
     size = np.abs(value)
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
+    left = float(errors.max(initial=0.0))
     errors += flexible * EPS * (2.0 + ROUNDING * growth)
     value[:rigid] = 0.0
-    phi = phi + phi @ mixing
+    phi = _cleaned(phi, inertia, mixing)
     order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
-    return Undamped(value[order], phi[:, order], errors[order], rigid, method)
+    return Undamped(value[order], phi[:, order], errors[order], rigid, method, left)
+
+
+def _off_diagonal(a: Array) -> Array:
+    np.fill_diagonal(a, 0.0)
+    return a
+
+
+def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
+    """Take the others out of each mode: a rotation (Cayley's, exact for large angles) and what M-norms still lack."""
+    half = 0.25 * (mixing - mixing.T)
+    one = np.eye(len(half))
+    if float(np.abs(half).max(initial=0.0)) < TINY_ANGLE:
+        return phi @ (one + 2.0 * half - 0.5 * _off_diagonal(inertia))
+    straight: Array = phi - 0.5 * (phi @ _off_diagonal(inertia))
+    return straight @ np.linalg.solve(one - half, one + half)
 
 
 def _without_rigid(scene: _Scene, shapes: Array) -> Array:
