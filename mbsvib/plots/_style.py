@@ -7,10 +7,11 @@ from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")  # Okabe and Ito
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (6, 1.5, 1, 1.5)))
@@ -95,6 +96,11 @@ def name_systems(figure: Figure, names: Sequence[str], place: Axes) -> None:
     room = place.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
     if len(place.get_title(loc="left")) + len(names[0]) + 3 <= room:
         place.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
+
+
+def zero(curves: Iterable[NDArray[Any]]) -> str:
+    """Return the remark on responses that are zero by symmetry, exactly or up to rounding."""
+    return "zero: what is drawn is rounding" if any(values.any() for values in curves) else "zero"
 
 
 def remark(axes: Axes, words: str, top: bool = False) -> None:

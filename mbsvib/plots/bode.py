@@ -100,7 +100,7 @@ def _panel(top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool) -
     _frequency_axis(below, curve.frequencies)
     top.tick_params(labelbottom=False, which="both")
     if all(each.negligible for _, each in drawn):
-        style.remark(top, "zero: what is drawn is rounding")
+        style.remark(top, style.zero(each.values for _, each in drawn))
 
 
 def _magnitude_axis(axes: Axes, curve: Curve) -> None:

@@ -114,7 +114,7 @@ def _panel(axes: Axes, t: Array, drawn: list[tuple[str, System, Array]], source:
     short = f"[{units.pretty(unit)}] for 1 {units.pretty(input_unit)}"
     axes.set_ylabel(f"{output} {short}" if len(output) + len(short) < LONGEST_LABEL else short)
     if negligible:
-        style.remark(axes, "zero: what is drawn is rounding")
+        style.remark(axes, style.zero(y for _, _, y in shown))
     elif system.modes().rigid:
         style.remark(axes, "rigid-body motion: no static response", top=bool(shown[0][2][-1] > 0.0))
 

@@ -1,8 +1,13 @@
 """The command line as a process of its own."""
 
 import json
+import runpy
 import subprocess
 import sys
+
+import pytest
+
+import mbsvib as mv
 
 
 def mbsvib(*words, code=None):
@@ -40,3 +45,11 @@ def test_help_imports_nothing_heavy():
     )
     modules = set(json.loads(mbsvib("--help", code=code).stdout.splitlines()[-1]))
     assert not modules & {"matplotlib", "control", "scipy", "ruamel", "mbsvib_export"}
+
+
+def test_the_module_runs_the_command_line(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["mbsvib", "--version"])
+    with pytest.raises(SystemExit) as status:
+        runpy.run_module("mbsvib", run_name="__main__")
+    assert status.value.code == 0
+    assert capsys.readouterr().out == f"mbsvib {mv.__version__}\n"

@@ -82,3 +82,8 @@ def test_demo_into_another_folder(run, tmp_path):
     assert "Written to there/below" in result.stdout
     assert (tmp_path / "there" / "below" / "modes.csv").exists()
     assert not (tmp_path / "mbsvib-demo").exists()
+
+
+def test_paths_elsewhere_are_named_in_full(run, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "slider.npz"
+    assert f"Written: {elsewhere} " in run(f"export slider.yaml -o {elsewhere}").stdout

@@ -132,6 +132,26 @@ def test_a_response_that_is_exactly_zero_is_drawn(tmp_path):
     figure = bode(model.linearize())
     figure.savefig(tmp_path / "zero.png")
     assert np.isnan(curve(figure.axes[0])[1]).all()
+    assert [text.get_text() for text in figure.axes[0].texts] == ["zero"]
+
+
+def test_a_locked_mechanism_passes_base_motion_on(tmp_path):
+    model = mv.Model("locked")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("weld", "fixed", "ground", "b")
+    model.add_base_motion("ax", "x")
+    model.add_output("a", "b", "x", quantity="acceleration")
+    figure = bode(model.linearize())
+    figure.savefig(tmp_path / "locked.png")
+    f, magnitude = curve(figure.axes[0])
+    assert f[0] < 1 <= f[-1]
+    np.testing.assert_allclose(magnitude, 1.0)
+
+
+def test_a_single_frequency_is_drawn(slider, tmp_path):
+    figure = bode(slider(damping=1.0), "F", "x", [3.0])
+    figure.savefig(tmp_path / "one.png")
+    assert len(figure.axes[0].lines[0].get_xdata()) == 1
 
 
 def test_several_systems_get_a_legend(slider):
