@@ -50,10 +50,20 @@ def number(value: Any, who: str, field: str, expected: str = "a finite number") 
     return value  # type: ignore[no-any-return]
 
 
+def listed(value: Any, who: str, field: str, expected: str) -> Any:
+    """Return ``value`` as something with a length and an order; text, sets and mappings are refused."""
+    if type(value) is tuple or type(value) is list:
+        return value
+    items = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(items, (str, bytes, dict)) or not hasattr(items, "__len__") or not hasattr(items, "__getitem__"):
+        raise refuse(who, field, value, expected)
+    return items
+
+
 def numbers(value: Any, sizes: tuple[int, ...], who: str, field: str, expected: str) -> tuple[float, ...]:
     """Return ``value`` as a tuple of finite floats whose length is one of ``sizes``."""
-    items = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(items, str) or not hasattr(items, "__len__") or len(items) not in sizes:
+    items = listed(value, who, field, expected)
+    if len(items) not in sizes:
         raise refuse(who, field, value, expected)
     try:
         result = tuple(map(float, items))
@@ -83,8 +93,8 @@ def axis(value: Any, who: str, field: str) -> Vector:
 
 def square(value: Any, size: int, who: str, field: str, expected: str) -> tuple[tuple[float, ...], ...]:
     """Return ``value`` as a tuple of ``size`` rows of ``size`` finite floats."""
-    items = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(items, str) or not hasattr(items, "__len__") or len(items) != size:
+    items = listed(value, who, field, expected)
+    if len(items) != size:
         raise refuse(who, field, value, expected)
     return tuple(numbers(row, (size,), who, field, expected) for row in items)
 
@@ -94,8 +104,8 @@ def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
     expected = "a 3x3 rotation matrix whose columns are the axes, or a rotation vector (3 values, rad)"
     if value is None or value is IDENTITY:
         return IDENTITY
-    items = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(items, str) or not hasattr(items, "__len__") or len(items) != 3:
+    items = listed(value, who, field, expected)
+    if len(items) != 3:
         raise refuse(who, field, value, expected)
     if not hasattr(items[0], "__len__"):
         return exponential(vector(items, who, field, expected))

@@ -84,7 +84,10 @@ def linearize(
     check_mass(mass, names)
     acting = relative.acting(locked, locked + felt)
     springs = springs.only(acting)
-    elastic = reduction.apply(relative.dense(locked, locked + felt, acting))
+    elastic = reduction.apply_exactly(relative.dense(locked, locked + felt, acting))
+    if reduction.matrix is not None:
+        acting = np.asarray(elastic.any(axis=1))
+        springs, elastic = springs.only(acting), elastic[acting]
     seen = reduction.apply(relative.dense(locked + felt, relative.shape[0]))
     return System(
         name=model.name, coordinates=names,

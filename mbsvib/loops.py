@@ -29,8 +29,10 @@ EPS = float(np.finfo(float).eps)
 # Entries of the scaled Phi carry a rounding error of a few eps times (distance from the origin / loop size); pivots
 # below this many times that error count as zero.
 RANK_FACTOR = 50.0
-# A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-9 are no longer certain.
-NEAR_SINGULAR = 1e-7
+# A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-12 are no longer certain.
+NEAR_SINGULAR = 1e-4
+# Sums of n products that cancel to less than this times n of their size are zero but for rounding.
+ZERO_ENTRY = 4.0 * EPS
 # Kept and dropped pivots closer than this leave the rank itself in doubt.
 RANK_GAP = 1e3
 # Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
@@ -70,6 +72,14 @@ class Reduction:
     def apply(self, rows: Array) -> Array:
         """Return rows (..., n) in minimal coordinates (..., m)."""
         return rows if self.matrix is None else rows @ self.matrix
+
+    def apply_exactly(self, rows: Array) -> Array:
+        """Return rows in minimal coordinates with exact zeros where loops take a motion away but for rounding."""
+        result = self.apply(rows)
+        if self.matrix is not None:
+            noise = np.abs(rows) @ np.abs(self.matrix)
+            result[np.abs(result) <= ZERO_ENTRY * rows.shape[1] * noise] = 0.0
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +207,9 @@ def _solve(
     rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
     right = qr[:rank, rank:]
     if len(held):
-        product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, a[:, held], 64 * len(held))[0]
+        product = a[:, held]
+        if len(tau):
+            product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, product, 64 * len(held))[0]
         _check_pins(coordinates, columns[held], product[rank:], RANK_FACTOR * noise)
         right = np.concatenate((right, product[:rank]), axis=1)
     group = LoopGroup(

@@ -427,7 +427,7 @@ class Model:
 
         return linearize(self, independent=independent, cut=cut)
 
-    def replace(self, element: str, **changes: Any) -> Model:
+    def replace(self, element: str, /, **changes: Any) -> Model:
         """Return a new model in which one part has other values; all words of its ``add_...`` call are allowed.
 
         Parameters

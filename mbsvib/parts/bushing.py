@@ -41,11 +41,15 @@ def make(
                          element=who, field="second")  # fmt: skip
     k = _coefficients(stiffness, who, "stiffness")
     c = _coefficients(damping, who, "damping")
-    if k == ZERO and c == ZERO:
+    if not _acts(k) and not _acts(c):
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the bushing out.",
                          element=who, field="stiffness")  # fmt: skip
     return Bushing(name, first, second, check.vector(position, who, "position"), k, c,
                    check.orientation(orientation, who))  # fmt: skip
+
+
+def _acts(value: Six | Matrix6) -> bool:
+    return any(any(row) if isinstance(row, tuple) else row for row in value)
 
 
 def _coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
