@@ -61,9 +61,13 @@ def _topology(system: System) -> list[str]:
 
 def _loops(system: System) -> list[str]:
     groups = system.provenance.reduction.groups
-    if not groups:
+    if not system.cut_joints:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"]
+    locking = {name for group in groups for name in group.joints}
+    idle = [name for name in system.cut_joints if name not in locking]
+    if idle:
+        lines.append(f"  {listed(idle)}: locks nothing")
     for group in groups:
         pivots = f"; smallest pivot kept {group.kept:.1e}, largest dropped {group.dropped:.1e}" if group.rank else ""
         lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent{pivots} "
@@ -100,7 +104,7 @@ def skipped(system: System) -> list[str]:
     """
     result = []
     if not system.provenance.reduction.groups:
-        result.append("no loop: B'' was not formed")
+        result.append("no loop that locks anything: B'' was not formed")
     elif not any(group.redundant for group in system.provenance.reduction.groups):
         result.append("no redundant constraint: the poses nearby were not looked at")
     if not system.damping.any():
