@@ -99,7 +99,9 @@ def combination(*terms):
             for i, row in enumerate(first)]  # fmt: skip
 
 
-def rounded(values):
-    """Doubles; what 50 digits leave of an exact zero is a zero (double roots keep half of them)."""
-    largest = max((abs(v) for v in values), default=mp.mpf(0))
-    return np.array([complex(v) if abs(v) > largest * mp.mpf("1e-18") else 0j for v in values])
+def rounded(values, zero):
+    """Doubles; what 50 digits leave of an exact zero, a part ``zero`` of the largest value or less, is a zero."""
+    limit = max((abs(v) for v in values), default=mp.mpf(0)) * mp.mpf(zero)
+    parts = [[v.real, v.imag] if abs(v) > limit else [0, 0] for v in map(mp.mpc, values)]
+    parts = [[part if abs(part) > mp.mpf("1e-20") * max(map(abs, pair)) else 0 for part in pair] for pair in parts]
+    return np.array([complex(float(re), float(im)) for re, im in parts])

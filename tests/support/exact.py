@@ -219,7 +219,7 @@ class Exact:
         lower = mp.cholesky(mp.matrix(self.M)).tolist()
         half = transpose(solve(lower, self.K))
         values = mp.eigsy(mp.matrix(solve(lower, half)), eigvals_only=True)
-        return rounded(values).real
+        return rounded(values, "1e-32").real
 
     @cached_property
     def eigenvalues(self):
@@ -230,7 +230,7 @@ class Exact:
         right = solve(self.M, [[-v for v in (*k, *c)] for k, c in zip(self.K, self.C, strict=True)])
         top = [[mp.mpf(j == m + i) for j in range(2 * m)] for i in range(m)]
         values = mp.eig(mp.matrix(top + right), left=False, right=False)
-        return rounded(values)
+        return rounded(values, "1e-18")  # a double zero keeps half of the digits
 
     @cached_property
     def zeros(self):

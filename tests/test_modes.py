@@ -1,0 +1,266 @@
+"""Modes: eigenvalues, damping, shapes, exact zeros, and error estimates that hold."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
+from tests.support.digits import mp
+from tests.support.exact import Exact
+from tests.support.random_models import closed_loops, open_trees, planar_loops, rotation, spatial
+
+SMALL = st.one_of(
+    open_trees(ports=st.just(False), kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
+    closed_loops(ports=st.just(False)), planar_loops(ports=st.just(False)),
+)  # fmt: skip
+FLOATING = open_trees(ports=st.just(False), floating=st.just(True), damped=st.booleans())
+UNSTABLE = open_trees(ports=st.just(False), negative=st.just(True), damped=st.booleans())
+
+
+def modes_of(model, limit=9):
+    system = linearized(model)
+    assume(0 < system.dof <= limit)
+    return system, system.modes(), Exact(model)
+
+
+@given(SMALL)
+def test_damped_eigenvalues(model):
+    _, modes, reference = modes_of(model)
+    assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues)
+
+
+@given(st.one_of(open_trees(ports=st.just(False), damped=st.just(False)), planar_loops(damped=st.just(False))))
+def test_undamped_frequencies(model):
+    _, modes, reference = modes_of(model, limit=30)
+    assert_allclose(modes.frequencies, np.sqrt(reference.squares) / (2 * np.pi), rtol=1e-10)
+    assert not modes.eigenvalues.real.any()
+    assert not modes.damping_ratios.any()
+
+
+@given(FLOATING)
+def test_rigid_body_modes_are_exact_zeros(model):
+    _, modes, reference = modes_of(model)
+    zeros = reference.zeros
+    assert modes.rigid == zeros >= 5  # a lone body hangs on one spring
+    assert (modes.frequencies[:zeros] == 0.0).all()
+    assert (modes.frequencies[zeros:] > 0.0).all()
+    assert np.count_nonzero(modes.eigenvalues == 0) == np.count_nonzero(reference.eigenvalues == 0)
+    assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues)
+
+
+@given(UNSTABLE)
+def test_negative_stiffness(model):
+    _, modes, reference = modes_of(model)
+    assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues, rtol=1e-8)
+    assert modes.stable == bool((reference.eigenvalues.real <= 0).all())
+
+
+@given(st.one_of(SMALL, FLOATING, UNSTABLE))
+def test_error_estimates_hold(model):
+    """The true error is never far above the promised one."""
+    _, modes, reference = modes_of(model)
+    promised = dict(zip(modes.eigenvalues.tolist(), modes.errors, strict=True))
+    for found, expected in zip(*nearest_pairs(modes.eigenvalues, reference.eigenvalues), strict=True):
+        if expected:
+            assert abs(found - expected) <= (10 * promised[complex(found)] + 4e-16) * abs(expected)
+
+
+@pytest.mark.slow
+@given(st.one_of(SMALL, FLOATING, UNSTABLE), st.integers(0, 2**31))
+def test_error_estimates_hold_at_length(model, seed):
+    """With more bodies, and as many coordinates as the reference can bear."""
+    for each in (model, spatial(seed, bodies=6, ports=False, kinds=("revolute", "universal", "screw", "planar"))):
+        _, modes, reference = modes_of(each, limit=14)
+        promised = dict(zip(modes.eigenvalues.tolist(), modes.errors, strict=True))
+        for found, expected in zip(*nearest_pairs(modes.eigenvalues, reference.eigenvalues), strict=True):
+            if expected:
+                assert abs(found - expected) <= (10 * promised[complex(found)] + 4e-16) * abs(expected)
+
+
+@given(st.one_of(SMALL, FLOATING, UNSTABLE))
+def test_eigenvalues_come_in_pairs_in_ascending_order(model):
+    system, modes, _ = modes_of(model, limit=30)
+    first, second = modes.eigenvalues[0::2], modes.eigenvalues[1::2]
+    turns = first.imag != 0
+    assert (first[turns] == second[turns].conj()).all()
+    assert (first[turns].imag > 0).all()
+    assert (second[~turns].imag == 0).all()
+    assert (np.diff(modes.natural) >= 0).all()
+    assert len(modes) == system.dof
+    assert modes.errors.shape == (2 * system.dof,)
+
+
+@given(st.one_of(SMALL, FLOATING))
+def test_shapes_solve_the_quadratic_problem(model):
+    system, modes, _ = modes_of(model, limit=30)
+    for k in range(system.dof):
+        value, shape = modes.eigenvalues[2 * k], modes.shapes[:, k]
+        terms = [value**2 * (system.M @ shape), value * (system.C @ shape), system.K @ shape]
+        size = sum(np.linalg.norm(term) for term in terms)
+        floor = np.linalg.norm(system.K) * np.linalg.norm(shape)  # of rigid-body modes only rounding is left
+        assert np.linalg.norm(sum(terms)) <= 1e-9 * size + 1e-14 * floor
+
+
+@given(open_trees(ports=st.just(False), damped=st.just(False)))
+def test_real_shapes_are_normalized_by_mass(model):
+    system, modes, _ = modes_of(model, limit=30)
+    assert modes.classical
+    gram = modes.shapes.T @ system.M @ modes.shapes
+    assert_allclose(gram, np.eye(system.dof), atol=1e-8)
+
+
+@given(SMALL)
+def test_body_shapes_are_the_displacements_of_the_bodies(model):
+    system, modes, reference = modes_of(model, limit=30)
+    moved = system.displacements(modes.shapes)
+    assert list(modes.body_shapes) == list(model.bodies)
+    for name, shape in modes.body_shapes.items():
+        assert_allclose(shape, moved[name], rtol=1e-12, atol=1e-13)
+    for k in range(system.dof):
+        column = {name: shape[:, k].real for name, shape in modes.body_shapes.items()}
+        assert reference.violation(column) <= 1e-12 * max(1, max(np.abs(x).max() for x in column.values()))
+
+
+@given(SMALL)
+def test_frequencies_and_ratios_follow_from_the_eigenvalues(model):
+    _, modes, _ = modes_of(model, limit=30)
+    first = modes.eigenvalues[0::2]
+    turns = first.imag > 0
+    assert_allclose(modes.frequencies[turns], np.abs(first[turns]) / (2 * np.pi), rtol=1e-14)
+    assert_allclose(modes.damped_frequencies[turns], first[turns].imag / (2 * np.pi), rtol=1e-14)
+    assert_allclose(modes.damping_ratios[turns], -first[turns].real / np.abs(first[turns]), rtol=1e-13)
+    assert (modes.damped_frequencies[~turns] == 0).all()
+    assert (modes.damping_ratios[~turns] >= 1).all()
+
+
+def oscillator(m=2.0, c=0.0, k=0.0):
+    model = mv.Model("oscillator")
+    model.add_body("b", m, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(1, 0, 0))
+    if c or k:
+        model.add_spring("s", "b", "ground", (0, 0, 0), (1, 0, 0), stiffness=k, damping=c)
+    model.add_input("f", "b", "x")
+    for quantity in ("displacement", "velocity", "acceleration"):
+        model.add_output(quantity, "b", "x", quantity=quantity)
+    return model
+
+
+@pytest.mark.parametrize("ratio", [0.0, 1e-12, 1e-6, 0.02, 0.9, 1 - 1e-12, 1.0, 1 + 1e-9, 1.5, 1e3, 1e8])
+def test_one_degree_of_freedom(ratio):
+    """Two roots of a quadratic, to the last digits also where the formula of school cancels."""
+    m, omega = 2.0, 10.0
+    model = oscillator(m, 2 * ratio * m * omega, m * omega**2)
+    spring = model.springs["s"]
+    half = mp.mpf(spring.damping) / (2 * m)
+    root = mp.sqrt(half**2 - mp.mpf(spring.stiffness) / m)
+    modes = model.linearize().modes()
+    assert modes.frequencies[0] == pytest.approx(omega / (2 * np.pi), rel=1e-14)
+    assert modes.damping_ratios[0] == pytest.approx(ratio, rel=1e-14, abs=1e-16)
+    expected = sorted((-half + root, -half - root), key=abs)
+    near_critical = 1e-8 if abs(ratio - 1) < 1e-6 else 0  # the roots move with the square root of rounding
+    found = sorted(modes.eigenvalues, key=abs)
+    for a, b in zip(found if ratio > 1 else modes.eigenvalues, expected if ratio > 1 else (-half + root, -half - root),
+                    strict=True):  # fmt: skip
+        assert abs(a - complex(b)) <= (1e-14 + near_critical) * abs(complex(b))
+
+
+def test_a_free_and_a_braked_body():
+    assert (oscillator().linearize().modes().eigenvalues == 0).all()
+    braked = oscillator(m=2.0, c=3.0).linearize().modes()
+    assert_same_eigenvalues(braked.eigenvalues, [0, -1.5], rtol=1e-15)
+    assert braked.frequencies[0] == 0
+
+
+def test_a_diverging_body():
+    modes = oscillator(m=2.0, k=-8.0).linearize().modes()
+    assert_same_eigenvalues(modes.eigenvalues, [2, -2], rtol=1e-14)
+    assert not modes.stable
+    assert "grow" in str(modes)
+
+
+def test_repeated_frequencies():
+    """A ball on equal springs has three equal frequencies, and its shapes are still independent."""
+    model = mv.Model("ball")
+    model.add_body("ball", 2.0, (0.5, 0.5, 0.5), orientation=rotation(np.random.default_rng(2)))
+    model.add_bushing("k", "ground", "ball", (0, 0, 0), (800,) * 3 + (200,) * 3, (0.4,) * 3 + (0.1,) * 3)
+    modes = model.linearize().modes()
+    assert_allclose(modes.frequencies * 2 * np.pi, 20, rtol=1e-14)
+    assert_allclose(modes.damping_ratios, 0.4 / (2 * 2 * 20), rtol=1e-13)
+    assert np.linalg.cond(modes.shapes) < 10
+
+
+def test_a_defective_pair():
+    """Two equal masses with a damper between one and ground, tuned to a double root, are not diagonalizable."""
+    model = mv.Model("defective")
+    for i in (1, 2):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        model.add_spring(f"k{i}", "ground", f"b{i}", (-1, 0, 0), (0, 0, 0), stiffness=100.0)
+    model.add_spring("c1", "ground", "b1", (-1, 0, 0), (0, 0, 0), damping=20.0)
+    model.add_spring("k", "b1", "b2", (0, 0, 0), (1, 0, 0), stiffness=10.0)
+    system, reference = model.linearize(), Exact(model)
+    assert_same_eigenvalues(system.modes().eigenvalues, reference.eigenvalues, rtol=1e-7)
+    omega = np.array([1.0, 9.0, 10.5, 50.0])
+    model.add_input("f", "b1", "x")
+    model.add_output("x", "b2", "x")
+    assert_allclose(model.linearize().frequency_response(omega), Exact(model).frequency_response(omega), rtol=1e-12)
+
+
+def stiff_chain(n, stiffness_decades, mass_decades, seed=0, damped=False):
+    """Sliding masses whose stiffness and mass span many decades, in random order."""
+    rng = np.random.default_rng(seed)
+    model = mv.Model("stress")
+    below = "ground"
+    k = 10.0 ** rng.permutation(np.linspace(0, stiffness_decades, n))
+    m = 10.0 ** rng.permutation(np.linspace(-mass_decades / 2, mass_decades / 2, n))
+    for i in range(n):
+        model.add_body(f"b{i}", m[i], (m[i],) * 3, position=(0, 0, i))
+        model.add_joint(f"j{i}", "prismatic", below, f"b{i}", position=(0, 0, i))
+        damping = {"damping": 1e-3 * np.sqrt(k[i] * m[i]) * rng.uniform(0.1, 1)} if damped else {}
+        model.add_spring(f"s{i}", below, f"b{i}", (0, 0, i - 1), (0, 0, i), stiffness=k[i], **damping)
+        below = f"b{i}"
+    return model
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_frequencies_over_many_decades(seed):
+    """Stiffness over 12 and mass over 8 decades: ten digits of every frequency, where eigh(K, M) has none."""
+    model = stiff_chain(12, 12, 8, seed)
+    reference = Exact(model)
+    omega = np.sqrt(reference.squares)
+    assert omega[-1] / omega[0] > 1e6
+    modes = model.linearize().modes()
+    error = np.abs(modes.frequencies * 2 * np.pi / omega - 1)
+    assert error.max() < 1e-10
+    assert (error <= 10 * modes.errors[0::2] + 4e-16).all()
+    assert modes.errors.max() <= 1e-10
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_damped_eigenvalues_over_many_decades(seed):
+    model = stiff_chain(6, 8, 4, seed, damped=True)
+    assert_same_eigenvalues(model.linearize().modes().eigenvalues, Exact(model).eigenvalues, rtol=1e-9)
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-10, 1e-13])
+def test_accuracy_that_is_asked_for(rtol):
+    model = stiff_chain(10, 10, 6, seed=9)
+    omega = np.sqrt(Exact(model).squares)
+    modes = model.linearize().modes(rtol=rtol)
+    assert modes.errors.max() <= rtol
+    assert_allclose(modes.frequencies * 2 * np.pi, omega, rtol=rtol)
+
+
+def test_accuracy_that_no_double_has_is_warned_of():
+    with pytest.warns(mv.AccuracyWarning, match=r"modes of 'stress'.*exceeds rtol = 1e-18 in modes 1, 2"):
+        stiff_chain(4, 2, 2).linearize().modes(rtol=1e-18)
+
+
+def test_the_table():
+    text = str(oscillator(c=1.0, k=200.0).linearize().modes())
+    assert "oscillator" in text
+    assert f"{10 / (2 * np.pi):.6f}" in text
+    assert "1 DOF" in text
