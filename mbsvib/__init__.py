@@ -16,7 +16,7 @@ from mbsvib.errors import (
 from mbsvib.model import Model
 
 if TYPE_CHECKING:
-    from mbsvib import library
+    from mbsvib import library, plots
     from mbsvib.assembly import linearize
     from mbsvib.files import load, save
     from mbsvib.modes import Modes
@@ -41,6 +41,7 @@ __all__ = [
     "library",
     "linearize",
     "load",
+    "plots",
     "save",
 ]
 
@@ -49,6 +50,7 @@ _HOMES = {
     "StateSpace": "mbsvib.state_space",
     "System": "mbsvib.system",
     "library": "mbsvib.library",
+    "plots": "mbsvib.plots",
     "linearize": "mbsvib.assembly",
     "load": "mbsvib.files",
     "save": "mbsvib.files",
@@ -62,6 +64,6 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'mbsvib' has no attribute {name!r}")
     home = import_module(_HOMES[name])
-    value = home if name == "library" else getattr(home, name)
+    value = home if home.__name__ == f"mbsvib.{name}" else getattr(home, name)
     globals()[name] = value
     return value

@@ -54,5 +54,6 @@ def count(number: int, what: str) -> str:
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return ``" Did you mean 'x'?"`` for the known word nearest to ``word``, or an empty string."""
-    match = get_close_matches(word, list(known), n=1, cutoff=0.6)
-    return f" Did you mean '{match[0]}'?" if match else ""
+    by_lower = {name.lower(): name for name in reversed(list(known))}
+    match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
+    return f" Did you mean '{by_lower[match[0]]}'?" if match else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class Modes:
     classical: str
     rigid: int
     _body_motion: Array = field(repr=False)
+    _inertia_factor: Array = field(repr=False)
     damped: Damped = field(repr=False)
 
     @cached_property
@@ -103,42 +104,60 @@ class Modes:
     def __len__(self) -> int:
         return len(self.eigenvalues) // 2
 
+    def table(self) -> dict[str, Any]:
+        """Return the table of modes as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        headers = ("mode", "natural [Hz]", "damped [Hz]", "damping ratio [%]", "moves most")
+        columns = [(header, "left" if header == "moves most" else "right") for header in headers]
+        values = zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
+        rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
+                for i, (f, d, z, most) in enumerate(values)]  # fmt: skip
+        return {"title": f"Modes of {self.name}: {len(self)} DOF", "columns": columns, "rows": rows,
+                "notes": self.remarks()}  # fmt: skip
+
     def __str__(self) -> str:
         from mbsvib import tables
 
-        columns: list[tuple[str, tables.Justify]] = [
-            ("mode", "right"), ("natural [Hz]", "right"), ("damped [Hz]", "right"), ("damping ratio [%]", "right"),
-            ("moves most", "left"),
-        ]  # fmt: skip
-        rows = [
-            (str(i + 1), f"{f:.6f}", f"{d:.6f}", f"{100.0 * z:.6f}", name)
-            for i, (f, d, z, name) in enumerate(
-                zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
-            )
-        ]
-        return tables.text(f"Modes of {self.name}: {len(self)} DOF", columns, rows, self.remarks())
+        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         low, high = (self.frequencies[0], self.frequencies[-1]) if len(self) else (0.0, 0.0)
         return f"Modes({self.name!r}: {len(self)} modes, {low:.6g} to {high:.6g} Hz)"
 
-    def strongest(self) -> tuple[str, ...]:
-        """Return for each mode the body that moves most and how (``"platform x"``).
+    @cached_property
+    def kinetic_energy(self) -> dict[str, Array]:
+        """Share of each body in the kinetic energy of each mode, {name: (m,)}; over all bodies they add up to 1."""
+        energy = self._energy().sum(axis=1)
+        return dict(zip(self.bodies, energy / energy.sum(axis=0), strict=True))
 
-        A rotation counts as the translation that it makes at the distance of the mechanism's radius of gyration.
+    def strongest(self) -> tuple[tuple[str, str], ...]:
+        """Return for each mode the body with most kinetic energy, and the direction in which it moves most.
 
         Returns
         -------
-        tuple of str
-            One entry a mode.
+        tuple of (str, str)
+            Body, and out of x y z rx ry rz; one entry a mode.
         """
-        motion = np.abs(self._body_motion @ self.shapes)
-        rotation, translation = motion[:, 3:].max(initial=0.0), motion[:, :3].max(initial=0.0)
-        length = translation / rotation if rotation > 0.0 and translation > 0.0 else 1.0
-        motion[:, 3:] *= length
-        best = motion.reshape(-1, len(self)).argmax(axis=0) if motion.size else []
+        if not len(self) or not self.bodies:
+            return ()
+        energy = self._energy()
+        body = energy.sum(axis=1).argmax(axis=0)
+        mode = np.arange(len(self))
+        translates = energy[body, :3, mode].sum(axis=1) >= energy[body, 3:, mode].sum(axis=1)
+        motion = np.abs((self._body_motion @ self.shapes)[body, :, mode])
+        direction = np.where(translates, motion[:, :3].argmax(axis=1), 3 + motion[:, 3:].argmax(axis=1))
         names = ("x", "y", "z", "rx", "ry", "rz")
-        return tuple(f"{self.bodies[i // 6]} {names[i % 6]}" for i in best)
+        return tuple((self.bodies[b], names[d]) for b, d in zip(body, direction, strict=True))
+
+    def _energy(self) -> Array:
+        """Twice the kinetic energy of the bodies' translations and rotations at unit speed, (bodies, 6, m)."""
+        rows = self._inertia_factor @ self.shapes
+        return np.abs(rows.reshape(len(self.bodies), 6, len(self))) ** 2
 
     def remarks(self) -> tuple[str, ...]:
         """Return what a reader of the table should know: rigid-body, creeping and diverging modes, accuracy.
@@ -183,4 +202,9 @@ def modes(system: System, rtol: float = RTOL) -> Modes:
         largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(system.dof)]
         shapes = shapes * (np.abs(largest) / largest)
     return Modes(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
-                 shapes, result.classical, basis.rigid, system.body_motion, result)  # fmt: skip
+                 shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result)  # fmt: skip
+
+
+def digits(value: float) -> str:
+    """Return a number with six decimals, or with an exponent where these would say nothing."""
+    return f"{value:.6f}" if value == 0.0 or 1e-3 <= abs(value) < 1e7 else f"{value:.6e}"

@@ -1,17 +1,16 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, with the exporters' own error."""
 
 from __future__ import annotations
 
 import os
-import shutil
-from pathlib import Path
 from typing import IO, TYPE_CHECKING
-from uuid import uuid4
 
+from mbsvib import whole_file
 from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
@@ -34,22 +33,10 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
     ExportError
         If the file cannot be written. What was at the path is then still there, untouched.
     """
-    target = Path(os.path.realpath(path))
-    draft = target.with_name(f".{target.name[:60]}.{uuid4().hex[:8]}.part")
     try:
-        try:
-            with open(draft, "xb") as stream:
-                write(stream)
-                stream.flush()
-                os.fsync(stream.fileno())
-            if target.exists():
-                shutil.copymode(target, draft)
-            os.replace(draft, target)
-        finally:
-            draft.unlink(missing_ok=True)
+        return whole_file.write_whole(path, write)
     except OSError as error:
         raise ExportError(
             f"{os.fspath(path)}: cannot be written: {error.strerror or error}. Give the path of a file in a folder "
             f"that exists and that you may write to; nothing was changed there."
         ) from error
-    return Path(path)

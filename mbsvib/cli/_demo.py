@@ -30,7 +30,7 @@ def demo(
     model = library.stewart(ports=("platform", "base"))
     system = model.linearize()
     modes = system.modes()
-    shell.say(str(modes))
+    tables.show(shell.console(), **modes.table())
 
     files = []
 

@@ -27,13 +27,15 @@ def modes(
     """Print natural frequencies, damping ratios and what moves most in each mode."""
     if as_csv and as_json:
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
+    from mbsvib import tables
+
     result = system_of(model).modes()
     if as_csv or as_json:
         from mbsvib.cli import _records as records
 
         shell.say(records.json_text(result) if as_json else records.csv_text(result).rstrip("\n"))
         return
-    shell.say(str(result))
+    tables.show(shell.console(), **result.table())
 
 
 def check(model: ModelArgument) -> None:

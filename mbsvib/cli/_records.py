@@ -26,7 +26,7 @@ def records(modes: Modes) -> list[dict[str, Any]]:
             "relative_error": float(errors[i].max()),
             "moves_most": name,
         }
-        for i, name in enumerate(modes.strongest())
+        for i, name in enumerate(map(" ".join, modes.strongest()))
     ]
 
 

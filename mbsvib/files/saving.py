@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from os import PathLike
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
 from mbsvib.files.text import json_text, yaml_text
 from mbsvib.files.words import SECTIONS, VERSION, head_words, words
 from mbsvib.model import ADDERS, Model
+from mbsvib.whole_file import write_whole
 
 
 def save(model: Model, path: str | PathLike[str]) -> Path:
@@ -37,14 +35,12 @@ def save(model: Model, path: str | PathLike[str]) -> Path:
     ModelError
         If the suffix is none of these, or the file cannot be written.
     """
-    file = Path(path)
     write = json_text if suffix_of(path) == ".json" else yaml_text
     text = write(described(model))
     try:
-        _replace(file, text)
+        return write_whole(path, lambda stream: stream.write(text.encode()))
     except OSError as error:
         raise ModelError(f"{path}: cannot be written: {error.strerror}.") from error
-    return file
 
 
 def described(model: Model) -> dict[str, Any]:
@@ -73,18 +69,3 @@ def _spoken(word: str, value: Any) -> Any:
     if word in ("inertia", "direction") and len(value) == 6 and value[3:] == (0.0, 0.0, 0.0):
         return value[:3]
     return value
-
-
-def _replace(file: Path, text: str) -> None:
-    target = Path(os.path.realpath(file))  # a link stays a link
-    draft = target.with_name(f".{target.name[:60]}.{uuid4().hex[:8]}.part")
-    try:
-        with open(draft, "x", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        if target.exists():
-            shutil.copymode(target, draft)
-        os.replace(draft, target)
-    finally:
-        draft.unlink(missing_ok=True)

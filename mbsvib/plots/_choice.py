@@ -42,10 +42,9 @@ def pick(system: System, what: str, names: Names) -> list[str]:
     asked = list(known) if names is None else [names] if isinstance(names, str) else list(names)
     for name in asked:
         if name not in known:
-            cased = [each for each in known if each.lower() == str(name).lower()]
-            hint = nearest(cased[0] if cased else str(name), known)
             raise ResponseError(
-                f"{what} {name!r}: system '{system.name}' has no such {what}.{hint} It has {', '.join(known)}."
+                f"{what} {name!r}: system '{system.name}' has no such {what}.{nearest(str(name), known)} "
+                f"It has {', '.join(known)}."
             )
     if not asked:
         raise ResponseError(f"the list of {what}s is empty; name at least one of {', '.join(known)}.")
