@@ -110,7 +110,7 @@ CASES = {
     "free unknown": (joint(kind=None, free=("x", "rot")), ["free", "'rot'"]),
     "free twice": (joint(kind=None, free=("x", "x")), ["free", "once"]),
     "input direction unknown": (source(direction="xx"), ["direction", "'xx'", "x y z rx ry rz"]),
-    "input direction suggested": (source(direction="ryy"), ["direction", "'ryy'", "Did you mean 'ry'?"]),
+    "input direction suggested": (source(direction="RX"), ["direction", "'RX'", "Did you mean 'rx'?"]),
     "output direction unknown": (output(direction="w"), ["direction", "'w'"]),
     "output direction zero": (output(direction=(0, 0, 0)), ["direction", "not zero"]),
     "base direction zero": (base(direction=np.zeros(6)), ["direction", "not zero"]),

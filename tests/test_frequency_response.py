@@ -1,0 +1,197 @@
+"""Frequency response, against one solution in 50 digits for each frequency and against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from tests.support.compare import assert_same_response, frequencies, linearized
+from tests.support.digits import mp
+from tests.support.exact import Exact
+from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds, spatial
+from tests.test_modes import oscillator, stiff_chain
+
+ANY = st.one_of(
+    open_trees(damped=st.booleans()), open_trees(floating=st.just(True)), closed_loops(damped=st.booleans()),
+    planar_loops(), planar_loops(damped=st.just(False)),
+)  # fmt: skip
+
+
+@given(ANY)
+def test_against_the_reference(model):
+    """Base motion, relative and absolute outputs, forces; below, near, between and above the natural frequencies."""
+    system, reference = linearized(model), Exact(model)
+    omega = frequencies(reference)
+    assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
+
+
+@given(open_trees(negative=st.just(True), damped=st.booleans()))
+def test_negative_stiffness(model):
+    system, reference = linearized(model), Exact(model)
+    omega = frequencies(reference)
+    assert_same_response(system.frequency_response(omega), reference.frequency_response(omega), rtol=1e-8)
+
+
+@given(st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4))))
+def test_ten_kilometres_away(model):
+    system, reference = linearized(model), Exact(model)
+    omega = frequencies(reference)
+    assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
+
+
+@given(st.one_of(open_trees(), closed_loops(), planar_loops()))
+def test_static_compliance(model):
+    system, reference = linearized(model), Exact(model)
+    if system.dof:
+        found = system.frequency_response([0.0])[:, :, 0]
+        assert not found.imag.any()
+        assert_same_response(found[:, :, None].real, reference.static()[:, :, None], rtol=1e-10)
+
+
+@pytest.mark.slow
+@given(seeds(), st.integers(5, 8), st.integers(0, 3), st.booleans())
+def test_bigger_mechanisms(seed, bodies, loops, damped):
+    """Random ones of up to eight bodies."""
+    model = spatial(seed, bodies, loops, damped=damped)
+    system, reference = linearized(model), Exact(model)
+    omega = frequencies(reference)
+    assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
+
+
+@pytest.mark.parametrize("ratio", [1e-9, 1e-6, 1e-3, 0.05, 1.0])
+@pytest.mark.parametrize("detune", [0.0, 1e-12, 1e-6, -0.3, 3.0])
+def test_resonances_keep_ten_digits(ratio, detune):
+    """At the peak of a mode with a damping ratio of 1e-9 an error of the frequency would count a billion times."""
+    m, omega0 = 2.0, 10.0
+    model = oscillator(m, 2 * ratio * m * omega0, m * omega0**2)
+    w = omega0 * (1 + detune)
+    c, s = model.springs["s"].damping, mp.mpc(0, w)
+    exact = 1 / (m * s * s + mp.mpf(c) * s + mp.mpf(model.springs["s"].stiffness))
+    found = model.linearize().frequency_response([w])[:, 0, 0]
+    for value, factor in zip(found, (1, s, s * s), strict=True):
+        expected = complex(exact * factor)
+        # the data of the spring are rounded, and so is w: what this makes of a peak is no error of the method
+        assert abs(value - expected) <= 1e-10 * abs(expected) + 4e-16 / ratio * abs(expected) * (detune == 0)
+
+
+def test_transmissibility_crosses_one_at_root_two():
+    zeta, omega0 = 0.1, 10.0
+    model = mv.Model("isolator")
+    model.add_body("b", 3.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b")
+    model.add_spring("s", "ground", "b", (0, 0, -1), (0, 0, 0), stiffness=3 * omega0**2, damping=6 * zeta * omega0)
+    model.add_base_motion("base", "z")
+    model.add_output("felt", "b", "z", quantity="acceleration")
+    r = np.array([1e-9, 0.5, 1.0, np.sqrt(2), 5.0, 1e3])
+    found = model.linearize().frequency_response(omega0 * r)[0, 0]
+    expected = (1 + 2j * zeta * r) / (1 - r**2 + 2j * zeta * r)
+    assert_allclose(found, expected, rtol=1e-11)
+    assert abs(found[3]) == pytest.approx(1, rel=1e-13)
+
+
+def test_two_mass_base_transmissibility():
+    """Acceleration to acceleration through two stages, without ever integrating the input."""
+    m1, m2, k1, k2, c1, c2 = 2.0, 1.0, 800.0, 300.0, 4.0, 1.5
+    model = mv.Model("two stages")
+    model.add_body("low", m1, (1, 1, 1), position=(0, 0, 1))
+    model.add_body("high", m2, (1, 1, 1), position=(0, 0, 2))
+    model.add_joint("jl", "prismatic", "ground", "low")
+    model.add_joint("jh", "prismatic", "low", "high")
+    model.add_spring("sl", "ground", "low", (0, 0, 0), (0, 0, 1), stiffness=k1, damping=c1)
+    model.add_spring("sh", "low", "high", (0, 0, 1), (0, 0, 2), stiffness=k2, damping=c2)
+    model.add_base_motion("base", "z")
+    model.add_output("felt", "high", "z", quantity="acceleration")
+    model.add_output("between", "high", "z", relative_to="low", quantity="acceleration")
+    w = np.geomspace(0.1, 500, 40)
+    s = 1j * w
+    z1, z2 = k1 + c1 * s, k2 + c2 * s
+    down = (m1 * s**2 + z1 + z2) * (m2 * s**2 + z2) - z2**2
+    high, low = z1 * z2 / down, z1 * (m2 * s**2 + z2) / down
+    found = model.linearize().frequency_response(w)
+    # what is left of the base's own acceleration high above the modes is a difference of terms near one
+    assert_allclose(found[0, 0], high, rtol=1e-12, atol=1e-15)
+    assert_allclose(found[1, 0], high - low, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_stiffness_over_many_decades(seed):
+    """Where a body is pushed, in resonance and beside it (far from there answers cancel to nothing)."""
+    model = stiff_chain(8, 10, 6, seed, damped=True)
+    for body in model.bodies:
+        model.add_input(body, body, "z")
+        model.add_output(body, body, "z")
+    system, reference = model.linearize(), Exact(model)
+    omega = np.sqrt(reference.squares)
+    omega = np.concatenate((0.9 * omega, omega))
+    found, expected = (np.diagonal(g) for g in (system.frequency_response(omega), reference.frequency_response(omega)))
+    assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_free_body_answers_above_zero():
+    found = oscillator(m=2.0).linearize().frequency_response([1.0, 10.0])[:, 0]
+    assert_allclose(found, [[-0.5, -0.005], [-0.5j, -0.05j], [0.5, 0.5]], rtol=1e-15)
+
+
+@pytest.mark.parametrize(("model", "omega", "what"), [
+    (oscillator(m=2.0), 0.0, "rigid-body mode"), (oscillator(m=2.0, k=200.0), 10.0, "undamped mode 1"),
+])  # fmt: skip
+def test_poles_are_refused_by_name(model, omega, what):
+    with pytest.raises(mv.ResponseError, match=rf"omega\[1\] = {omega:g} rad/s is a pole.*{what}"):
+        model.linearize().frequency_response([1.0, omega])
+
+
+def test_a_braked_rigid_mode_has_a_pole_at_zero():
+    with pytest.raises(mv.ResponseError, match="pole"):
+        oscillator(c=3.0).linearize().frequency_response([0.0])
+
+
+@pytest.mark.parametrize("omega", [[1.0, np.nan], [np.inf], [[1.0, 2.0]], "fast", [1j], None])
+def test_bad_frequencies_are_refused(omega):
+    with pytest.raises(mv.ResponseError, match="frequency_response: omega"):
+        oscillator(k=1.0).linearize().frequency_response(omega)
+
+
+@pytest.mark.parametrize("omega", [[3.0, 4.0], (3.0, 4.0), np.array([3.0, 4.0]), np.array([3, 4]), range(3, 5)])
+def test_lists_tuples_and_arrays(omega):
+    found = oscillator(k=2.0).linearize().frequency_response(omega)
+    assert (found.shape, found.dtype) == ((3, 1, 2), complex)
+    assert_allclose(found[0, 0], [1 / (2 - 2 * 9), 1 / (2 - 2 * 16)], rtol=1e-14)
+
+
+def test_no_frequency_and_no_port():
+    assert oscillator(k=2.0).linearize().frequency_response([]).shape == (3, 1, 0)
+    model = mv.Model()
+    model.add_body("b", 1.0, (1, 1, 1))
+    assert model.linearize().frequency_response([1.0]).shape == (0, 0, 1)
+
+
+@given(open_trees(damped=st.booleans()))
+def test_negative_frequencies_are_conjugate(model):
+    system = linearized(model)
+    if system.dof:
+        w = np.array([0.5, 7.0])
+        assert_allclose(system.frequency_response(-w), system.frequency_response(w).conj(), rtol=1e-12)
+
+
+@given(open_trees())
+def test_one_frequency_at_a_time_is_the_same(model):
+    system = linearized(model)
+    w = np.geomspace(0.1, 1000, 300)
+    whole = system.frequency_response(w)
+    for k in (0, 150, 299):
+        one = system.frequency_response(w[k : k + 1])
+        assert_allclose(one[:, :, 0], whole[:, :, k], rtol=1e-10, atol=1e-13 * np.abs(whole[:, :, k]).max(initial=0))
+
+
+@given(open_trees(kinds=st.just(("revolute", "spherical", "universal"))))
+def test_reciprocity(model):
+    """The displacement at A under a force at B is the one at B under the force at A."""
+    for i, body in enumerate(model.bodies):
+        model.add_input(f"r{i}", body, (1.0, 2.0, -1.0))
+        model.add_output(f"r{i}", body, (1.0, 2.0, -1.0))
+    system = linearized(model)
+    n = len(model.bodies)
+    found = system.frequency_response([5.0])[-n:, -n:, 0]
+    assert_allclose(found, found.T, rtol=0, atol=1e-11 * np.abs(found).max())
