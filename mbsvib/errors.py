@@ -46,7 +46,7 @@ class ExportError(MbsvibError):
     """A system that a target format cannot hold."""
 
 
-def count(number: int, what: str) -> str:
+def counted(number: int, what: str) -> str:
     """Return "1 body", "2 bodies" for a number and a noun in the singular."""
     plural = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
     return f"{number} {what if number == 1 else plural}"

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.damped import Damped, damped
-from mbsvib.errors import AccuracyWarning, count
+from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.undamped import undamped
 
 if TYPE_CHECKING:
@@ -28,11 +28,11 @@ RTOL = 1e-10
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Modes:
-    """The modes of a system, one for each degree of freedom, in ascending natural frequency.
+    """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
 
-    ``eigenvalues`` (2m,) [1/s] come in pairs, two for each mode: conjugate where the mode oscillates, real where it
-    creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2m,) estimates the relative error of each.
-    ``shapes`` (m, m) are the displacements of the minimal coordinates, one column a mode, real where damping is
+    ``eigenvalues`` (2n,) [1/s] of n modes come in pairs, two for each mode: conjugate where the mode oscillates, real
+    where it creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2n,) estimates the relative error of each.
+    ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
     classical (``classical`` says why, and is empty elsewhere); shapes^T M shapes = 1 for these, and a unit vector in
     the undamped modes for the others. ``rigid`` counts the rigid-body modes.
     """
@@ -85,6 +85,35 @@ class Modes:
         """Whether no eigenvalue has a positive real part."""
         return bool((self.eigenvalues.real <= 0.0).all())
 
+    def nearest(self, count: int, frequency: float = 0.0) -> Modes:
+        """Return the ``count`` modes whose natural frequencies are nearest to a frequency.
+
+        Parameters
+        ----------
+        count : int
+            How many; all if there are fewer.
+        frequency : float
+            The frequency [Hz].
+
+        Returns
+        -------
+        Modes
+            In ascending natural frequency.
+
+        Raises
+        ------
+        ResponseError
+            If ``count`` is no positive whole number.
+        """
+        if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
+            raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
+        chosen = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
+        return replace(
+            self, eigenvalues=self.eigenvalues.reshape(-1, 2)[chosen].reshape(-1),
+            errors=self.errors.reshape(-1, 2)[chosen].reshape(-1), shapes=self.shapes[:, chosen],
+            rigid=int(np.count_nonzero(chosen < self.rigid)),
+        )  # fmt: skip
+
     def check_accuracy(self, rtol: float) -> None:
         """Warn of every mode whose estimated relative error is larger than ``rtol``, by number.
 
@@ -117,8 +146,12 @@ class Modes:
         values = zip(self.frequencies, self.damped_frequencies, self.damping_ratios, self.strongest(), strict=True)
         rows = [(str(i + 1), digits(f), digits(d), digits(100.0 * z), " ".join(most))
                 for i, (f, d, z, most) in enumerate(values)]  # fmt: skip
-        return {"title": f"Modes of {self.name}: {len(self)} DOF", "columns": columns, "rows": rows,
+        return {"title": f"Modes of {self.name}: {self._shown()}", "columns": columns, "rows": rows,
                 "notes": self.remarks()}  # fmt: skip
+
+    def _shown(self) -> str:
+        dof = len(self.coordinates)
+        return f"{dof} DOF" if len(self) == dof else f"{len(self)} of {dof}"
 
     def __str__(self) -> str:
         from mbsvib import tables
@@ -171,7 +204,7 @@ class Modes:
             return ("The mechanism is fully locked: it has no degree of freedom.",)
         result = []
         if self.rigid:
-            result.append(f"{count(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")
+            result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")
         diverging = np.nonzero(self.eigenvalues.reshape(-1, 2).real.max(axis=1) > 0.0)[0]
         if len(diverging):
             result.append(f"Unstable: mode{'s' if len(diverging) > 1 else ''} "

@@ -129,34 +129,43 @@ class System:
 
         return modes(self, RTOL)
 
+    def _modes_within(self, rtol: float) -> Modes:
+        from mbsvib.modes import modes
+
+        return self._modes if float(self._modes.errors.max(initial=0.0)) <= rtol else modes(self, rtol)
+
     @cached_property
     def _modal(self) -> Damped:
         """The basis of the responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times."""
-        return self.modes(rtol=RESPONSE_RTOL, warn=False).damped
+        return self._modes_within(RESPONSE_RTOL).damped
 
-    def modes(self, rtol: float | None = None, warn: bool = True) -> Modes:
-        """Return all modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
+    def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
+        """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
 
         Parameters
         ----------
+        count : int, optional
+            How many; default: all.
+        near : float
+            The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest.
         rtol : float, optional
             Relative accuracy asked of every eigenvalue, 1e-10 if none is; more accurate and slower methods are taken
-            as far as needed.
-        warn : bool
-            Whether modes whose error estimate stays larger than ``rtol`` are warned of by number (AccuracyWarning).
+            as far as needed. Modes whose error estimate stays larger are warned of by number (AccuracyWarning).
 
         Returns
         -------
         Modes
-            One entry for each degree of freedom, in ascending natural frequency. The result at the default accuracy
-            is kept, so that asking again costs nothing.
-        """
-        from mbsvib.modes import modes
+            In ascending natural frequency. Modes at the default accuracy are kept, so that asking again costs nothing.
 
-        if rtol is None or float(self._modes.errors.max(initial=0.0)) <= rtol:
-            return self._modes
-        result = modes(self, rtol)
-        if warn:
+        Raises
+        ------
+        ResponseError
+            If ``count`` is no positive whole number.
+        """
+        result = self._modes if rtol is None else self._modes_within(rtol)
+        if count is not None:
+            result = result.nearest(count, near)
+        if rtol is not None:
             result.check_accuracy(rtol)
         return result
 
