@@ -45,6 +45,7 @@ def subspaces(free: tuple[str, ...]) -> tuple[Named, Named]:
     )
 
 
+_PLACE = {direction: i for i, direction in enumerate(DIRECTIONS)}
 _SUBSPACES = {kind: subspaces(free) for kind, free in KINDS.items()}
 
 
@@ -118,11 +119,10 @@ def in_world(axes: Matrix3, directions: Named) -> Named:
     if axes is check.IDENTITY:
         return directions
     (a, b, c), (d, e, f), (g, h, i) = axes
-    none = (0.0, 0.0, 0.0)
-    columns = dict(zip(UNIT6, (
-        (a, d, g, *none), (b, e, h, *none), (c, f, i, *none), (*none, a, d, g), (*none, b, e, h), (*none, c, f, i),
-    ), strict=True))  # fmt: skip
-    return tuple((name, columns.get(six) or _turned(axes, six)) for name, six in directions)
+    columns = ((a, d, g, 0.0, 0.0, 0.0), (b, e, h, 0.0, 0.0, 0.0), (c, f, i, 0.0, 0.0, 0.0),
+               (0.0, 0.0, 0.0, a, d, g), (0.0, 0.0, 0.0, b, e, h), (0.0, 0.0, 0.0, c, f, i))  # fmt: skip
+    return tuple([(name, columns[_PLACE[name]] if six is UNIT6[_PLACE[name]] else _turned(axes, six))
+                  for name, six in directions])  # fmt: skip
 
 
 def _turned(axes: Matrix3, six: Six) -> Six:
