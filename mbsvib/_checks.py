@@ -85,7 +85,7 @@ def axis(value: Any, who: str, field: str) -> Vector:
     x, y, z = vector(value, who, field, "a direction (x, y, z) that is not zero")
     length = hypot(x, y, z)
     if length == 0.0 or length == inf:
-        raise refuse(who, field, value, "a direction (x, y, z) that is not zero, nor too long for a number")
+        raise refuse(who, field, value, "a direction (x, y, z) that is not zero")
     if length < TINY:  # up, to where lengths keep all their digits
         return axis((x / TINY, y / TINY, z / TINY), who, field)
     return (x / length, y / length, z / length)

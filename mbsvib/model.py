@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from inspect import signature
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -454,13 +455,16 @@ class Model:
         model = Model(self.name)
         for adder, group in self._groups():
             for part in group.values():
-                words = part.words()
-                if part.name == element:
-                    words.update(changes)
-                try:
-                    getattr(model, ADDERS[type(part)] if adder == "" else adder)(**words)
-                except TypeError as error:
-                    raise ModelError(f"replace: '{element}' has no such word: {error}", element=element) from error
+                add = getattr(model, adder or ADDERS[type(part)])
+                if part.name != element:
+                    add(**part.words())
+                    continue
+                known = signature(add).parameters
+                for word in changes:
+                    if word not in known:
+                        raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, known)} It has "
+                                         f"{', '.join(known)}.", element=element, field=word)  # fmt: skip
+                add(**(part.words() | changes))
         return model
 
     def _groups(self) -> tuple[tuple[str, Mapping[str, Any]], ...]:
