@@ -459,11 +459,11 @@ class Model:
                 if part.name != element:
                     add(**part.words())
                     continue
-                known = signature(add).parameters
+                allowed = signature(add).parameters
                 for word in changes:
-                    if word not in known:
-                        raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, known)} It has "
-                                         f"{', '.join(known)}.", element=element, field=word)  # fmt: skip
+                    if word not in allowed:
+                        raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, allowed)} It has "
+                                         f"{', '.join(allowed)}.", element=element, field=word)  # fmt: skip
                 add(**(part.words() | changes))
         return model
 
