@@ -46,7 +46,8 @@ class Damped:
     """Damped modes in the basis ``shapes`` (m, m): ``pairs`` (m, 2) of eigenvalues, ``errors`` (m, 2) relative.
 
     ``gamma`` is Phi^T C Phi, (m,) where damping is ``classical`` and (m, m) elsewhere; ``square`` (m,) is omega^2 of
-    the basis. ``vectors`` (m, m, 2) are the modes in the basis; None where they are the basis itself.
+    the basis. ``vectors`` (m, m, 2) are the modes y in the basis and ``slopes`` (m, 2) their y^T (2 lambda + Gamma) y,
+    which is 0 for a defective pair; both None where the modes are the basis itself.
     """
 
     pairs: Complex
@@ -56,6 +57,7 @@ class Damped:
     gamma: Array
     classical: str
     vectors: Complex | None
+    slopes: Complex | None
 
 
 def damped(system: System, basis: Undamped) -> Damped:
@@ -77,10 +79,10 @@ def damped(system: System, basis: Undamped) -> Damped:
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
         errors = _classical_errors(pairs, basis, gamma)
-        return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None)
+        return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(basis, gamma)
-    pairs, vectors, errors = _coupled(basis, _forms(system, shapes, gamma, basis.rigid), free)
-    return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors)
+    pairs, vectors, slopes, errors = _coupled(basis, _forms(system, shapes, gamma, basis.rigid), free)
+    return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
 
 
 def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
@@ -155,16 +157,17 @@ def _forms(system: System, shapes: Array, gamma: Array, rigid: int) -> _Forms:
     return _Forms(h.T @ h, gamma, stiffness, cancel.T @ (np.abs(e) * np.abs(system.damping)[:, None]))
 
 
-def _coupled(basis: Undamped, forms: _Forms, free: int) -> tuple[Complex, Complex, Array]:
-    """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2) in the basis, errors (m, 2)."""
+def _coupled(basis: Undamped, forms: _Forms, free: int) -> tuple[Complex, Complex, Complex, Array]:
+    """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2)."""
     m, r = len(basis.square), basis.rigid
     values, right = _energy_eigenvalues(basis, forms.damping, free)
     y = np.zeros((m, len(values)), dtype=complex)
     y[free:] = right / np.linalg.norm(right, axis=0)
-    values, bound = _rayleigh(values, y, forms, basis)
+    values, y, slope, bound = _rayleigh(values, y, forms, basis)
     first, second = _pair(values, y, free, r)
     pairs = np.zeros((m, 2), dtype=complex)
     vectors = np.zeros((m, m, 2), dtype=complex)
+    slopes = np.zeros((m, 2), dtype=complex)
     errors = np.zeros((m, 2))
     vectors[np.arange(free), np.arange(free)] = 1.0
     for column, chosen in ((0, first), (1, second)):
@@ -172,12 +175,15 @@ def _coupled(basis: Undamped, forms: _Forms, free: int) -> tuple[Complex, Comple
         place = free + np.nonzero(known)[0]
         pairs[place, column] = values[chosen[known]]
         vectors[:, place, column] = y[:, chosen[known]]
+        slopes[place, column] = slope[chosen[known]]
         errors[place, column] = bound[chosen[known]]
     # a rigid-body mode that dampers brake stays where it comes to rest: an eigenvalue 0 with a rigid shape
     resting = free + np.nonzero(first < 0)[0]
-    vectors[free + np.arange(len(resting)), resting, 0] = 1.0
+    at = free + np.arange(len(resting))
+    vectors[at, resting, 0] = 1.0
+    slopes[resting, 0] = forms.damping[at, at]
     order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
-    return pairs[order], vectors[:, order], errors[order]
+    return pairs[order], vectors[:, order], slopes[order], errors[order]
 
 
 def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex]:
@@ -194,8 +200,12 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     return values.astype(complex), vectors[flexible:].astype(complex)
 
 
-def _rayleigh(values: Complex, y: Complex, forms: _Forms, basis: Undamped) -> tuple[Complex, Array]:
-    """Improve every eigenvalue by its two-sided Rayleigh quadratic; return it with a bound of its relative error."""
+def _rayleigh(
+    values: Complex, y: Complex, forms: _Forms, basis: Undamped
+) -> tuple[Complex, Complex, Complex, Array]:
+    """Improve every eigenvalue by its two-sided Rayleigh quadratic and every vector by what the others see of its
+    residual; return both with the slopes and a bound of the eigenvalues' relative errors.
+    """
     inertia, damping, elastic = forms.mass @ y, forms.damping @ y, forms.stiffness @ y
     a, b, c = (np.einsum("ij,ij->j", y, part) for part in (inertia, damping, elastic))
     improved = values
@@ -206,9 +216,13 @@ def _rayleigh(values: Complex, y: Complex, forms: _Forms, basis: Undamped) -> tu
         improved = np.where(small, improved - step, improved)
     size, speed = np.abs(y), np.abs(improved)
     # what is left is of second order: the residual r through the resolvent, the sum of y y^T / (slope (l - l_k))
-    seen = np.abs(y.T @ (improved * (improved * inertia + damping) + elastic))
-    slope = np.abs(2.0 * improved * a + b)
-    apart = slope[:, None] * np.abs(improved - improved[:, None])
+    residual = improved * (improved * inertia + damping) + elastic
+    share = y.T @ residual
+    seen = np.abs(share)
+    exact_slope = 2.0 * improved * a + b
+    slope = np.abs(exact_slope)
+    distance = exact_slope[:, None] * (improved - improved[:, None])
+    apart = np.abs(distance)
     np.fill_diagonal(apart, np.inf)
     doubt = np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen)
     doubt = np.einsum("ij,ij->j", seen, doubt)
@@ -217,7 +231,14 @@ def _rayleigh(values: Complex, y: Complex, forms: _Forms, basis: Undamped) -> tu
     trust = 2.0 * (basis.errors[:, None] + EPS)
     doubt += np.einsum("ij,ij->j", size, (speed**2 + np.abs(basis.square[:, None])) * trust * size)
     bound = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
-    return improved, np.minimum(np.where(small, bound, np.maximum(bound, np.abs(step) / speed)), 1.0)
+    near = (CORRECTION * apart <= seen) | (distance == 0.0)
+    mixing = np.divide(share, distance, out=np.zeros_like(share), where=~near)
+    y = y - y @ mixing
+    brakes, r = forms.damping.diagonal()[: basis.rigid, None], slice(basis.rigid)
+    y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
+    y /= np.linalg.norm(y, axis=0)
+    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.damping @ y)
+    return improved, y, exact_slope, np.minimum(np.where(small, bound, np.maximum(bound, np.abs(step) / speed)), 1.0)
 
 
 def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
