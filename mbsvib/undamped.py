@@ -36,8 +36,8 @@ SUSPECT = 1e-5
 RANK = 1e-11
 # Two modes are told apart where what they share is less than this part of the distance of their squared frequencies.
 SEPARATE = 0.1
-# Angles of which the square is rounding.
-TINY_ANGLE = 1e-9
+# Rotations by an angle a are orthonormal to a^4 when they are taken to second order.
+SMALL_ANGLE = 1e-4
 # Rounding of |H| grows with the cancellation in W phi; errors of many rows average out. Calibrated in the tests.
 ROUNDING = 0.25
 
@@ -234,13 +234,15 @@ def _off_diagonal(a: Array) -> Array:
 
 
 def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
-    """Take the others out of each mode: a rotation (Cayley's, exact for large angles) and what M-norms still lack."""
-    half = 0.25 * (mixing - mixing.T)
-    one = np.eye(len(half))
-    if float(np.abs(half).max(initial=0.0)) < TINY_ANGLE:
-        return phi @ (one + 2.0 * half - 0.5 * _off_diagonal(inertia))
-    straight: Array = phi - 0.5 * (phi @ _off_diagonal(inertia))
-    return straight @ np.linalg.solve(one - half, one + half)
+    """Take the others out of each mode: a rotation by the mixing, and what M-norms still lack."""
+    angle = 0.5 * (mixing - mixing.T)
+    lack = 0.5 * _off_diagonal(inertia)
+    one = np.eye(len(angle))
+    if float(np.abs(angle).max(initial=0.0)) * len(angle) < SMALL_ANGLE:
+        return phi @ (one + angle + 0.5 * (angle @ angle) - lack)
+    # Cayley's rotation keeps the shapes orthonormal for any angle
+    straight: Array = phi - phi @ lack
+    return straight @ np.linalg.solve(one - 0.5 * angle, one + 0.5 * angle)
 
 
 def _without_rigid(scene: _Scene, shapes: Array) -> Array:
