@@ -9,9 +9,19 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.support import overconstrained
 from tests.support.compare import assert_same_matrices, linearized
 from tests.support.exact import Exact
-from tests.support.random_models import closed_loops, planar, planar_loops, rebuilt, rotation, seeds
+from tests.support.random_models import (
+    closed_loops,
+    moved,
+    planar,
+    planar_loops,
+    rebuilt,
+    rotation,
+    seeds,
+    turned,
+)
 from tests.test_topology import four_bar
 
 
@@ -184,6 +194,30 @@ def test_off_the_singular_pose_the_digits_are_there(lift):
         system = model.linearize()
     assert (system.dof, len(system.redundant)) == (1, 3)
     assert_same_matrices(system, Exact(model), rtol=1e-13 / lift**2)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 100.0])
+@pytest.mark.parametrize("seed", range(8))
+def test_small_and_large_loops_far_from_the_origin(factor, seed):
+    """Positions are rounded relative to the distance from the origin, not to the size of the loop."""
+    model = moved(scaled(planar(seed, 4, 1, damped=False, ports=False), factor), (1e4, -3e3, 5e3))
+    system, reference = model.linearize(), Exact(model)
+    assert (system.dof, len(system.redundant)) == (reference.dof, reference.redundant)
+    assert_allclose(system.modes().frequencies * 2 * np.pi, np.sqrt(reference.squares), rtol=1e-9)
+
+
+@pytest.mark.parametrize("place", ["as drawn", "turned", "turned and moved"])
+@pytest.mark.parametrize("name", overconstrained.ALL)
+def test_overconstrained_mechanisms_that_move(name, place):
+    """Their constraints are redundant in every pose: legal, one degree of freedom, and no false alarm."""
+    model, redundant = overconstrained.ALL[name]()
+    if place != "as drawn":
+        model = turned(model, rotation(np.random.default_rng(3)))
+    if place == "turned and moved":
+        model = moved(model, (1e3, -2e3, 1e4))
+    system, reference = model.linearize(), Exact(model)
+    assert (system.dof, len(system.redundant)) == (1, redundant) == (reference.dof, reference.redundant)
+    assert system.modes().frequencies[0] * 2 * np.pi == pytest.approx(np.sqrt(reference.squares[0]), rel=1e-9)
 
 
 def triangle(springs=True):

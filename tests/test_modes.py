@@ -10,7 +10,7 @@ import mbsvib as mv
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
 from tests.support.digits import mp
 from tests.support.exact import Exact
-from tests.support.random_models import closed_loops, open_trees, planar_loops, rotation, spatial
+from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, rotation, spatial
 
 SMALL = st.one_of(
     open_trees(ports=st.just(False), kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
@@ -165,6 +165,47 @@ def test_one_degree_of_freedom(ratio):
     for a, b in zip(found if ratio > 1 else modes.eigenvalues, expected if ratio > 1 else (-half + root, -half - root),
                     strict=True):  # fmt: skip
         assert abs(a - complex(b)) <= (1e-14 + near_critical) * abs(complex(b))
+
+
+@pytest.mark.parametrize("ratio", [-1e-3, -1.0, -3.0])
+def test_negative_damping_grows(ratio):
+    model = oscillator(2.0, 2 * ratio * 2.0 * 10.0, 200.0)
+    modes = model.linearize().modes()
+    assert_same_eigenvalues(modes.eigenvalues, Exact(model).eigenvalues, rtol=1e-7 if ratio == -1 else 1e-14)
+    assert modes.damping_ratios[0] == pytest.approx(ratio, rel=1e-13)
+    assert not modes.stable
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_damping_in_proportion_to_stiffness(seed):
+    """Classical: real shapes, and zeta = beta omega / 2 for every mode."""
+    beta = 1e-3
+    model = spatial(seed, bodies=3, ports=False, damped=False)
+    model = rebuilt(model, lambda part, words: words | {"damping": beta * np.array(words["stiffness"])}
+                    if "stiffness" in words else words)  # fmt: skip
+    system, omega = model.linearize(), np.sqrt(Exact(model).squares)
+    modes = system.modes()
+    assert_allclose(modes.frequencies, omega / (2 * np.pi), rtol=1e-10)
+    assert_allclose(modes.damping_ratios, beta * omega / 2, rtol=1e-10)
+    assert not np.iscomplexobj(modes.shapes)
+
+
+def test_damping_in_proportion_to_mass():
+    """Equal masses, each with the same damper to ground: zeta = c / (2 m omega)."""
+    model = mv.Model("chain")
+    below = "ground"
+    for i in range(4):
+        model.add_body(f"b{i}", 2.0, (1, 1, 1), position=(0, 0, i + 1))
+        model.add_joint(f"j{i}", "prismatic", below, f"b{i}")
+        model.add_spring(f"k{i}", below, f"b{i}", (0, 0, i), (0, 0, i + 1), stiffness=200.0)
+        model.add_spring(f"c{i}", "ground", f"b{i}", (0, 0, -1), (0, 0, i + 1), damping=0.6)
+        below = f"b{i}"
+    modes = model.linearize().modes()
+    omega = 2 * np.sqrt(100.0) * np.sin((2 * np.arange(1, 5) - 1) * np.pi / 18)
+    assert_allclose(modes.frequencies * 2 * np.pi, omega, rtol=1e-13)
+    assert_allclose(modes.damping_ratios, 0.6 / (2 * 2 * omega), rtol=1e-12)
+    assert "commutes" in modes.classical
+    assert not np.iscomplexobj(modes.shapes)
 
 
 def test_a_free_and_a_braked_body():

@@ -181,6 +181,17 @@ def test_superposition_and_shift_of_time(model, seed):
     close(system.time_response(t + 8.0, u[0]), one, rtol=1e-10)
 
 
+@pytest.mark.parametrize("start", [0.0, 1e3, 1e5])
+def test_time_stamps_far_from_zero_do_not_drift(start):
+    """Each stamp is rounded by itself; taken for one length, 20 000 rounded steps must not add up."""
+    system = spring(0.001)[0].linearize()
+    t = start + np.arange(20_001) * 1e-3
+    q = system.time_response(t, 0 * t, initial=([1.0], [0.0]))[0]
+    value = system.modes().eigenvalues[0]
+    exact = (np.exp(value * (t - start)) * (1 + 1j * value.real / value.imag)).real
+    assert np.abs(q - exact).max() < 1e-12 + 1e-13 * start  # 10 rad/s, and the rounding of one stamp
+
+
 def test_many_decades():
     model = stiff_chain(4, 8, 4, damped=True)
     model.add_input("f", "b3", "z")
