@@ -209,6 +209,8 @@ class Modes:
         if len(diverging):
             result.append(f"Unstable: mode{'s' if len(diverging) > 1 else ''} "
                           f"{', '.join(str(i + 1) for i in diverging)} grow with time.")  # fmt: skip
+        if self.classical:
+            result.append(f"Real modes: {self.classical}.")
         result.append(f"Estimated relative error of the eigenvalues: {self.errors.max():.1e} at most.")
         return tuple(result)
 
