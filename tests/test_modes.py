@@ -305,3 +305,47 @@ def test_the_table():
     assert "oscillator" in text
     assert f"{10 / (2 * np.pi):.6f}" in text
     assert "1 DOF" in text
+
+
+def test_some_of_the_modes():
+    """The lowest, or the nearest to a frequency, in ascending order and with all that belongs to them."""
+    system = stiff_chain(8, 2, 1, damped=True).linearize()
+    modes = system.modes()
+    low = system.modes(3)
+    assert_allclose(low.frequencies, modes.frequencies[:3], rtol=0)
+    assert_allclose(low.eigenvalues, modes.eigenvalues[:6], rtol=0)
+    assert_allclose(low.shapes, modes.shapes[:, :3], rtol=0)
+    assert low.body_shapes["b2"].shape == (6, 3)
+    near = 1.01 * modes.frequencies[5]
+    expected = np.sort(modes.frequencies[np.argsort(abs(modes.frequencies - near))[:2]])
+    assert_allclose(system.modes(2, near=near).frequencies, expected, rtol=0)
+    assert len(system.modes(100)) == 8
+    assert "3 " in str(low)
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.5, "3", True])
+def test_a_number_of_modes_that_is_none(count):
+    with pytest.raises(mv.ResponseError, match="count = "):
+        stiff_chain(4, 2, 1).linearize().modes(count)
+
+
+@given(SMALL)
+def test_kinetic_energy_is_shared_among_the_bodies(model):
+    _, modes, _ = modes_of(model, limit=30)
+    shares = modes.kinetic_energy
+    assert list(shares) == list(model.bodies)
+    assert_allclose(sum(shares.values()), 1, rtol=1e-12)
+    assert min(share.min() for share in shares.values()) >= 0
+    assert "Modes(" in repr(modes)
+
+
+def test_the_body_that_moves_most():
+    model = mv.Model()
+    for i, k in enumerate((100.0, 400.0)):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1), position=(i, 0, 0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=((1, 0, 0), (0, 1, 0))[i])
+        model.add_spring(f"k{i}", "ground", f"b{i}", (i - (1 - i), -i, 0), (i, 0, 0), stiffness=k)
+    modes = model.linearize().modes()
+    assert_allclose(modes.kinetic_energy["b0"], [1, 0], atol=1e-15)
+    assert [name for name, _ in modes.strongest()] == ["b0", "b1"]
+    assert [direction for _, direction in modes.strongest()] == ["x", "y"]
