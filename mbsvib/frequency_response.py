@@ -1,7 +1,9 @@
-"""Frequency response, from the undamped modes' coordinates.
+"""Frequency response: a sum over modes, all frequencies in one matrix product.
 
-Where damping is classical every mode answers alone and all frequencies are one matrix product; elsewhere
-(Omega^2 - w^2 + i w Gamma) eta = Phi^T B is solved frequency by frequency, in batches.
+Where damping couples the modes so that eigenvectors are nearly dependent, the sum is not accurate, which the residual
+of the equations tells at a few frequencies. Then (Omega^2 - w^2 + i w Gamma) eta = Phi^T B is solved instead: with the
+Schur form of the state matrix in energy coordinates, all frequencies at once, refined until the residual is rounding,
+and frequency by frequency where that does not succeed.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.modal_sum import sum_of_motions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -21,11 +24,20 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
+EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
+# The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
+BACKWARD = 5e-14
+CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
+REFINEMENTS = 4
 
 
 def frequency_response(system: System, omega: ArrayLike) -> Complex:
     """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
+
+    The relative error is that of rounding, times frequency / half-width of a resonance there; sums that cancel for a
+    reason other than inertia (far above the modes, where nothing but a long chain of springs leads from the input to
+    the output) are accurate relative to their largest term.
 
     Parameters
     ----------
@@ -44,64 +56,149 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     ResponseError
         If a frequency is not finite or is an undamped pole.
     """
-    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    w = _checked(omega)
+    modal, size = system._modal, np.abs(w)
+    if modal.vectors is not None and not trusted(modal, modal.shapes.T @ system.B, size):
+        result = _solved(system, modal, size)
+    else:
+        result = system._modal_sum.at(1j * size)
+        pole = None if np.isfinite(result).all() else system._modal_sum.pole_at(1j * size)
+        if pole:
+            _refuse_pole(w, *pole)
+    if (w < 0.0).any():
+        result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
+    return result
+
+
+def _checked(omega: ArrayLike) -> Array:
+    try:
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"frequency_response: omega = {omega!r}; expected a vector of numbers [rad/s].") from error
     if w.ndim != 1 or not np.isfinite(w).all():
         raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
-    modal = system._modal
-    phi = modal.shapes
-    b, cq, cv, ca = phi.T @ system.B, system.Cq @ phi, system.Cv @ phi, system.Ca @ phi
-    s = 1j * w
-    if modal.gamma.ndim == 1:
-        eta = 1.0 / _denominator(modal, w)
-        residue = [np.einsum("om,mi->oim", c, b).reshape(len(c) * b.shape[1], len(phi)) for c in (cq, cv, ca)]
-        result: Complex = residue[0] @ eta
-        if cv.any():
-            result += (residue[1] @ eta) * s
-        if ca.any():
-            result += (residue[2] @ eta) * s**2
-        result = result.reshape(len(cq), b.shape[1], len(w))
-    else:
-        result = _coupled(modal, b, (cq, cv, ca), w)
+    return w
+
+
+def trusted(modal: Damped, b: Array, w: Array) -> bool:
+    """Tell whether the sum over modes solves (Omega^2 - w^2 + i w Gamma) eta = b, at a few of the frequencies.
+
+    Parameters
+    ----------
+    modal : Damped
+        Modes that damping couples.
+    b : array, shape (m, inputs)
+        Inputs in the basis.
+    w : array, shape (n,)
+        Angular frequencies [rad/s], none negative.
+
+    Returns
+    -------
+    bool
+        Whether the residual is as small as rounding leaves it.
+    """
+    inside = w[w > 0.0]
+    if not len(inside) or not b.size:
+        return True
+    condition = conditions(modal)
+    if not np.isfinite(condition).all():
+        return False
+    worst = np.abs(modal.pairs.reshape(-1)[np.argsort(-condition.reshape(-1), kind="stable")[:CHECKED]])
+    at = np.unique([*np.abs(inside - worst[:, None]).argmin(axis=1), len(inside) // 2, 0])
+    s: Complex = 1j * inside[at]
+    # one combination of all inputs stands for each of them
+    mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
+    return bool((_residual(modal, s, mixed, sum_of_motions(modal, mixed).at(s))[1] <= BACKWARD).all())
+
+
+def conditions(modal: Damped) -> Array:
+    """Return the condition numbers (m, 2) of the eigenvalues in energy coordinates: 1 is best, infinite is defective.
+
+    Parameters
+    ----------
+    modal : Damped
+        Modes that damping couples.
+
+    Returns
+    -------
+    array, shape (m, 2)
+        (|lambda| + |Omega y|^2 / |lambda|) / |y^T (2 lambda + Gamma) y|; 1 for eigenvalues 0.
+    """
+    assert modal.vectors is not None
+    assert modal.slopes is not None
+    size, slope = np.abs(modal.pairs), np.abs(modal.slopes)
+    elastic = np.einsum("mkp,m,mkp->kp", modal.vectors, np.abs(modal.square), modal.vectors.conj()).real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(size > 0.0, (size + elastic / size) / slope, 1.0))
+
+
+def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Complex, Array]:
+    """Residual b - Q(s) eta at s = i w, (m, inputs, n), and its size relative to the terms, (n,), as motions."""
+    w, root = s.imag, np.sqrt(np.abs(modal.square))[:, None, None]
+    square = modal.square[:, None, None]
+    stiff = np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
+    flat = np.ascontiguousarray(eta.reshape(len(b), -1))
+    brake = s * (modal.gamma @ flat.view(float)).view(complex).reshape(eta.shape)
+    residual = b[:, :, None] - stiff * eta - brake
+    scale = np.abs(square) + w * w
+    size = np.maximum(np.abs(eta), np.maximum(np.abs(b)[:, :, None], np.abs(brake)) / scale).max(axis=0)
+    small = (np.abs(residual) / scale).max(axis=0)
+    return residual, np.divide(small, size, out=np.zeros_like(small), where=size > 0.0).max(axis=0)
+
+
+def _solved(system: System, modal: Damped, w: Array) -> Complex:
+    """Responses by linear solutions, in batches of frequencies."""
+    b = modal.shapes.T @ system.B
+    outputs = [c @ modal.shapes for c in (system.Cq, system.Cv, system.Ca)]
+    result: Complex = np.empty((len(system.outputs), b.shape[1], len(w)), dtype=complex)
+    batch = max(1, BATCH_BYTES // (64 * max(1, b.size)))
+    for start in range(0, len(w), batch):
+        s = (1j * w[start : start + batch]).astype(complex, copy=False)
+        eta = _refined(system, modal, b, s)
+        bad = np.nonzero(~np.isfinite(eta).all(axis=(0, 1)))[0]
+        eta[:, :, bad] = _direct(modal, b, w, start + bad)
+        parts = [np.tensordot(c, eta, axes=1) for c in outputs]
+        result[:, :, start : start + batch] = parts[0] + s * (parts[1] + s * parts[2])
     result += system.D[:, :, None]
     return result
 
 
-def _denominator(modal: Damped, w: Array) -> Complex:
-    """Omega^2 - w^2 + i w gamma, shape (m, n), with (Omega - w)(Omega + w) so that resonances keep their digits."""
-    square = modal.square[:, None]
-    root = np.sqrt(np.abs(square))
-    real = np.where(square >= 0.0, (root - w) * (root + w), square - w * w)
-    result: Complex = real + 1j * (modal.gamma[:, None] * w)
-    if not result.all():
-        _refuse_pole(modal, w, np.argwhere(result == 0.0)[0])
-    return result
+def _refined(system: System, modal: Damped, b: Array, s: Complex) -> Complex:
+    """Solutions (m, inputs, n) by the Schur form, refined; not a number where that does not converge."""
+    schur = system._schur
+    eta = schur.solve(s, np.broadcast_to(b[:, :, None], (*b.shape, len(s))))
+    for _ in range(REFINEMENTS):
+        residual, error = _residual(modal, s, b, eta)
+        late = ~(error <= 2.0 * EPS)
+        if not late.any():
+            return eta
+        eta[:, :, late] += schur.solve(s[late], residual[:, :, late])
+    eta[:, :, ~(_residual(modal, s, b, eta)[1] <= BACKWARD)] = np.nan
+    return eta
 
 
-def _coupled(modal: Damped, b: Array, outputs: tuple[Array, Array, Array], w: Array) -> Complex:
+def _direct(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+    """Solutions (m, inputs, which) by one factorisation a frequency."""
     m = len(b)
-    result = np.empty((len(outputs[0]), b.shape[1], len(w)), dtype=complex)
+    result = np.empty((*b.shape, len(which)), dtype=complex)
     batch = max(1, BATCH_BYTES // (16 * m * m))
-    diagonal = np.arange(m)
-    root = np.sqrt(np.abs(modal.square))
-    for start in range(0, len(w), batch):
-        part = w[start : start + batch, None]
+    diagonal, root = np.arange(m), np.sqrt(np.abs(modal.square))
+    for start in range(0, len(which), batch):
+        chosen = which[start : start + batch]
+        part = w[chosen, None]
         matrix = 1j * part[:, :, None] * modal.gamma
         matrix[:, diagonal, diagonal] += np.where(
             modal.square >= 0.0, (root - part) * (root + part), modal.square - part * part
         )
         try:
-            eta = np.linalg.solve(matrix, b)
+            result[:, :, start : start + batch] = np.linalg.solve(matrix, b).transpose(1, 2, 0)
         except np.linalg.LinAlgError:
             singular = [i for i, a in enumerate(matrix) if np.linalg.matrix_rank(a) < m]
-            _refuse_pole(modal, w, (0, start + singular[0]))
-        s = 1j * part[:, :, None]
-        value = outputs[0] @ eta + s * (outputs[1] @ eta) + s**2 * (outputs[2] @ eta)
-        result[:, :, start : start + batch] = value.transpose(1, 2, 0)
+            _refuse_pole(w, 0, int(chosen[singular[0]]))
     return result
 
 
-def _refuse_pole(modal: Damped, w: Array, at: ArrayLike) -> None:
-    mode, i = np.asarray(at).tolist()
+def _refuse_pole(w: Array, mode: int, i: int) -> None:
     what = "a rigid-body mode" if w[i] == 0.0 else f"undamped mode {mode + 1}"
     raise ResponseError(
         f"frequency_response: omega[{i}] = {w[i]:g} rad/s is a pole of the system ({what}), where the response is "

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.damped import Damped
+    from mbsvib.energy_schur import EnergySchur
     from mbsvib.loops import Reduction
+    from mbsvib.modal_sum import ModalSum
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
     from mbsvib.topology import Topology
@@ -138,6 +140,18 @@ class System:
     def _modal(self) -> Damped:
         """The basis of the responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times."""
         return self._modes_within(RESPONSE_RTOL).damped
+
+    @cached_property
+    def _modal_sum(self) -> ModalSum:
+        from mbsvib.modal_sum import modal_sum
+
+        return modal_sum(self, self._modal)
+
+    @cached_property
+    def _schur(self) -> EnergySchur:
+        from mbsvib.energy_schur import energy_schur
+
+        return energy_schur(self._modal)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.

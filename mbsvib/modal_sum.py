@@ -1,0 +1,239 @@
+"""Sums over modes: transfer functions with the residues of all eigenvalues, at many points in one matrix product.
+
+With y^T (2 lambda + Gamma) y = theta the inverse of s^2 + s Gamma + Omega^2 is the sum of R / (s - lambda) over all
+eigenvalues, R = y y^T / theta, and two sums are known beforehand: that of R is 0 and that of lambda R is 1. Far above
+an eigenvalue R / (s - lambda) is mainly R / s + lambda R / s^2, which in the sum over modes nearly cancels: at high
+frequencies digits would be lost in proportion to frequency, and to its square in an absolute acceleration, where the
+sum of lambda R meets D. So each eigenvalue below |s| gives only what is left, lambda^2 R / (s^2 (s - lambda)), and
+what it leaves out is added up beforehand, over the eigenvalues below or, with the known sums, over those above: the
+smaller one of both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.damped import Damped
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+    Index = NDArray[np.intp]
+
+EPS = float(np.finfo(float).eps)
+# Products over modes that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings
+# of their terms; what is smaller than this many of them is zero.
+CANCELLED = 32.0
+# Weights of one block of points stay in the cache.
+BLOCK_BYTES = 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class ModalSum:
+    """Transfer functions from inputs to ``rows``, each a displacement, velocity or acceleration output (``order``).
+
+    p pairs of eigenvalues, roots of s^2 + ``total`` s + ``product`` with ``natural`` = sqrt(|product|), have the real
+    coefficients gamma = sum of lambda R and alpha = sum of R; ``alone`` (q,) are real ones. ``coefficients``
+    (rows inputs, p or 2 p, + q) holds gamma, alpha (not where damping is classical: they are 0) and R. ``corner``
+    (p + q,) is the magnitude from which on an eigenvalue counts as below s, ascending (``pair_corner``: in the order of
+    the pairs); ``alphas`` and ``gammas`` (rows inputs, p + q + 1) are the sums over those below.
+    """
+
+    natural: Array
+    total: Array
+    product: Array
+    alone: Array
+    pair_corner: Array
+    coefficients: Array
+    corner: Array
+    alphas: Array
+    gammas: Array
+    order: Index
+    output: Index
+    feedthrough: Array
+    number: Index
+
+    def at(self, s: Complex) -> Complex:
+        """Return the transfer matrix at the points ``s`` (n,), shape (outputs, inputs, n); infinite at its poles."""
+        outputs, inputs = self.feedthrough.shape
+        rows = len(self.order)
+        result: Complex = np.empty((outputs, inputs, len(s)), dtype=complex)
+        result[:] = self.feedthrough[:, :, None]
+        below = np.searchsorted(self.corner, np.abs(s), side="left")
+        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s != 0.0)
+        block = max(64, BLOCK_BYTES // (16 * max(1, self.coefficients.shape[1])))
+        powers = [np.ones_like(s), s, s * s]
+        for start in range(0, len(s), block):
+            part = slice(start, start + block)
+            weights = self._weights(s[part], inverse[part])
+            value: Complex = (self.coefficients @ weights.view(float)).view(complex)
+            sums = self.gammas[:, below[part]]
+            shape = (rows, inputs, value.shape[1])
+            value = value.reshape(shape)
+            less = (self.alphas[:, below[part]] * inverse[part]).reshape(shape)
+            sums = sums.reshape(shape)
+            for row, (order, output) in enumerate(zip(self.order.tolist(), self.output.tolist(), strict=True)):
+                power = powers[order][part]
+                if order == 2:  # D is part of the sums, and what they leave is not scaled up
+                    result[output, :, part] += power * (value[row] + less[row]) + sums[row]
+                else:
+                    result[output, :, part] += power * (value[row] + less[row] + sums[row] * inverse[part] ** 2)
+        return result
+
+    def _weights(self, s: Complex, inverse: Complex) -> Complex:
+        """Weights of gamma, alpha and R at the points s, shape (coefficients, n)."""
+        p, coupled = len(self.natural), self.coefficients.shape[1] > len(self.corner)
+        weights = np.empty((self.coefficients.shape[1], len(s)), dtype=complex)
+        total, product = self.total[:, None], self.product[:, None]
+        size = np.abs(s)
+        down = self._quadratics(s)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            np.divide(1.0, down, out=down)
+            low = self.pair_corner[:, None] < size
+            weights[:p] = np.where(low, -(total * s + product) * inverse**2, 1.0)
+            weights[:p] *= down
+            if coupled:
+                weights[p : 2 * p] = np.where(low, -product * inverse, s + total)
+                weights[p : 2 * p] *= down
+            if len(self.alone):
+                root = self.alone[:, None]
+                last = weights[2 * p if coupled else p :]
+                last[:] = np.where(np.abs(root) < size, (root * inverse) ** 2, 1.0)
+                last /= s - root
+        return weights
+
+    def _quadratics(self, s: Complex) -> Complex:
+        """Return (s - lambda1)(s - lambda2) of all pairs, (p, n), by differences: exactly real at s = 0."""
+        x, y = s.real, s.imag
+        natural, total, product = (a[:, None] for a in (self.natural, self.total, self.product))
+        result: Complex = np.empty((len(natural), len(s)), dtype=complex)
+        result.real = np.where(product >= 0.0, (natural - y) * (natural + y), product - y * y)
+        if x.any():
+            result.real += x * (x + total)
+        result.imag = y * (2.0 * x + total)
+        return result
+
+    def pole_at(self, s: Complex) -> tuple[int, int] | None:
+        """Return (mode, point) of the first of the points ``s`` that is an eigenvalue, or None."""
+        down = np.concatenate((self._quadratics(s), s - self.alone[:, None]))
+        modes, points = np.nonzero(down == 0.0)
+        return (int(self.number[modes[0]]), int(points[0])) if len(modes) else None
+
+
+def modal_sum(
+    system: System, modal: Damped, inputs: Sequence[int] | None = None, outputs: Sequence[int] | None = None
+) -> ModalSum:
+    """Return the sum over modes of a system's transfer functions.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    modal : Damped
+        Its modes.
+    inputs, outputs : sequence of int, optional
+        Numbers of the inputs and outputs wanted; default: all.
+
+    Returns
+    -------
+    ModalSum
+        Coefficients of all eigenvalues, to be summed at any points.
+    """
+    pick = slice(None) if inputs is None else list(inputs)
+    show = slice(None) if outputs is None else list(outputs)
+    rates = [c[show] for c in (system.Cq, system.Cv, system.Ca)]
+    order, output = np.nonzero([c.any(axis=1) for c in rates])
+    c = np.array(rates)[order, output] @ modal.shapes
+    return _summed(modal, c, order, output, modal.shapes.T @ system.B[:, pick], system.D[show][:, pick])
+
+
+def sum_of_motions(modal: Damped, b: Array) -> ModalSum:
+    """Return the sum over modes of (s^2 + s Gamma + Omega^2)^-1 b for b (m, inputs) in the basis: all m motions."""
+    m = len(b)
+    return _summed(modal, np.eye(m), np.zeros(m, dtype=np.intp), np.arange(m), b, np.zeros(b.shape))
+
+
+def _summed(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: Array) -> ModalSum:
+    accelerates = np.zeros(len(d), dtype=bool)
+    accelerates[output[order == 2]] = True
+    direct = np.where((order == 2)[:, None], d[output], 0.0).reshape(-1)
+    feedthrough = np.where(accelerates[:, None], 0.0, d)
+    terms = _classical(modal, c, b) if modal.vectors is None else _coupled(modal, c, b)
+    pairs, alone, gamma, alpha, single, number = terms
+    # a real pair counts as below only beyond its fast root: until there its own quotient loses nothing
+    pair_corner = np.abs(pairs).max(axis=1, initial=0.0)
+    corner = np.concatenate((pair_corner, np.abs(alone)))
+    ascending = np.argsort(corner, kind="stable")
+    of_gamma = np.concatenate((gamma, single * alone), axis=1)[:, ascending]
+    of_alpha = np.concatenate((np.zeros_like(gamma) if alpha is None else alpha, single), axis=1)[:, ascending]
+    whole = (c @ b).reshape(-1) + direct
+    size = (np.abs(c) @ np.abs(b)).reshape(-1) + np.abs(direct)
+    whole[np.abs(whole) <= CANCELLED * EPS * size] = 0.0
+    if modal.vectors is None:
+        natural, total, product = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
+    else:
+        natural, total, product = np.abs(pairs[:, 0]), -2.0 * pairs[:, 0].real, np.abs(pairs[:, 0]) ** 2
+    parts = (gamma, single) if alpha is None else (gamma, alpha, single)
+    return ModalSum(
+        natural, total, product, alone, pair_corner, np.concatenate(parts, axis=1), corner[ascending],
+        _sums(of_alpha, np.zeros_like(whole), np.zeros_like(whole)), _sums(of_gamma, direct, whole),
+        order, output, feedthrough, number,
+    )  # fmt: skip
+
+
+def _sums(terms: Array, start: Array, whole: Array) -> Array:
+    """Sums ``start`` + terms[:, :j] = ``whole`` - terms[:, j:] for all j, each by the road on which less cancels."""
+    rows, count = terms.shape
+    up, left, right = (np.zeros((rows, count + 1)) for _ in range(3))
+    np.cumsum(terms, axis=1, out=up[:, 1:])
+    np.cumsum(np.abs(terms), axis=1, out=left[:, 1:])
+    down = np.zeros((rows, count + 1))
+    down[:, :-1] = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1]
+    right[:, :-1] = np.cumsum(np.abs(terms[:, ::-1]), axis=1)[:, ::-1]
+    near = left + np.abs(start)[:, None] <= right + np.abs(whole)[:, None]
+    return np.where(near, start[:, None] + up, whole[:, None] - down)
+
+
+_Terms = tuple["Complex", "Array", "Array", "Array | None", "Array", "Index"]
+
+
+def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
+    """Every mode is a pair of its own, with R1 = -R2."""
+    gamma = _outer(c, b)
+    return modal.pairs, np.zeros(0), gamma, None, np.zeros((len(gamma), 0)), np.arange(len(b))
+
+
+def _outer(left: Any, right: Any) -> Any:
+    """Products left (rows, k) right (k, inputs), one row for each row and input: (rows inputs, k)."""
+    (rows, k), inputs = left.shape, right.shape[1]
+    return np.einsum("rk,ki->rik", left, right).reshape(rows * inputs, k)
+
+
+def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
+    """Conjugate pairs together; real eigenvalues one by one, as pairs of them need not cancel; free rigid modes."""
+    assert modal.vectors is not None
+    assert modal.slopes is not None
+    pairs, slopes = modal.pairs, modal.slopes
+    turns = pairs[:, 0].imag != 0.0
+    free = (pairs == 0.0).all(axis=1)
+    real = np.nonzero(~turns & ~free)[0]
+    y, still = modal.vectors[:, turns, 0], modal.vectors[:, free, 0].real
+    residue = _outer(c @ y, (y.T @ b) / slopes[turns, :1])
+    rigid = _outer(c @ still, still.T @ b)
+    gamma = np.concatenate((rigid, 2.0 * (residue * pairs[turns, 0]).real), axis=1)
+    alpha = np.concatenate((np.zeros_like(rigid), 2.0 * residue.real), axis=1)
+    z = np.concatenate([modal.vectors[:, real, k].real for k in (0, 1)], axis=1)
+    theta = np.concatenate([slopes[real, k].real for k in (0, 1)])
+    with np.errstate(divide="ignore", invalid="ignore"):  # a defective pair: the sum is not used
+        single = _outer(c @ z, (z.T @ b) / theta[:, None])
+    alone = np.concatenate([pairs[real, k].real for k in (0, 1)])
+    number = np.concatenate((np.nonzero(free)[0], np.nonzero(turns)[0], real, real))
+    return np.concatenate((pairs[free], pairs[turns])), alone, gamma, alpha, single, number

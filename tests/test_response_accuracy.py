@@ -1,0 +1,171 @@
+"""Frequency responses at their hardest: light damping, many modes, far above resonance, dependent eigenvectors."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from mbsvib.frequency_response import _direct, _refined, conditions, trusted
+from tests.support.exact import Exact
+from tests.support.sliding_chain import chain_response, sliding_chain
+
+
+def random_chain(n, ratio, classical, seed=0):
+    """Masses and stiffness over a decade each; the lowest damping ratio is ``ratio``."""
+    rng = np.random.default_rng(seed)
+    k, m = 10.0 ** (4 + rng.uniform(0, 1, n)), 10.0 ** rng.uniform(0, 1, n)
+    c = k if classical else rng.uniform(0, 1, n) * np.sqrt(k * m)
+    lowest = sliding_chain(m, k, 1e-6 * c).linearize().modes().damping_ratios.min()
+    return m, k, c * 1e-6 * ratio / lowest
+
+
+@pytest.mark.parametrize("classical", [True, False])
+def test_ten_digits_at_resonances_of_two_hundred_modes(classical):
+    """Damping ratios from 5e-5: an error of a frequency counts ten thousand times at its resonance."""
+    data = random_chain(200, 5e-5, classical)
+    inputs, outputs = (0, 100, 199), [("displacement", 199), ("velocity", 100), ("acceleration", 0)]
+    system = sliding_chain(*data, inputs, outputs).linearize()
+    modes = system.modes()
+    assert bool(modes.classical) == classical
+    assert modes.damping_ratios.min() == pytest.approx(5e-5, rel=1e-6)
+    turn = 2 * np.pi * modes.damped_frequencies
+    low = np.argsort(modes.damping_ratios)[:3]
+    omega = np.concatenate((turn[low], turn[low] * (1 + 5e-5), turn[[5, 50, 120, 199]], turn[0] * np.array([1e-3, 30])))
+    expected = np.stack([chain_response(*data, 1j * w, inputs, outputs) for w in omega], axis=-1)
+    error = np.abs(system.frequency_response(omega) - expected) / np.abs(expected).max(axis=1, keepdims=True)
+    assert error[:, :, :6].max() < 2e-11
+    assert error[:, :, 6:].max() < 1e-12
+    if not classical:
+        assert trusted(system._modal, system._modal.shapes.T @ system.B, omega)
+
+
+@pytest.mark.parametrize("classical", [True, False])
+@pytest.mark.parametrize("free", [True, False])
+def test_digits_far_above_the_modes(classical, free):
+    """Sums over modes that cancel there: what decides is taken out of them beforehand, and nothing is lost."""
+    m, k, c = [2.0, 1.0, 3.0, 0.5], [800.0, 300.0, 200.0, 900.0], [4.0, 1.5, 1.0, 4.5]
+    c = [0.005 * v for v in k] if classical else c
+    inputs = (0, 2)
+    outputs = [("displacement", 0), ("velocity", 2), ("acceleration", 2), ("acceleration", 1), ("acceleration", 0)]
+    system = sliding_chain(m, k, c, inputs, outputs, free=free).linearize()
+    omega = np.geomspace(1e-2 if free else 1e-6, 1e8, 60)
+    expected = np.stack([chain_response(m, k, c, 1j * w, inputs, outputs, free=free) for w in omega], axis=-1)
+    found = system.frequency_response(omega)
+    assert_allclose(found[[0, 4], 0], expected[[0, 4], 0], rtol=1e-12)  # where it is pushed
+    assert_allclose(found[[1, 2], 1], expected[[1, 2], 1], rtol=1e-12)
+    # the neighbour, by the damper between them: inertia alone would give nothing
+    assert_allclose(found[3], expected[3], rtol=1e-10)
+
+
+@pytest.mark.parametrize("classical", [True, False])
+def test_absolute_acceleration_is_the_response_of_springs_and_dampers_alone(classical):
+    """Far above resonance it is 1 minus nearly 1: to 1e8 times the highest frequency, and beside the base."""
+    m, k = [2.0, 1.0], [800.0, 300.0]
+    c = [0.005 * v for v in k] if classical else [4.0, 0.1]
+    outputs = [("acceleration", 0), ("acceleration", 1), ("displacement", 1)]
+    system = sliding_chain(m, k, c, outputs=outputs, base=True).linearize()
+    omega = np.geomspace(1e-3, 1e9, 80)
+    expected = np.stack([chain_response(m, k, c, 1j * w, (), outputs, base=True) for w in omega], axis=-1)
+    found = system.frequency_response(omega)
+    assert_allclose(found[0, 0], expected[0, 0], rtol=1e-12)
+    # the upper mass answers by one power of frequency less: in the sum over modes that is a second cancellation
+    near = omega < 1e5
+    assert_allclose(found[1, 0][near], expected[1, 0][near], rtol=1e-9)
+    assert_allclose(found[2, 0], expected[2, 0], rtol=1e-10)
+
+
+def floating(brake, coupled=True):
+    """Two masses with a spring between them; the ground brakes them by ``brake``."""
+    model = mv.Model("floating")
+    for i, m in enumerate((2.0, 3.0)):
+        model.add_body(f"b{i}", m, (1, 1, 1), position=(0, 0, i))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", position=(0, 0, i))
+        if brake:
+            model.add_spring(f"c{i}", "ground", f"b{i}", (0, 0, i - 1), (0, 0, i), damping=brake * (1 + coupled * i))
+        model.add_input(f"f{i}", f"b{i}", "z")
+        for quantity in ("displacement", "velocity", "acceleration"):
+            model.add_output(f"{quantity}{i}", f"b{i}", "z", quantity=quantity)
+    model.add_spring("k", "b0", "b1", (0, 0, 0), (0, 0, 1), stiffness=50.0, damping=0.3)
+    return model
+
+
+@pytest.mark.parametrize("brake", [0.0, 1e-9, 0.7, 40.0, 1e6])
+@pytest.mark.parametrize("coupled", [True, False])
+def test_rigid_modes_free_or_braked(brake, coupled):
+    model = floating(brake, coupled)
+    system, omega = model.linearize(), np.geomspace(1e-9, 1e7, 33)
+    assert system.modes().rigid == 1
+    expected = Exact(model).frequency_response(omega)
+    found = system.frequency_response(omega)
+    for i in (0, 1):  # where each mass is pushed, and the other one below the modes
+        own = slice(3 * i, 3 * i + 3)
+        assert_allclose(found[own, i], expected[own, i], rtol=1e-10)
+    low = omega < 1.0
+    assert_allclose(found[:, :, low], expected[:, :, low], rtol=1e-10)
+
+
+def defective(detune):
+    """Two masses whose modes all but merge: frequencies, damping and shapes, near ``detune`` 1e-5.
+
+    s^2 = -100 - i solves (s^2 + c s + 100 + d) (s^2 + 100) = 1 where c s + d = 2 i, next to a double root.
+    """
+    model = mv.Model("defective")
+    root = 1j * np.sqrt(100 + 1j)
+    damper = 2 / root.imag
+    stiffness = 99.0 - damper * root.real, 99.0
+    for i in (1, 2):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        model.add_input(f"f{i}", f"b{i}", "x")
+        model.add_output(f"x{i}", f"b{i}", "x")
+        model.add_spring(f"k{i}", "ground", f"b{i}", (-1, 0, 0), (0, 0, 0), stiffness=stiffness[i - 1])
+    model.add_spring("c", "ground", "b1", (-1, 0, 0), (0, 0, 0), damping=damper * (1 + detune))
+    model.add_spring("k", "b1", "b2", (0, 0, 0), (1, 0, 0), stiffness=1.0)
+    return model
+
+
+@pytest.mark.parametrize("detune", [0.0, 1e-8, 3e-6, 1e-5, 1.3e-5, 1e-4, 1e-2])
+def test_nearly_dependent_eigenvectors(detune):
+    """Whatever road is taken, the answer is right; the sum over modes is left where it is not."""
+    model = defective(detune)
+    system, omega = model.linearize(), np.array([1.0, 9.0, 9.9, 9.99, 10.0, 10.1, 40.0])
+    found, expected = system.frequency_response(omega), Exact(model).frequency_response(omega)
+    assert (np.abs(found - expected) <= 1e-12 * np.abs(expected).max(axis=(0, 1))).all()
+
+
+def test_the_residual_tells_when_eigenvectors_are_not_trusted():
+    modal = [defective(detune).linearize()._modal for detune in (0.1, 1e-5)]
+    assert conditions(modal[0]).max() < 3 < 300 < conditions(modal[1]).max()
+    omega = np.linspace(1, 20, 50)
+    assert [trusted(each, each.shapes.T, omega) for each in modal] == [True, False]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_three_roads_agree(seed):
+    """Sum over modes, Schur form and one factorisation a frequency, on systems that need none of the latter."""
+    n = 12
+    rng = np.random.default_rng(seed)
+    data = 10.0 ** rng.uniform(-1, 1, n), 10.0 ** rng.uniform(2, 6, n), 10.0 ** rng.uniform(-1, 2, n)
+    system = sliding_chain(*data, (0, 5), [("displacement", 5)]).linearize()
+    modal, omega = system._modal, np.geomspace(0.1, 1e4, 70)
+    b = modal.shapes.T @ system.B
+    schur = _refined(system, modal, b, 1j * omega)
+    direct = _direct(modal, b, omega, np.arange(len(omega)))
+    size = np.abs(direct).max(axis=0)
+    assert (np.abs(schur - direct) <= 1e-13 * size).all()
+    through = np.einsum("om,min->oin", system.Cq @ modal.shapes, direct)
+    found = system.frequency_response(omega)
+    assert (np.abs(found - through) <= 1e-12 * np.abs(through).max(axis=1, keepdims=True)).all()
+
+
+def test_a_critically_damped_mode_beside_coupled_ones():
+    """Its two eigenvalues are equal and its eigenvector is one: no sum over modes at all."""
+    model = floating(0.7)
+    model.add_body("lone", 1.0, (1, 1, 1), position=(5, 0, 0))
+    model.add_joint("jl", "prismatic", "ground", "lone", position=(5, 0, 0))
+    model.add_spring("sl", "ground", "lone", (5, 0, -1), (5, 0, 0), stiffness=100.0, damping=20.0)
+    model.add_input("fl", "lone", "z")
+    model.add_output("xl", "lone", "z")
+    omega = np.array([0.5, 9.0, 10.0, 11.0, 300.0])
+    found, expected = model.linearize().frequency_response(omega), Exact(model).frequency_response(omega)
+    assert_allclose(found, expected, rtol=1e-11, atol=1e-16)
