@@ -25,19 +25,20 @@ _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx 
 
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
-    """Square roots of the bodies' inertia: ``linear`` (bodies,) of the masses, ``angular`` (bodies, 3, 3) F of the
-    tensors, F^T F = I about the centre of mass in world axes.
+    """Square roots of the bodies' inertia: ``linear`` (..., bodies) of the masses, ``angular`` (..., bodies, 3, 3) F of
+    the tensors, F^T F = I about the centre of mass in world axes.
     """
 
     linear: Array
     angular: Array
 
     def factor(self, motion: Array) -> Array:
-        """Return the rows W of body motions (bodies, 6, m), shape (6 bodies, m)."""
-        result = np.empty_like(motion)
-        np.multiply(motion[:, :3], self.linear[:, None, None], out=result[:, :3])
-        np.matmul(self.angular, motion[:, 3:], out=result[:, 3:])
-        return result.reshape(6 * len(motion), motion.shape[2])
+        """Return the rows W of body motions (..., bodies, 6, m), shape (..., 6 bodies, m)."""
+        lead = max(motion.shape[:-3], self.linear.shape[:-1], self.angular.shape[:-3])
+        result = np.empty((*lead, *motion.shape[-3:]))
+        np.multiply(motion[..., :3, :], self.linear[..., None, None], out=result[..., :3, :])
+        np.matmul(self.angular, motion[..., 3:, :], out=result[..., 3:, :])
+        return result.reshape(*lead, 6 * motion.shape[-3], motion.shape[-1])
 
 
 def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
@@ -55,7 +56,7 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     """
     table = np.array([(body.mass, *body.inertia) for body in bodies])
     if table[:, 4:].any():
-        root = _roots(table[:, 1:])
+        root = roots(table[:, 1:])
     else:
         root = np.zeros((len(bodies), 3, 3))
         root[:, _DIAGONAL, _DIAGONAL] = np.sqrt(table[:, 1:4])
@@ -64,26 +65,14 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     return SpatialInertia(np.sqrt(table[:, 0]), root)
 
 
-def _roots(inertia: Array) -> Array:
+def roots(inertia: Array) -> Array:
     """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
     try:
         return np.asarray(np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1), dtype=float)
     except np.linalg.LinAlgError:
-        xx, yy, zz, xy, xz, yz = inertia.T
-        # L D L^T: of a body without extent in some direction a pivot and its whole row are zero
-        d1 = np.maximum(xx, 0.0)
-        a, b = _ratio(xy, d1), _ratio(xz, d1)
-        d2 = np.maximum(yy - a * xy, 0.0)
-        e = _ratio(yz - a * xz, d2)
-        d3 = np.maximum(zz - b * xz - e * (yz - a * xz), 0.0)
-        one, none = np.ones_like(a), np.zeros_like(a)
-        root = np.stack([one, a, b, none, one, e, none, none, one], axis=-1).reshape(-1, 3, 3)
-        root *= np.sqrt(np.stack([d1, d2, d3], axis=-1))[..., None]
-        return root
-
-
-def _ratio(a: Array, b: Array) -> Array:
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
+        # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
+        values, vectors = np.linalg.eigh(inertia[..., _TENSOR].reshape(*inertia.shape[:-1], 3, 3))
+        return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2), dtype=float)
 
 
 def check_mass(mass: Array, names: tuple[str, ...]) -> None:
