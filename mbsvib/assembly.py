@@ -6,31 +6,79 @@ of D per elastic direction: everything comes from the geometry by the path rule,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from mbsvib import elements as _elements
 from mbsvib.inertia import check_mass, spatial_inertia
-from mbsvib.kinematics import Rows, body_motion, relative_motion, twists
-from mbsvib.loops import Cuts, reduce
+from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, twists
+from mbsvib.loops import Cuts, Reduction, reduce
 from mbsvib.mobility import check_mobility
-from mbsvib.ports import port_matrices, ports
+from mbsvib.ports import Ports, port_matrices, ports
 from mbsvib.system import Provenance, System
 from mbsvib.topology import span
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.batch import Batch
+    from mbsvib.elements import Elements
+    from mbsvib.inertia import SpatialInertia
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
-    from mbsvib.parts import Body
+    from mbsvib.parts import Body, Bushing, Spring
     from mbsvib.topology import Topology
 
 
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A mechanism in numbers, before anything is computed: what all its matrices are made of.
+
+    ``position`` (..., bodies, 3) are the centres of mass; arrays may have an axis of variants, see ``kinematics``.
+    """
+
+    topology: Topology
+    bodies: tuple[Body, ...]
+    elements: tuple[Bushing | Spring, ...]
+    position: Array
+    coordinates: Twists
+    cuts: Cuts | None
+    springs: Elements
+    port: Ports
+    inertia: SpatialInertia
+
+    @property
+    def locked(self) -> int:
+        """Number of locked rows of cut joints, which come first among the rows."""
+        return len(self.cuts.names) if self.cuts else 0
+
+    def relative(self) -> Triplets:
+        """Return what cut joints lock, what springs feel and what ports see, in one pass."""
+        rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
+        return relative_motion(self.coordinates, Rows.join(rows))
+
+
+@overload
 def linearize(
-    model: Model, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None
-) -> System:
+    model: Model, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...
+) -> System: ...
+
+
+@overload
+def linearize(
+    model: Model, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
+    values: Mapping[str, ArrayLike],
+) -> Batch: ...  # fmt: skip
+
+
+def linearize(
+    model: Model, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    values: Mapping[str, ArrayLike] | None = None,
+) -> System | Batch:  # fmt: skip
     """Return the minimal linear equations of motion about the model's pose.
 
     M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
@@ -43,79 +91,166 @@ def linearize(
         Joint coordinates (``"hip1.rx"``) that are to be among the minimal ones.
     cut : sequence of str, optional
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
+    values : mapping of str to array-like, shape (n,) or (), optional
+        Values of parameters, by name or pattern, for n variants in one pass.
 
     Returns
     -------
-    System
-        Matrices, names and the way back to the bodies.
+    System or Batch
+        Matrices, names and the way back to the bodies; of all variants where ``values`` is given.
 
     Raises
     ------
     ModelError
-        If a name is unknown, a cut leaves bodies hanging, a coordinate cannot be independent or has no inertia.
+        If a name is unknown, a cut leaves bodies hanging, a coordinate cannot be independent or has no inertia, or
+        a variant has a value that is refused.
     SingularPoseError
-        If the number of degrees of freedom is not defined in this pose.
+        If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
+    """
+    if values is not None:
+        from mbsvib.batch import linearize_batch
+
+        return linearize_batch(model, values, independent, cut)
+    return system(model, scene(model, cut), independent)
+
+
+def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
+    """Return a mechanism in numbers.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    cut : sequence of str, optional
+        Joints at which loops are to be cut.
+
+    Returns
+    -------
+    Scene
+        Everything that its matrices are made of.
     """
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(bodies)
-    position = np.array([body.position for body in bodies])
-    coordinates = twists(topology, bodies)
-    cuts = _cuts(topology, bodies, number)
-    springs = _elements.stack(model.springs.values(), number)
-    port = ports(model, bodies, number)
-
-    # one pass over all relative displacements: what cut joints lock, what springs feel, what ports see
-    everything = [*([cuts.rows] if cuts else []), springs.rows, port.rows]
-    locked, felt = len(cuts.names) if cuts else 0, len(springs.owner)
-    relative = relative_motion(coordinates, Rows.join(everything))
-    reduction = reduce(coordinates, cuts, relative.dense(0, locked), independent)
-    check_mobility(topology, coordinates, cuts, reduction, position)
-
-    kept = reduction.independent.tolist()
-    names = tuple([coordinates.names[i] for i in kept])
-    motion = reduction.apply(body_motion(coordinates, position))
-    inertia = spatial_inertia(bodies)
-    factor = inertia.factor(motion)
-    mass = factor.T @ factor
-    check_mass(mass, names)
-    acting = relative.acting(locked, locked + felt)
-    springs = springs.only(acting)
-    elastic = reduction.apply_exactly(relative.dense(locked, locked + felt, acting))
-    if reduction.matrix is not None:
-        acting = np.asarray(elastic.any(axis=1))
-        springs, elastic = springs.only(acting), elastic[acting]
-    seen = reduction.apply(relative.dense(locked + felt, relative.shape[0]))
-    return System(
-        name=model.name, coordinates=names,
-        coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
-        inputs=tuple(model.inputs), input_units=port.input_units, outputs=tuple(model.outputs),
-        output_units=port.output_units, bodies=topology.bodies,
-        M=mass, C=product(elastic, springs.damping), K=product(elastic, springs.stiffness),
-        **port_matrices(port, seen, springs, elastic, inertia, factor, position),
-        inertia_factor=factor, elastic_rows=elastic, stiffness=springs.stiffness, damping=springs.damping,
-        row_owner=springs.owner, body_motion=motion,
-        provenance=Provenance(topology, reduction, coordinates.names, tuple(model.springs)),
+    elements = tuple(model.springs.values())
+    return Scene(
+        topology, tuple(bodies), elements, np.array([body.position for body in bodies]), twists(topology, bodies),
+        cut_rows(topology, bodies, number), _elements.stack(elements, number), ports(model, bodies, number),
+        spatial_inertia(bodies),
     )  # fmt: skip
 
 
+def system(model: Model, scene: Scene, independent: Sequence[str] | None = None) -> System:
+    """Return the minimal linear equations of motion of a mechanism in numbers.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism, for the names of its inputs and outputs.
+    scene : Scene
+        The same in numbers.
+    independent : sequence of str, optional
+        Joint coordinates that are to be among the minimal ones.
+
+    Returns
+    -------
+    System
+        Matrices, names and the way back to the bodies.
+    """
+    relative = scene.relative()
+    locked, coordinates, felt = scene.locked, scene.coordinates, len(scene.springs.owner)
+    reduction = reduce(coordinates, scene.cuts, relative.dense(0, locked), independent)
+    check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
+    kept = reduction.independent.tolist()
+    names = tuple([coordinates.names[i] for i in kept])
+    found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
+    check_mass(found["M"], names)
+    return System(
+        name=model.name, coordinates=names,
+        coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
+        inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
+        output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
+        provenance=Provenance(scene.topology, reduction, coordinates.names, tuple(model.springs)),
+    )  # fmt: skip
+
+
+def matrices(
+    scene: Scene, relative: Triplets, reduction: Reduction, acting: NDArray[np.bool_] | None = None
+) -> dict[str, Any]:
+    """Return the matrices of a mechanism and their factors, by the names that a system has for them.
+
+    Parameters
+    ----------
+    scene : Scene
+        The mechanism in numbers.
+    relative : Triplets
+        Its relative displacements.
+    reduction : Reduction
+        Its minimal coordinates.
+    acting : array, shape (elastic rows,), optional
+        Elastic rows that are to be kept, less those that loops hold still; default: all, whether they move or not.
+
+    Returns
+    -------
+    dict of str to array
+        M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
+    """
+    locked, springs = scene.locked, scene.springs
+    felt = locked + len(springs.owner)
+    motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
+    factor = scene.inertia.factor(motion)
+    if acting is not None:
+        springs = springs.only(acting)
+    elastic = reduction.apply_exactly(relative.dense(locked, felt, acting))
+    if reduction.matrix is not None and acting is not None:
+        moves = np.asarray(elastic.any(axis=1))
+        springs, elastic = springs.only(moves), elastic[moves]
+    seen = reduction.apply(relative.dense(felt, relative.shape[0]))
+    return {
+        "M": factor.swapaxes(-1, -2) @ factor,
+        "C": product(elastic, springs.damping), "K": product(elastic, springs.stiffness),
+        **port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position),
+        "inertia_factor": factor, "elastic_rows": elastic, "stiffness": springs.stiffness,
+        "damping": springs.damping, "row_owner": springs.owner, "body_motion": motion,
+    }  # fmt: skip
+
+
 def product(rows: Array, value: Array) -> Array:
-    """Return rows^T diag(value) rows, exactly symmetric."""
-    used = value != 0.0
-    if not used.all():
-        rows, value = rows[used], value[used]
+    """Return rows^T diag(value) rows, exactly symmetric; either may have an axis of variants in front."""
+    if value.ndim == 1 and rows.ndim == 2:
+        used = value != 0.0
+        if not used.all():
+            rows, value = rows[used], value[used]
+    elif rows.ndim == 2:
+        return _combined(rows, value)
+    half: Array = rows * np.sqrt(np.abs(value))[..., None]
     negative = value < 0.0
-    half: Array = rows * np.sqrt(np.abs(value))[:, None]
     if not negative.any():
-        return half.T @ half
-    plus, minus = half[~negative], half[negative]
-    return plus.T @ plus - minus.T @ minus
+        return half.swapaxes(-1, -2) @ half
+    if half.ndim == 2:
+        plus, minus = half[~negative], half[negative]
+        return plus.T @ plus - minus.T @ minus
+    result: Array = half.swapaxes(-1, -2) @ (half * np.sign(value)[..., None])
+    return 0.5 * (result + result.swapaxes(-1, -2))
 
 
-def _cuts(topology: Topology, bodies: list[Body], number: Mapping[str, int]) -> Cuts | None:
+def _combined(rows: Array, value: Array) -> Array:
+    """The same rows with many sets of values (variants, rows): one product with the outer squares of the rows."""
+    m = rows.shape[1]
+    i, j = np.triu_indices(m)
+    varies = np.asarray((value != value[:1]).any(axis=0))
+    result = np.empty((len(value), m, m))
+    upper = value[:, varies] @ (rows[varies][:, i] * rows[varies][:, j])
+    upper += product(rows[~varies], value[0, ~varies])[i, j]
+    result[:, i, j] = result[:, j, i] = upper
+    return result
+
+
+def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, int]) -> Cuts | None:
+    """Return the locked rows of the cut joints, or None where nothing is cut."""
     if not topology.cut:
         return None
     tuples: list[tuple[float, ...]] = []

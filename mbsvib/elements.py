@@ -28,8 +28,8 @@ ZERO_EIGENVALUE = 1e-14
 
 @dataclass(frozen=True, slots=True)
 class Elements:
-    """Elastic and damping rows: ``rows``, ``stiffness`` and ``damping`` (n,), the number of the ``owner`` (n,) among
-    the model's spring-dampers, and the direction ``unit`` (n, 6) in the owner's axes.
+    """Elastic and damping rows: ``rows``, ``stiffness`` and ``damping`` (..., n), the number of the ``owner`` (n,)
+    among the model's spring-dampers, and the direction ``unit`` (..., n, 6) in the owner's axes.
     """
 
     rows: Rows
@@ -43,7 +43,8 @@ class Elements:
         if keep.all():
             return self
         rows = Rows(*(getattr(self.rows, key)[..., keep] for key in Rows.__slots__))
-        return Elements(rows, self.stiffness[keep], self.damping[keep], self.owner[keep], self.unit[keep])
+        return Elements(rows, self.stiffness[..., keep], self.damping[..., keep], self.owner[keep],
+                        self.unit[..., keep, :])  # fmt: skip
 
 
 def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Elements:
@@ -158,9 +159,19 @@ def _proportion(damping: Array, stiffness: Array) -> float | None:
 
 
 def _eigenrows(matrix: Array) -> tuple[Array, Array]:
-    """Return values v and rows U with matrix = U^T diag(v) U, on a unit diagonal so that units do not mix."""
-    scale = np.sqrt(np.abs(matrix.diagonal()))
+    values, rows = eigenrows(matrix)
+    keep = values != 0.0
+    return values[keep], rows[keep]
+
+
+def eigenrows(matrix: Array) -> tuple[Array, Array]:
+    """Return values v (..., 6) and rows U (..., 6, 6) with matrix = U^T diag(v) U.
+
+    On a unit diagonal, so that units do not mix; values that are rounding are zero.
+    """
+    scale = np.sqrt(np.abs(np.einsum("...ii->...i", matrix)))
     scale[scale == 0.0] = 1.0
-    values, vectors = np.linalg.eigh(matrix / scale[:, None] / scale)
-    keep = np.abs(values) > ZERO_EIGENVALUE * np.abs(values).max()
-    return values[keep], (vectors[:, keep] * scale[:, None]).T
+    values, vectors = np.linalg.eigh(matrix / scale[..., None] / scale[..., None, :])
+    size = np.abs(values)
+    values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
+    return values, np.swapaxes(vectors * scale[..., None], -1, -2)

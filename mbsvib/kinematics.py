@@ -4,12 +4,15 @@ A joint coordinate moves everything behind its joint by a twist (v, w) at the jo
 moves by v + w x (c - p) and turns by w, so every entry of the open-loop matrix B' comes straight from the geometry:
 nothing accumulates along a chain. What two bodies do relative to each other involves only the joints on the tree path
 between them (the path rule): the signs of the common joints cancel as integers, never as rounded numbers.
+
+Geometry may have an axis of variants in front of its last one, vectors (3, variants, n) instead of (3, n): results then
+have it in front of all of theirs, (variants, ...).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -72,12 +75,12 @@ class Rows:
         parts = [part for part in parts if len(part.first)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        return Rows(*(np.concatenate([getattr(part, key) for part in parts], axis=-1) for key in Rows.__slots__))
+        return Rows(*(_joined([getattr(part, key) for part in parts]) for key in Rows.__slots__))
 
 
 @dataclass(frozen=True, slots=True)
 class Triplets:
-    """A matrix of ``shape`` by its entries: ``row`` (ascending), ``column`` and ``value`` (entries,)."""
+    """A matrix of ``shape`` by its entries: ``row`` (ascending) and ``column`` (entries,), ``value`` (..., entries)."""
 
     row: Index
     column: Index
@@ -86,21 +89,25 @@ class Triplets:
 
     def acting(self, start: int, stop: int) -> NDArray[np.bool_]:
         """Tell which of the rows start..stop have an entry that is not zero."""
+        entry = self.value != 0.0
         result = np.zeros(self.shape[0], dtype=bool)
-        result[self.row[self.value != 0.0]] = True
+        result[self.row[entry if entry.ndim == 1 else entry.any(axis=0)]] = True
         return result[start:stop]
 
     def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
-        """Return the rows start..stop, those that ``keep`` picks of them, as an array (rows, columns)."""
+        """Return the rows start..stop, those that ``keep`` picks of them, as an array (..., rows, columns)."""
         first, last = np.searchsorted(self.row, (start, stop))
-        row, column, value = self.row[first:last] - start, self.column[first:last], self.value[first:last]
-        if keep is None or keep.all():
-            result = np.zeros((stop - start, self.shape[1]))
-        else:
+        row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
+        count = stop - start
+        if not (keep is None or keep.all()):
             picked = keep[row]
-            row, column, value = (np.cumsum(keep) - 1)[row[picked]], column[picked], value[picked]
-            result = np.zeros((int(np.count_nonzero(keep)), self.shape[1]))
-        result[row, column] = value
+            row, column, value = (np.cumsum(keep) - 1)[row[picked]], column[picked], value[..., picked]
+            count = int(np.count_nonzero(keep))
+        result = np.zeros((*value.shape[:-1], count, self.shape[1]))
+        if value.ndim == 1:
+            result[row, column] = value
+        else:
+            result.reshape(len(result), -1)[:, row * self.shape[1] + column] = value
         return result
 
 
@@ -166,28 +173,29 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
     ----------
     coordinates : Twists
         The joint coordinates.
-    position : array, shape (bodies, 3)
+    position : array, shape (..., bodies, 3)
         Centres of mass [m], world axes.
 
     Returns
     -------
-    array, shape (bodies, 6, n)
+    array, shape (..., bodies, 6, n)
         Translations of the centres of mass, then rotations, world axes.
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
     sign = coordinates.path[:-1].astype(float)
-    vx, vy, vz = coordinates.linear
-    wx, wy, wz = coordinates.angular
-    px, py, pz = coordinates.point
-    rx, ry, rz = position[:, :1] - px, position[:, 1:2] - py, position[:, 2:] - pz
-    result = np.empty((len(position), 6, sign.shape[1]))
-    result[:, 0] = (wy * rz - wz * ry + vx) * sign
-    result[:, 1] = (wz * rx - wx * rz + vy) * sign
-    result[:, 2] = (wx * ry - wy * rx + vz) * sign
-    result[:, 3] = wx * sign
-    result[:, 4] = wy * sign
-    result[:, 5] = wz * sign
+    vx, vy, vz = coordinates.linear[..., None, :]
+    wx, wy, wz = coordinates.angular[..., None, :]
+    px, py, pz = coordinates.point[..., None, :]
+    rx, ry, rz = position[..., :1] - px, position[..., 1:2] - py, position[..., 2:] - pz
+    x = (wy * rz - wz * ry + vx) * sign
+    result = np.empty((*x.shape[:-1], 6, sign.shape[1]))
+    result[..., 0, :] = x
+    np.multiply(wz * rx - wx * rz + vy, sign, out=result[..., 1, :])
+    np.multiply(wx * ry - wy * rx + vz, sign, out=result[..., 2, :])
+    np.multiply(wx, sign, out=result[..., 3, :])
+    np.multiply(wy, sign, out=result[..., 4, :])
+    np.multiply(wz, sign, out=result[..., 5, :])
     return result
 
 
@@ -213,13 +221,37 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     sign = coordinates.path[rows.second] - coordinates.path[rows.first]
     flat = np.flatnonzero(sign != 0)
     row, column = np.divmod(flat, max(1, sign.shape[1]))
-    rx, ry, rz = rows.point.take(row, axis=1) - coordinates.point.take(column, axis=1)
-    fx, fy, fz = force = rows.force.take(row, axis=1)
-    moment = rows.moment.take(row, axis=1)
+    moment, point, force = (array.take(row, axis=-1) for array in (rows.moment, rows.point, rows.force))
+    start, linear, angular = (
+        array.take(column, axis=-1) for array in (coordinates.point, coordinates.linear, coordinates.angular)
+    )
+    if moment.ndim + point.ndim + force.ndim + start.ndim + linear.ndim + angular.ndim > 12:
+        moment, point, force, start, linear, angular = _lifted([moment, point, force, start, linear, angular])
+    rx, ry, rz = point - start
+    fx, fy, fz = force
     moment[0] += ry * fz - rz * fy
     moment[1] += rz * fx - rx * fz
     moment[2] += rx * fy - ry * fx
-    moment *= coordinates.angular.take(column, axis=1)
-    moment += force * coordinates.linear.take(column, axis=1)
+    moment *= angular
+    moment += force * linear
     value = (moment[0] + moment[1] + moment[2]) * sign.reshape(-1)[flat]
     return Triplets(row, column, value, sign.shape)
+
+
+def _joined(arrays: list[Any]) -> Any:
+    """Arrays one behind the other along their last axis; what has no axis of variants gets one where another has."""
+    try:
+        return np.concatenate(arrays, axis=-1)
+    except ValueError:
+        variants = next(array.shape[1] for array in arrays if array.ndim == 3)
+        return np.concatenate([
+            array if array.ndim == 3 else np.broadcast_to(array[:, None], (3, variants, array.shape[1]))
+            for array in arrays
+        ], axis=-1)  # fmt: skip
+
+
+def _lifted(arrays: list[Array]) -> list[Array]:
+    """Vectors (3, n), some of them (3, variants, n), all with an axis of variants; the first gets its whole length."""
+    first, *others = (array if array.ndim == 3 else array[:, None] for array in arrays)
+    variants = max(array.shape[1] for array in others)
+    return [np.repeat(first, variants, axis=1) if first.shape[1] < variants else first, *others]

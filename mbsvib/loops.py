@@ -60,7 +60,7 @@ class LoopGroup:
 
 @dataclass(frozen=True, slots=True)
 class Reduction:
-    """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (n, m) is B''.
+    """Minimal coordinates: ``independent`` (m,) picks them from the joint coordinates, ``matrix`` (..., n, m) is B''.
 
     ``matrix`` is None where no loop exists, B'' being the identity that nothing is multiplied by.
     """
@@ -70,15 +70,23 @@ class Reduction:
     groups: tuple[LoopGroup, ...]
 
     def apply(self, rows: Array) -> Array:
-        """Return rows (..., n) in minimal coordinates (..., m)."""
+        """Return rows (..., rows, n) in minimal coordinates (..., rows, m)."""
         return rows if self.matrix is None else rows @ self.matrix
+
+    def apply_to_bodies(self, motion: Array) -> Array:
+        """Return body motions (..., bodies, 6, n) in minimal coordinates (..., bodies, 6, m)."""
+        if self.matrix is None:
+            return motion
+        *lead, bodies, _, n = motion.shape
+        result = motion.reshape(*lead, 6 * bodies, n) @ self.matrix
+        return result.reshape(*result.shape[:-2], bodies, 6, result.shape[-1])
 
     def apply_exactly(self, rows: Array) -> Array:
         """Return rows in minimal coordinates with exact zeros where loops take a motion away but for rounding."""
         result = self.apply(rows)
         if self.matrix is not None:
             noise = np.abs(rows) @ np.abs(self.matrix)
-            result[np.abs(result) <= ZERO_ENTRY * rows.shape[1] * noise] = 0.0
+            result[np.abs(result) <= ZERO_ENTRY * rows.shape[-1] * noise] = 0.0
         return result
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from inspect import signature
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.batch import Batch
+    from mbsvib.parameters import Parameters
     from mbsvib.system import System
     from mbsvib.topology import Topology
 
@@ -400,9 +402,56 @@ class Model:
         self._outputs[name] = output
         return output
 
+    @property
+    def parameters(self) -> Parameters:
+        """Every number of bodies, joints, bushings and springs by its name (``"leg1.k.stiffness"``); read-only."""
+        from mbsvib.parameters import Parameters
+
+        return Parameters([*self._bodies.values(), *self._joints.values(), *self._springs.values()])
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """Return a new model in which some parameters have other values.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New value of each parameter by its name, or by a pattern that picks several (``"leg*.k.stiffness"``).
+
+        Returns
+        -------
+        Model
+            The changed model; this one stays as it is.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown or a value is refused.
+        """
+        from mbsvib.parameters import parts_with
+
+        changed: dict[str, Any] = parts_with(self.parameters, values)
+        model = Model(self.name)
+        model._bodies = {name: changed.get(name, part) for name, part in self._bodies.items()}
+        model._joints = {name: changed.get(name, part) for name, part in self._joints.items()}
+        model._springs = {name: changed.get(name, part) for name, part in self._springs.items()}
+        model._inputs, model._outputs = dict(self._inputs), dict(self._outputs)
+        return model
+
+    @overload
     def linearize(
-        self, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None
-    ) -> System:
+        self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...
+    ) -> System: ...
+
+    @overload
+    def linearize(
+        self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
+        values: Mapping[str, ArrayLike],
+    ) -> Batch: ...  # fmt: skip
+
+    def linearize(
+        self, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
+        values: Mapping[str, ArrayLike] | None = None,
+    ) -> System | Batch:  # fmt: skip
         """Return the minimal linear equations of motion, M q'' + C q' + K q = B u.
 
         Parameters
@@ -411,22 +460,28 @@ class Model:
             Joint coordinates (``"hip1.rx"``) that are to be among the minimal ones.
         cut : sequence of str, optional
             Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
+        values : mapping of str to array-like, shape (n,) or (), optional
+            Values of parameters, by name or by a pattern that picks several (``"leg*.k.stiffness"``): n variants of
+            the model in one pass, all in the minimal coordinates of the pose as it is.
 
         Returns
         -------
-        System
-            Matrices, names and the way back to the bodies.
+        System or Batch
+            Matrices, names and the way back to the bodies; of all variants where ``values`` is given.
 
         Raises
         ------
         ModelError
-            If a name is unknown, a cut leaves bodies hanging, or a coordinate cannot be independent.
+            If a name is unknown, a cut leaves bodies hanging, a coordinate cannot be independent, or a variant has a
+            value that is refused.
         SingularPoseError
-            If the number of degrees of freedom is not defined in this pose.
+            If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
         """
         from mbsvib.assembly import linearize
 
-        return linearize(self, independent=independent, cut=cut)
+        if values is None:
+            return linearize(self, independent=independent, cut=cut)
+        return linearize(self, independent=independent, cut=cut, values=values)
 
     def replace(self, element: str, /, **changes: Any) -> Model:
         """Return a new model in which one part has other values; all words of its ``add_...`` call are allowed.

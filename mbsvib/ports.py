@@ -40,7 +40,7 @@ class Ports:
     motion_outputs: Index
     derivative: Index
     base_motions: tuple[tuple[int, BaseMotion], ...]
-    inertial_outputs: tuple[tuple[int, Output, tuple[float, float, float]], ...]
+    inertial_outputs: tuple[tuple[int, Output, Array], ...]
     force_outputs: tuple[tuple[int, int, Array], ...]
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
@@ -107,7 +107,7 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
                     f"the {output.quantity} relative to the moving ground (absolute=False).",
                     element=output.name, field="absolute",
                 )  # fmt: skip
-            inertial.append((i, output, (place[2], place[3], place[4])))
+            inertial.append((i, output, np.array(place[2:5])))
     return Ports(
         Rows.stack(rows), np.array(force_inputs, dtype=np.intp), np.array(motion_outputs, dtype=np.intp),
         np.array(derivative, dtype=np.intp), tuple(base_motions), tuple(inertial), tuple(force_outputs),
@@ -131,17 +131,17 @@ def port_matrices(
     ----------
     port : Ports
         Inputs and outputs.
-    seen : array, shape (port rows, m)
+    seen : array, shape (..., port rows, m)
         Their relative displacements in minimal coordinates.
     springs : Elements
         The spring-dampers that act.
-    elastic : array, shape (elastic rows, m)
+    elastic : array, shape (..., elastic rows, m)
         Their rows in minimal coordinates.
     inertia : SpatialInertia
         Square roots of the bodies' inertia.
-    factor : array, shape (6 bodies, m)
+    factor : array, shape (..., 6 bodies, m)
         W of M = W^T W.
-    position : array, shape (bodies, 3)
+    position : array, shape (..., bodies, 3)
         Centres of mass [m], world axes.
 
     Returns
@@ -149,24 +149,31 @@ def port_matrices(
     dict of str to array
         The five matrices.
     """
-    m, forces = factor.shape[1], len(port.force_inputs)
-    b = np.zeros((m, len(port.input_units)))
-    b[:, port.force_inputs] = seen[:forces].T
-    d = np.zeros((len(port.output_units), b.shape[1]))
+    m, forces = factor.shape[-1], len(port.force_inputs)
+    lead = seen.shape[:-2]
+    if port.base_motions:
+        lead = max(lead, factor.shape[:-2], position.shape[:-2])
+    b = np.zeros((*lead, m, len(port.input_units)))
+    b[..., port.force_inputs] = seen[..., :forces, :].swapaxes(-1, -2)
+    d = np.zeros((*(position.shape[:-2] if port.inertial_outputs else ()), len(port.output_units), b.shape[-1]))
     for column, motion in port.base_motions:
         linear, angular = np.array(motion.wrench[:3]), np.array(motion.wrench[3:])
-        carried = np.empty((len(position), 6, 1))
-        carried[:, :3, 0] = np.cross(angular, position - motion.position) + linear
-        carried[:, 3:, 0] = angular
-        b[:, column] = -(inertia.factor(carried)[:, 0] @ factor)
+        carried = np.empty((*position.shape[:-1], 6, 1))
+        carried[..., :3, 0] = np.cross(angular, position - motion.position) + linear
+        carried[..., 3:, 0] = angular
+        b[..., column] = -(inertia.factor(carried).swapaxes(-1, -2) @ factor)[..., 0, :]
         for row, output, point in port.inertial_outputs:
             at = np.cross(angular, np.subtract(point, motion.position)) + linear
-            d[row, column] = np.dot(output.wrench, (*at, *angular))
-    c = np.zeros((3, len(port.output_units), m))
-    c[port.derivative, port.motion_outputs] = seen[forces:]
+            d[..., row, column] = at @ output.wrench[:3] + angular @ output.wrench[3:]
+    lead = seen.shape[:-2]
+    if port.force_outputs:
+        lead = max(lead, elastic.shape[:-2], springs.stiffness.shape[:-1], springs.damping.shape[:-1],
+                   springs.unit.shape[:-2])  # fmt: skip
+    c = np.zeros((*lead, 3, len(port.output_units), m))
+    c[..., port.derivative, port.motion_outputs, :] = seen[..., forces:, :]
     for row, owner, wrench in port.force_outputs:
         own = np.nonzero(springs.owner == owner)[0]
-        share = springs.unit[own] @ wrench
-        c[0, row] = (share * springs.stiffness[own]) @ elastic[own]
-        c[1, row] = (share * springs.damping[own]) @ elastic[own]
-    return {"B": b, "Cq": c[0], "Cv": c[1], "Ca": c[2], "D": d}
+        share = springs.unit[..., own, :] @ wrench
+        for order, value in ((0, springs.stiffness), (1, springs.damping)):
+            c[..., order, row, :] = ((share * value[..., own])[..., None, :] @ elastic[..., own, :])[..., 0, :]
+    return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :], "D": d}

@@ -1,0 +1,129 @@
+"""Assembly of a batch: what does not vary is computed once, what varies in one pass over pieces that fit a cache."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import assembly as single
+from mbsvib.batch.geometry import moves_geometry, varied
+from mbsvib.batch.loops import reduce_batch
+from mbsvib.batch.systems import FACTORS, MATRICES, Batch
+from mbsvib.batch.values import checked
+from mbsvib.errors import ModelError
+from mbsvib.inertia import check_mass
+from mbsvib.loops import Reduction
+from mbsvib.parts import Body
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.assembly import Scene
+    from mbsvib.batch.values import Values
+    from mbsvib.model import Model
+
+    Array = NDArray[np.float64]
+
+# Pieces of a batch whose largest array has this many numbers stay in the second-level cache.
+PIECE = 2**16
+# Pivots of a scaled mass matrix below this are looked at by the check of single systems, whose limit is lower.
+SUSPECT_MASS = 1e-12
+
+
+def linearize_batch(
+    model: Model, values: Mapping[str, ArrayLike], independent: Sequence[str] | None = None,
+    cut: Sequence[str] | None = None,
+) -> Batch:  # fmt: skip
+    """Return the minimal linear equations of motion of many variants of a model.
+
+    M_i q'' + C_i q' + K_i q = B_i u,  y = Cq_i q + Cv_i q' + Ca_i q'' + D_i u
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    values : mapping of str to array-like, shape (n,) or ()
+        Values of parameters, by name or by a pattern that picks several.
+    independent, cut : sequence of str, optional
+        As for a single linearization.
+
+    Returns
+    -------
+    Batch
+        All variants, in the minimal coordinates of the pose as given.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown or a value refused, by parameter and index of the variant.
+    SingularPoseError
+        If a variant has another number of degrees of freedom, by index.
+    """
+    parameters = model.parameters
+    variants = checked(parameters, values)
+    scene = single.scene(model, cut)
+    nominal = single.system(model, scene, independent)
+    reduction = nominal.provenance.reduction
+    size = _piece(scene, variants)
+    pieces = [
+        _matrices(model, scene, variants.slice(start, start + size), reduction, start, nominal.coordinates)
+        for start in range(0, variants.count, size)
+    ]
+    arrays: dict[str, Any] = {"row_owner": pieces[0]["row_owner"]}
+    for key in (*MATRICES, *FACTORS):
+        array = pieces[0][key]
+        if len(pieces) > 1 and array.ndim == _depth(key) + 1:
+            array = np.concatenate([piece[key] for piece in pieces])
+        arrays[key] = np.broadcast_to(array, (variants.count, *array.shape[array.ndim - _depth(key) :]))
+    return Batch(nominal, variants, scene, moves_geometry(variants), **arrays)
+
+
+def _depth(key: str) -> int:
+    """Number of axes of an array of a single system."""
+    return {"stiffness": 1, "damping": 1, "body_motion": 3}.get(key, 2)
+
+
+def _piece(scene: Scene, values: Values) -> int:
+    """How many variants to compute at once."""
+    if not moves_geometry(values) and not values.varies((Body,)):
+        return values.count
+    return max(16, PIECE // max(1, scene.coordinates.path.size * 6))
+
+
+def _matrices(
+    model: Model, scene: Scene, values: Values, nominal: Reduction, first: int, names: tuple[str, ...]
+) -> dict[str, Any]:
+    """The matrices of some variants; those that do not vary without an axis of variants."""
+    given = scene
+    scene = varied(model, scene, values)
+    relative = scene.relative()
+    reduction = nominal
+    if relative.value.ndim == 2:
+        phi, nominal_phi = relative.dense(0, scene.locked), given.relative().dense(0, scene.locked)
+        reduction = reduce_batch(scene, phi, nominal, nominal_phi, first)
+    result = single.matrices(scene, relative, reduction)
+    _check_masses(result["M"], names, first)
+    return result
+
+
+def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
+    """Refuse variants in which the motion of a coordinate moves no mass, by index."""
+    if mass.ndim == 2 or not names:
+        return
+    diagonal = np.einsum("vii->vi", mass)
+    safe = np.where(diagonal > 0.0, diagonal, 1.0)
+    scale = 1.0 / np.sqrt(safe)
+    try:
+        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass * scale[:, :, None] * scale[:, None])) ** 2
+        suspects = np.flatnonzero((pivots.min(axis=1) < SUSPECT_MASS) | (diagonal <= 0.0).any(axis=1))
+    except np.linalg.LinAlgError:
+        suspects = np.arange(len(mass))
+    for i in suspects.tolist():
+        try:
+            check_mass(mass[i], names)
+        except ModelError as error:
+            raise ModelError(f"variant {first + i}: {error}", element=error.element) from error
+

@@ -1,0 +1,156 @@
+"""Loops: B'' of all variants at once, with the pivots of the pose as it is.
+
+The rows and columns that a pivoted QR chose in the pose as given are kept, so that all variants have the same minimal
+coordinates: in each group of loops Phi = [A R; P Q] with A square, and B'' is -A^-1 R where the redundant rows (P, Q)
+hold by themselves. |A^-1| tells how far A is from singular, and what (P, Q) leave whether they are redundant still;
+where either is in doubt the variant goes through the rank decision that a single pose goes through.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.batch.geometry import cuts_of, twists_of
+from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
+from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
+from mbsvib.mobility import check_mobility
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.assembly import Scene
+    from mbsvib.kinematics import Index, Twists
+    from mbsvib.loops import Cuts, LoopGroup
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+# 1 / |A^-1| within this factor above the limit of a nearly singular pose is decided by the pivots themselves ...
+WELL_ABOVE = 10.0
+# ... unless it is of the size that it has in the pose as given, which went through that decision.
+AS_GIVEN = 0.5
+# Redundant rows that leave more than this share of the limit of the rank decision are decided by the pivots.
+WELL_BELOW = 0.1
+
+
+def reduce_batch(scene: Scene, phi: Array, nominal: Reduction, nominal_phi: Array, first: int) -> Reduction:
+    """Return B'' of all variants in the coordinates that were chosen for the pose as given.
+
+    Parameters
+    ----------
+    scene : Scene
+        The variants in numbers.
+    phi : array, shape (variants, locked rows, n)
+        What their cut joints lock.
+    nominal : Reduction
+        The minimal coordinates of the pose as given.
+    nominal_phi : array, shape (locked rows, n)
+        What the cut joints lock there.
+    first : int
+        Index of the first of these variants, for messages.
+
+    Returns
+    -------
+    Reduction
+        The same coordinates, B'' as (variants, n, m).
+
+    Raises
+    ------
+    ModelError, SingularPoseError
+        If in a variant the coordinates are not independent, or the number of degrees of freedom is another one or in
+        doubt, by index.
+    """
+    cuts, matrix = scene.cuts, nominal.matrix
+    if cuts is None or matrix is None or phi.ndim == 2:
+        return nominal
+    variants = len(phi)
+    kept = np.zeros(phi.shape[-1], dtype=bool)
+    kept[nominal.independent] = True
+    place = np.cumsum(kept) - 1
+    result = np.zeros((variants, *matrix.shape))
+    result[:, nominal.independent, np.arange(matrix.shape[1])] = 1.0
+    doubt = np.zeros(variants, dtype=bool)
+    for group in nominal.groups:
+        dependent, others = group.columns[~kept[group.columns]], group.columns[kept[group.columns]]
+        block, health, left = _solved(scene.coordinates, cuts, phi, group, dependent, others)
+        _, given, _ = _solved(scene.coordinates, cuts, nominal_phi[None], group, dependent, others)
+        result[:, dependent[:, None], place[others]] = block
+        doubt |= (health < WELL_ABOVE * NEAR_SINGULAR) & (health < AS_GIVEN * given)
+        doubt |= left > WELL_BELOW * RANK_FACTOR * _noise(scene.coordinates, cuts, group)
+    reduction = replace(nominal, matrix=result)
+    redundant = any(group.redundant for group in nominal.groups)
+    for i in range(variants) if redundant else np.flatnonzero(doubt).tolist():
+        result[i] = _alone(scene, phi[i], nominal, i, first, bool(doubt[i]), result[i])
+    return reduction
+
+
+def _solved(
+    coordinates: Twists, cuts: Cuts, phi: Array, group: LoopGroup, dependent: Index, others: Index
+) -> tuple[Array, Array, Array]:
+    """Block of B'', distance of A from singular relative to its size, and what the redundant rows leave."""
+    needed = np.array([cuts.names[row] not in group.redundant for row in group.rows], dtype=bool)
+    row_scale = np.where(cuts.translates, 1.0 / group.length, 1.0)
+    column_scale = np.where(coordinates.turns, 1.0, group.length)
+    columns = np.concatenate((dependent, others)).astype(np.intp)
+    scaled = phi[:, group.rows[:, None], columns] * (row_scale[group.rows, None] * column_scale[columns])
+    r = len(dependent)
+    a, right = scaled[:, needed, :r], scaled[:, needed, r:]
+    both = np.concatenate((right, np.broadcast_to(np.eye(r), a.shape)), axis=2)
+    try:
+        solution = np.linalg.solve(a, both)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(a)[0] == 0.0
+        solution = np.linalg.solve(np.where(singular[:, None, None], np.eye(r), a), both)
+        solution[singular] = np.inf
+    block, inverse = solution[:, :, : len(others)], solution[:, :, len(others) :]
+    size, growth = np.sqrt(np.einsum("vij,vij->v", a, a)), np.sqrt(np.einsum("vij,vij->v", inverse, inverse))
+    health = np.divide(1.0, size * growth, out=np.ones_like(size), where=np.isfinite(growth) & (size > 0.0))
+    health[np.isinf(growth)] = 0.0
+    left = np.zeros(len(phi))
+    if not needed.all() and len(others):
+        rest = scaled[:, ~needed, r:] - scaled[:, ~needed, :r] @ np.where(health[:, None, None] > 0.0, block, 0.0)
+        left = np.abs(rest).max(axis=(1, 2))
+    return block * -(column_scale[dependent, None] / column_scale[others]), health, left
+
+
+def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
+    """Rounding of the scaled rows: positions are rounded relative to the origin, see ``mbsvib.loops``."""
+    far = [np.abs(array[..., of]).max(axis=(0, -1), initial=0.0)
+           for array, of in ((cuts.rows.point, group.rows), (coordinates.point, group.columns))]  # fmt: skip
+    noise: Array = EPS * max(len(group.rows), len(group.columns)) * np.maximum(1.0, np.maximum(*far) / group.length)
+    return noise
+
+
+def _alone(scene: Scene, phi: Array, nominal: Reduction, i: int, first: int, doubt: bool, matrix: Array) -> Array:
+    """Send one variant through the decisions that a single pose goes through; return its B''."""
+    assert scene.cuts is not None
+    coordinates, cuts = twists_of(scene.coordinates, i), cuts_of(scene.cuts, i)
+    position = scene.position if scene.position.ndim == 2 else scene.position[i]
+    names = [coordinates.names[k] for k in nominal.independent]
+    reduction = replace(nominal, matrix=matrix)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", NearSingularWarning)
+        try:
+            if doubt:
+                reduction = reduce(coordinates, cuts, phi, names)
+                _check_freedom(reduction, nominal)
+            check_mobility(scene.topology, coordinates, cuts, reduction, position)
+        except (ModelError, SingularPoseError) as error:
+            raise SingularPoseError(f"variant {first + i}: {error}") from error
+    for warning in caught:
+        warnings.warn(f"variant {first + i}: {warning.message}", warning.category, stacklevel=5)
+    assert reduction.matrix is not None
+    return reduction.matrix
+
+
+def _check_freedom(reduction: Reduction, nominal: Reduction) -> None:
+    found, expected = len(reduction.independent), len(nominal.independent)
+    if found != expected:
+        raise SingularPoseError(
+            f"its loops leave {counted(found, 'degree')} of freedom, those of the pose as given {expected}; all "
+            f"variants of a batch have the same coordinates. Leave this variant out, or linearize it by itself."
+        )

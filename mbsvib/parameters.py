@@ -1,0 +1,393 @@
+"""Parameters: every number of bodies, joints and spring-dampers by a name of its own.
+
+======================================  ==========================  ============================================
+name                                    unit                        what it is
+======================================  ==========================  ============================================
+``BODY.mass``                           kg
+``BODY.inertia.xx`` (yy zz xy xz yz)    kg m^2                      tensor about the centre of mass, body axes
+``PART.position.x`` (y z)               m                           of a body, joint or bushing, world axes
+``PART.orientation.rx`` (ry rz)         rad                         see below
+``JOINT.pitch``                         m/rad                       of a screw
+``SPRING.start.x``, ``SPRING.end.x``    m                           the two points of a line spring
+``SPRING.stiffness``, ``.damping``      N/m, N s/m                  of a line spring
+``BUSHING.stiffness.x`` ... ``.rz``     N/m, N m/rad                likewise ``damping``
+``BUSHING.stiffness.x.rz``              N/m, N/rad, N m/rad         off the diagonal of a 6x6 matrix, each pair once
+======================================  ==========================  ============================================
+
+An orientation parameter is a component of the rotation vector w, in world axes, that turns the part from where it is
+given: its axes Q become exp([w]x) Q, so that these parameters are zero at the pose. A joint that is given by its
+axis, or its two, turns as a whole. The position of a body is that of its centre of mass: joints and springs stay.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from fnmatch import fnmatchcase
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib._checks import DIRECTIONS
+from mbsvib.errors import ModelError, nearest
+from mbsvib.parts import Body, Bushing, Joint, Spring
+from mbsvib.parts import body as _body
+from mbsvib.parts import bushing as _bushing
+from mbsvib.parts import joint as _joint
+from mbsvib.parts import spring as _spring
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.parts._part import Part
+
+    Array = NDArray[np.float64]
+
+_TENSOR = ("xx", "yy", "zz", "xy", "xz", "yz")
+_MAKERS: dict[type, Any] = {Body: _body.make, Joint: _joint.make, Bushing: _bushing.make, Spring: _spring.make}
+_END = re.compile(
+    r"\.(?:(?P<field>mass|pitch|inertia(?=\.)|position(?=\.)|start(?=\.)|end(?=\.)|orientation(?=\.)|stiffness|damping)"
+    r"(?:\.(?P<first>[a-z]{1,2})(?:\.(?P<second>[a-z]{1,2}))?)?)$"
+)
+
+
+class UnknownParameterError(ModelError, KeyError):
+    """A name that no parameter has."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of a model: entry ``index`` of the field ``field`` of the part named ``part``; ``unit`` is SI."""
+
+    name: str
+    part: str
+    field: str
+    index: tuple[int, ...]
+    value: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value."""
+        return unit(self.name)
+
+
+class Parameters(Mapping[str, float]):
+    """The parameters of some parts: a read-only mapping from name to value, made when it is first looked into."""
+
+    def __init__(self, parts: Iterable[Part]) -> None:
+        self._parts = {part.name: part for part in parts}
+
+    @cached_property
+    def _entries(self) -> dict[str, Parameter]:
+        return {entry.name: entry for part in self._parts.values() for entry in _listed(part)}
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """The parts themselves, by name."""
+        return self._parts
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """Unit of each parameter, by its name."""
+        return {name: unit(name) for name in self._entries}
+
+    def entry(self, name: str) -> Parameter:
+        """Return a parameter with all that is known of it.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        Parameter
+            Part, field, index, value and unit.
+
+        Raises
+        ------
+        UnknownParameterError
+            If there is no such parameter; the message suggests the nearest.
+        """
+        found = self._entries.get(name)
+        if found is None:
+            raise UnknownParameterError(
+                f"there is no parameter '{name}'.{nearest(str(name), self._entries)} {_hint(str(name), self._parts)}"
+                .rstrip(), element=str(name),
+            )  # fmt: skip
+        return found
+
+    def matching(self, pattern: str) -> list[str]:
+        """Return the names that a pattern picks.
+
+        Parameters
+        ----------
+        pattern : str
+            A name, or one with ``*``, ``?`` or ``[...]`` as in file names (``"leg*.k.stiffness"``).
+
+        Returns
+        -------
+        list of str
+            At least one name.
+
+        Raises
+        ------
+        UnknownParameterError
+            If no parameter has such a name.
+        """
+        if pattern in self._entries or not any(sign in str(pattern) for sign in "*?["):
+            return [self.entry(pattern).name]
+        found = [name for name in self._entries if fnmatchcase(name, pattern)]
+        if not found:
+            self.entry(pattern)
+        return found
+
+    def __getitem__(self, name: str) -> float:
+        return self.entry(name).value
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __repr__(self) -> str:
+        return f"Parameters({len(self)} of {len(self._parts)} parts)"
+
+
+def unit(name: str) -> str:
+    """Return the unit of a parameter, which its name tells.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, as ``model.parameters`` has it.
+
+    Returns
+    -------
+    str
+        Unit, SI.
+
+    Raises
+    ------
+    UnknownParameterError
+        If the name does not end as that of a parameter.
+    """
+    end = _END.search(name)
+    if end is None:
+        raise UnknownParameterError(f"'{name}' does not end as the name of a parameter does. {_hint(name, ())}",
+                                    element=name)  # fmt: skip
+    field, first, second = end["field"], end["first"], end["second"]
+    plain = {"mass": "kg", "inertia": "kg m^2", "orientation": "rad", "pitch": "m/rad"}
+    if field not in ("stiffness", "damping"):
+        return plain.get(field, "m")
+    per = "" if field == "stiffness" else " s"
+    turns = sum(direction is not None and direction[0] == "r" for direction in (first, second or first))
+    return (f"N{per}/m", f"N{per}/rad", f"N m{per}/rad")[turns]
+
+
+def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
+    """Return the parts that some values change, through the checks that every part goes through.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Those of the model.
+    values : mapping
+        New value of each parameter, by name or pattern; a name goes before a pattern.
+
+    Returns
+    -------
+    dict of str to Part
+        The changed parts by name.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown or a value refused.
+    """
+    given = {}
+    for name, value in resolved(parameters, values).items():
+        given[name] = np.array([check.number(value, f"parameter '{name}'", "value", f"a finite number [{unit(name)}]")])
+    return {name: variant(parameters.parts[name], whole, 0) for name, whole in whole_fields(parameters, given).items()}
+
+
+def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the value of every parameter that is named or picked by a pattern, by name.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Those of the model.
+    values : mapping
+        A value for each name or pattern; a name goes before the patterns that pick it too.
+
+    Returns
+    -------
+    dict of str to object
+        The values, unchecked.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or two patterns pick the same one.
+    """
+    result: dict[str, Any] = {}
+    pattern_of: dict[str, str] = {}
+    for pattern, value in values.items():
+        for name in parameters.matching(pattern):
+            if name == pattern:
+                pattern_of[name] = name
+            elif name in values:
+                continue
+            elif name in pattern_of:
+                raise ModelError(f"values: both '{pattern_of[name]}' and '{pattern}' pick '{name}'; name it by itself "
+                                 f"too, which goes before patterns.", element=name, field="values")  # fmt: skip
+            else:
+                pattern_of[name] = pattern
+            result[name] = value
+    return result
+
+
+def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[str, dict[str, Array]]:
+    """Return the whole fields of parts of which some entries get new values.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Those of the model.
+    values : mapping
+        Arrays of shape (n,) by the names of the parameters.
+
+    Returns
+    -------
+    dict of str to dict of str to array
+        By part and field: arrays whose last axis is that of the values (position: (3, n)); orientations as rotation
+        vectors from the given pose.
+    """
+    result: dict[str, dict[str, Array]] = {}
+    for name, array in values.items():
+        entry = parameters.entry(name)
+        whole = result.setdefault(entry.part, {})
+        if entry.field not in whole:
+            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else getattr(
+                parameters.parts[entry.part], entry.field)  # fmt: skip
+            start = np.array(given, dtype=float)
+            whole[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
+        whole[entry.field][entry.index] = array
+        if len(entry.index) == 2:
+            whole[entry.field][entry.index[::-1]] = array
+    return result
+
+
+def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
+    """Return a part with other values, through the checks that every part goes through.
+
+    Parameters
+    ----------
+    part : Part
+        The part as given.
+    whole : mapping
+        New fields as ``whole_fields`` has them.
+    i : int
+        Which of the values along their last axis.
+
+    Returns
+    -------
+    Part
+        The changed part.
+
+    Raises
+    ------
+    ModelError
+        If a value is refused.
+    """
+    words = {item.name: getattr(part, item.name) for item in fields(part) if not item.metadata.get("derived")}
+    for field, array in whole.items():
+        if field != "orientation":
+            words[field] = array[..., i].tolist()
+            continue
+        turn = np.array(check.exponential(tuple(array[:, i].tolist())))
+        if not isinstance(part, Joint):
+            words[field] = turn @ np.array(words[field])
+        elif part.kind == "universal" and part.axis is not None:
+            words["axis"], words["axis2"] = turn @ part.axis, turn @ part.axis2
+        else:
+            words["axis"], words[field] = None, turn @ np.array(part.axes)
+    result: Part = _MAKERS[type(part)](**words)
+    return result
+
+
+def rotations(w: Array) -> Array:
+    """Return the rotation matrices exp([w]x) of rotation vectors (3, n) [rad], shape (n, 3, 3)."""
+    x, y, z = w
+    square = x * x + y * y + z * z
+    angle = np.sqrt(square)
+    small = square < 1e-10  # the next term of either series is below 1e-22
+    safe = np.where(small, 1.0, angle)
+    s = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
+    c = np.where(small, 0.5 - square / 24.0, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
+    return np.array([
+        [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
+        [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
+        [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
+    ]).transpose(2, 0, 1)  # fmt: skip
+
+
+def _listed(part: Part) -> Iterator[Parameter]:
+    """All parameters of one part."""
+    for field, ends, value in _families(part):
+        for end, index, entry in zip(*_indexed(ends, value), strict=True):
+            yield Parameter(f"{part.name}.{field}{end}", part.name, field, index, entry)
+
+
+def _families(part: Part) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+    """(field, names of its entries, value) of a part; None: a number, which has none."""
+    turn = ("orientation", DIRECTIONS[3:], (0.0, 0.0, 0.0))
+    if isinstance(part, Body):
+        yield "mass", None, part.mass
+        yield "inertia", _TENSOR, part.inertia
+        yield "position", DIRECTIONS[:3], part.position
+        yield turn
+    elif isinstance(part, Joint):
+        if part.position is not None:
+            yield "position", DIRECTIONS[:3], part.position
+        yield turn
+        if part.pitch is not None:
+            yield "pitch", None, part.pitch
+    elif isinstance(part, Bushing):
+        yield "stiffness", DIRECTIONS, part.stiffness
+        yield "damping", DIRECTIONS, part.damping
+        yield "position", DIRECTIONS[:3], part.position
+        yield turn
+    elif isinstance(part, Spring):
+        yield "stiffness", None, part.stiffness
+        yield "damping", None, part.damping
+        yield "start", DIRECTIONS[:3], part.start
+        yield "end", DIRECTIONS[:3], part.end
+
+
+def _indexed(ends: tuple[str, ...] | None, value: Any) -> tuple[list[str], list[tuple[int, ...]], list[float]]:
+    if ends is None:
+        return [""], [()], [value]
+    if not isinstance(value[0], tuple):
+        return [f".{end}" for end in ends], [(i,) for i in range(len(ends))], list(value)
+    index = [(i, j) for i in range(6) for j in range(i, 6)]
+    return [f".{ends[i]}" + (f".{ends[j]}" if i != j else "") for i, j in index], list(index), \
+        [value[i][j] for i, j in index]  # fmt: skip
+
+
+def _hint(name: str, parts: Iterable[str]) -> str:
+    owner = max((part for part in parts if name.startswith(f"{part}.")), key=len, default=None)
+    if owner is None:
+        return ("Parameters are named PART.mass, .inertia.xx, .position.x, .orientation.rx, .stiffness, .stiffness.x, "
+                ".damping, .start.x, .end.x or .pitch.")  # fmt: skip
+    return f"See [name for name in model.parameters if name.startswith('{owner}.')]."
