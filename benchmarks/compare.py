@@ -93,30 +93,23 @@ def judge(scene, answers):
             answer["undamped_error"] = reference.error(answer.pop("omega"), omega)
 
 
-def milliseconds(seconds):
-    """Three digits, as one reads them."""
-    if seconds is None:
-        return ""
-    value = 1e3 * seconds
-    return f"{value:.0f}" if value >= 99.5 else f"{value:.3g}"
-
-
 def table(scene, title, answers):
     """Return the table of one scene."""
     from rich.table import Table
 
+    from benchmarks.peers.markdown import milliseconds, size, total
+
     result = Table(title=f"{scene}: {title}. CPU time in ms", title_justify="left")
     for header in ("method", "build", "linearise", "modes", "all", "error", "undamped", "error", "peak MB", "imports"):
         result.add_column(header, justify="left" if header == "method" else "right")
-    size = lambda e: "" if e is None else f"{e:.0e}"  # noqa: E731
     for label, a in answers.items():
         if "skipped" in a:
             continue
-        own = label != "LAPACK floor"  # the floor is handed its matrices
-        stages = [a["build"] if own else None, a["linearise"] if own else None, a["modes"]]
-        result.add_row(label, *map(milliseconds, stages), milliseconds(sum(s or 0.0 for s in stages)), size(a["error"]),
-                       milliseconds(a.get("undamped")), size(a.get("undamped_error")), f"{a['peak_mb']:.0f}",
-                       f"{a['base_mb']:.0f}", style="bold" if label.startswith("mbsvib") else None)  # fmt: skip
+        stages = [None, None] if label == "LAPACK floor" else [a["build"], a["linearise"]]  # it is handed its matrices
+        result.add_row(label, *map(milliseconds, [*stages, a["modes"], total(label, a)]), size(a["error"]),
+                       milliseconds(a.get("undamped")), size(a["undamped_error"]) if "undamped_error" in a else "",
+                       f"{a['peak_mb']:.0f}", f"{a['base_mb']:.0f}",
+                       style="bold" if label.startswith("mbsvib") else None)  # fmt: skip
     absent = [f"{label}: {a['skipped']}" for label, a in answers.items() if "skipped" in a]
     result.caption, result.caption_justify = "; ".join(absent), "left"
     return result
@@ -142,14 +135,14 @@ def main():
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--budget", type=float, default=1.0, help="CPU seconds for a method, scene and round")
     parser.add_argument("--limit", type=float, default=120.0, help="seconds after which a method is given up")
-    parser.add_argument("--out", type=Path, default=Path(".benchmarks"), help="folder for compare.json and compare.png")
+    parser.add_argument("--out", type=Path, default=Path(".benchmarks"), help="folder of compare.json, .md and .png")
     arguments = parser.parse_args()
     # nothing large is imported before this is done: a process inherits the peak memory of the one that starts it
     results = measure(installed(arguments.peers), arguments.scenes, arguments)
 
     from rich.console import Console
 
-    from benchmarks.peers import figure, floor_ratio, scenes
+    from benchmarks.peers import figure, floor_ratio, markdown, scenes
 
     console = Console(width=120)
     titles = {scene: scenes.SCENES[scene][1] for scene in results}
@@ -167,7 +160,8 @@ def main():
     record = {"date": f"{datetime.now(UTC):%Y-%m-%d}", "machine": machine, "floor": ratios, "scenes": results}
     (arguments.out / "compare.json").write_text(json.dumps(record, indent=1) + "\n")
     figure.work_precision(results, titles).savefig(arguments.out / "compare.png", dpi=100)
-    console.print(f"{machine}. Written: {arguments.out / 'compare.json'}, {arguments.out / 'compare.png'}")
+    (arguments.out / "compare.md").write_text(markdown.report(results, titles))
+    console.print(f"{machine}. Written: compare.json, compare.md and compare.png in {arguments.out}")
 
 
 if __name__ == "__main__":

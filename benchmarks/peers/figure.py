@@ -20,7 +20,7 @@ LOOKS = {
 
 def points(answer):
     """Time [s] and error of the damped and of the undamped eigenvalues, as far as there are any."""
-    start = answer["build"] + answer["linearise"]
+    start = answer["build"] + answer["linearise"]  # next to nothing for the floor, which is handed its matrices
     result = []
     for stage, error, filled in (("modes", "error", True), ("undamped", "undamped_error", False)):
         if answer.get(error) is not None:
@@ -35,7 +35,7 @@ def panel(axes, title, answers):
             continue
         look = "mbsvib" if label.startswith("mbsvib") else label
         colour, marker = LOOKS[look]
-        size = 8 if look == "mbsvib" else 6.5
+        size = 9 if look == "mbsvib" else 7.5
         for time, error, filled in points(answer):
             axes.loglog(1e3 * time, error, marker, color=colour, markersize=size if filled else size - 1.5,
                         markerfacecolor=colour if filled else "white", markeredgewidth=1.2,
@@ -48,6 +48,7 @@ def panel(axes, title, answers):
     axes.xaxis.set_major_locator(LogLocator(numticks=12))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(base=1000, numticks=12))
+    axes.margins(x=0.08, y=0.06)
 
 
 def work_precision(results, titles):
@@ -65,7 +66,7 @@ def work_precision(results, titles):
         axes.set_xlabel("CPU time, model to eigenvalues [ms]", fontsize=8.5)
     seen = {"mbsvib" if label.startswith("mbsvib") else label for answers in results.values()
             for label, answer in answers.items() if "skipped" not in answer}  # fmt: skip
-    handles = [Line2D([], [], linestyle="", color=c, marker=m, markersize=7, markeredgecolor="white", label=label)
+    handles = [Line2D([], [], linestyle="", color=c, marker=m, markersize=8, markeredgecolor="white", label=label)
                for label, (c, m) in LOOKS.items() if label in seen]  # fmt: skip
     for label, fill in (("damped eigenvalues", "#777777"), ("undamped frequencies", "white")):
         handles.append(Line2D([], [], linestyle="", color="#777777", marker="o", markersize=6, markerfacecolor=fill,

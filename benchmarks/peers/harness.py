@@ -129,7 +129,7 @@ def main(version, methods):
     method = methods[given.method]
     scene = method.prepare(given.scene)
     if not method.fits(scene):
-        print(json.dumps({"skipped": "cannot treat this scene", "note": method.note}))
+        print(json.dumps({"skipped": "not for this scene", "note": method.note}))
         return
     before = peak()
     stages = [lambda _: method.build(scene), lambda r: method.linearise(r[0]), lambda r: r[1].eigenvalues()]

@@ -27,7 +27,7 @@ def build(opened):
         count = 3 if link.kind == "spherical" else 1  # the three torsion springs of these scenes are equal
         stiffness += [k] * count
         damping += [c] * count
-    return model, model.createData(), number, opened.welds, np.array(stiffness), np.array(damping)
+    return model, pin.Data(model), number, opened.welds, np.array(stiffness), np.array(damping)
 
 
 def linearise(built):
