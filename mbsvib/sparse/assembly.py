@@ -1,0 +1,161 @@
+"""Assembly of many bodies: from a model to sparse rows and the tableau, in time proportional to the bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib import elements as _elements
+from mbsvib.inertia import spatial_inertia
+from mbsvib.ports import ports
+from mbsvib.sparse.constraints import constraints
+from mbsvib.sparse.layout import kinematics, layout
+from mbsvib.sparse.mobility import check_mobility
+from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.system import SparseSystem
+from mbsvib.sparse.tableau import build
+from mbsvib.sparse.tree import tree
+from mbsvib.topology import span
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.elements import Elements
+    from mbsvib.inertia import SpatialInertia
+    from mbsvib.kinematics import Array
+    from mbsvib.model import Model
+    from mbsvib.ports import Ports
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+
+# Loops on paths that overlap fill the factors in the order leaves to root; a general ordering then fills less.
+OVERLAP = 4.0
+
+
+def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
+    """Return the linear equations of motion about the model's pose, held sparse.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    cut : sequence of str, optional
+        Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
+
+    Returns
+    -------
+    SparseSystem
+        Rows, the tableau and names.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown or a cut leaves bodies hanging.
+    SingularPoseError
+        If the number of degrees of freedom is not defined in this pose.
+    """
+    topology = span(model, cut)
+    bodies = list(model.bodies.values())
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number["ground"] = len(bodies)
+    structure = tree(topology, bodies)
+    closure = constraints(topology, bodies, number, structure)
+    place = layout(structure, int(closure.kept.sum()), closure.touched)
+    springs = _elements.stack(model.springs.values(), number)
+    elastic = relative_rows(structure, place, springs.rows)
+    acting = np.diff(elastic.indptr) > 0
+    springs, elastic = springs.only(acting), elastic[acting]
+    inertia = spatial_inertia(bodies)
+    factor = inertia_rows(place, inertia)
+    loops = closure.independent
+    port = ports(model, bodies, number)
+    loop_rows = relative_rows(structure, place, loops)
+    tableau = build(
+        structure, place, kinematics(structure, place), elastic, springs.stiffness, springs.damping,
+        (factor.T @ factor).tocsr(), loop_rows, np.asarray(loops.force.any(axis=0)), _ordering(closure),
+    )  # fmt: skip
+    check_mobility(topology, structure, closure, place, tableau)
+    inputs, outputs, through = _port_rows(port, relative_rows(structure, place, port.rows), springs, elastic, factor,
+                                          inertia, place, structure.position)  # fmt: skip
+    return SparseSystem(
+        name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
+        outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
+        springs=tuple(model.springs), topology=topology, structure=structure, constraints=closure, layout=place,
+        tableau=tableau, elastic_rows=elastic, loop_rows=loop_rows, inertia_factor=factor, stiffness=springs.stiffness,
+        damping=springs.damping, row_owner=springs.owner, input_rows=inputs, output_rows=outputs, D=through,
+    )  # fmt: skip
+
+
+def _ordering(closure: Constraints) -> str:
+    row, body = closure.touched
+    covered = len(np.unique(body))
+    return "NATURAL" if not covered or len(row) / covered < OVERLAP * 6.0 else "COLAMD"
+
+
+def inertia_rows(place: Layout, inertia: SpatialInertia) -> csr_matrix:
+    """Return W of M = W^T W over the unknowns: three rows for the translation of each body and three for its rotation.
+
+    Parameters
+    ----------
+    place : Layout
+        Where displacements are among the unknowns.
+    inertia : SpatialInertia
+        Square roots of the bodies' inertia.
+
+    Returns
+    -------
+    csr_matrix, shape (6 bodies, size)
+        The factor.
+    """
+    from scipy.sparse import csr_matrix
+
+    n = len(inertia.linear)
+    root = np.zeros((n, 6, 6))
+    root[:, [0, 1, 2], [0, 1, 2]] = inertia.linear[:, None]
+    root[:, 3:, 3:] = inertia.angular
+    body, row, direction = np.nonzero((root != 0.0) & (place.displacement >= 0)[:, None])
+    return csr_matrix((root[body, row, direction], (6 * body + row, place.displacement[body, direction])),
+                      shape=(6 * n, place.size))  # fmt: skip
+
+
+def _port_rows(
+    port: Ports, seen: csr_matrix, springs: Elements, elastic: csr_matrix, factor: csr_matrix, inertia: SpatialInertia,
+    place: Layout, position: Array,
+) -> tuple[csr_matrix, tuple[csr_matrix, csr_matrix, csr_matrix], Array]:  # fmt: skip
+    """Rows of the inputs, rows of the outputs by derivative, and what passes straight through (D)."""
+    from scipy.sparse import coo_matrix, csr_matrix
+
+    forces = len(port.force_inputs)
+    shape = (len(port.input_units), place.size)
+    entries = seen[:forces].tocoo()
+    inputs = coo_matrix((entries.data, (port.force_inputs[entries.row], entries.col)), shape=shape).tocsr()
+    through = np.zeros((len(port.output_units), len(port.input_units)))
+    for column, motion in port.base_motions:
+        linear, angular = np.array(motion.wrench[:3]), np.array(motion.wrench[3:])
+        carried = np.empty((len(position), 6, 1))
+        carried[:, :3, 0] = np.cross(angular, position - motion.position) + linear
+        carried[:, 3:, 0] = angular
+        force = -(factor.T @ inertia.factor(carried)[:, 0])
+        at = np.flatnonzero(force)
+        inputs = inputs + csr_matrix((force[at], (np.full(len(at), column), at)), shape=shape)
+        for row, output, point in port.inertial_outputs:
+            here = np.cross(angular, np.subtract(point, motion.position)) + linear
+            through[row, column] = np.dot(output.wrench, (*here, *angular))
+    shape = (len(port.output_units), place.size)
+    outputs = []
+    entries = seen[forces:].tocoo()
+    for derivative in range(3):
+        used = port.derivative[entries.row] == derivative
+        rows = port.motion_outputs[entries.row[used]]
+        outputs.append(csr_matrix((entries.data[used], (rows, entries.col[used])), shape=shape))
+    for row, owner, wrench in port.force_outputs:
+        own = np.flatnonzero(springs.owner == owner)
+        share = springs.unit[own] @ wrench
+        for derivative, value in ((0, springs.stiffness), (1, springs.damping)):
+            line = (csr_matrix(share * value[own]) @ elastic[own]).tocoo()
+            outputs[derivative] = outputs[derivative] + csr_matrix(
+                (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
+    return inputs, (outputs[0], outputs[1], outputs[2]), through

@@ -1,0 +1,118 @@
+"""Mobility of many bodies: redundant constraints must be redundant in the poses nearby too.
+
+The test of the dense path, without its matrices: the mechanism moves a little along all its freedoms at once, and the
+rank of every group of loops with redundant rows is taken again. Large groups are looked at loop by loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import SingularPoseError
+from mbsvib.kinematics import Rows
+from mbsvib.loops import Cuts, pivoted_qr
+from mbsvib.mobility import LIMIT, STEP, _carriers, _crossed
+from mbsvib.sparse.constraints import WHOLE, Entries
+from mbsvib.sparse.rows import path_entries
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tableau import Tableau
+    from mbsvib.sparse.tree import Tree
+    from mbsvib.topology import Topology
+
+
+def check_mobility(topology: Topology, tree: Tree, closure: Constraints, place: Layout, tableau: Tableau) -> None:
+    """Refuse a pose in which fewer constraints are independent than in the poses nearby.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    tree : Tree
+        Its arrays.
+    closure : Constraints
+        Locked rows and rank decisions.
+    place : Layout
+        Where the unknowns are.
+    tableau : Tableau
+        The equations, of which the kinematics are used.
+
+    Raises
+    ------
+    SingularPoseError
+        If the rank of the constraints is higher in the poses nearby.
+    """
+    groups = [group for group in closure.groups if group.redundant]
+    if not groups or len(tree.names) <= len(place.multiplier):
+        return
+    length = min(group.length for group in groups)
+    moved_tree, moved_rows = _moved(topology, tree, closure, _displacement(tree, place, tableau, length))
+    entries = [Entries(*path_entries(t, rows, None)[:3], closure.loop, len(closure.names))
+               for t, rows in ((tree, closure.rows), (moved_tree, moved_rows))]  # fmt: skip
+    for group in groups:
+        members = [group.rows]
+        if len(group.rows) * len(group.columns) > WHOLE:
+            members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
+        for rows in members:
+            here, nearby = (_rank(tree, closure.rows, part, rows, group.length) for part in entries)
+            if nearby > here:
+                raise SingularPoseError(
+                    f"loops closed by {', '.join(group.joints[:8])}: singular pose. {here} of {len(rows)} constraint "
+                    f"rows are independent here, {nearby} in the poses nearby, so the number of degrees of freedom "
+                    f"jumps and linear equations do not describe the motion. Move the pose off the singular one."
+                )
+
+
+def _displacement(tree: Tree, place: Layout, tableau: Tableau, length: float) -> Array:
+    """Displacements (bodies + 1, 6) of a small motion that every loop allows, with every joint on an equal spring."""
+    data = tableau.fixed.copy()
+    data[tableau.diagonal[place.coordinate]] += 1.0
+    right = np.zeros(place.size)
+    # a direction that no symmetry of the mechanism can single out
+    right[place.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[place.coordinate]
+    motion = tableau.factor_data(data).solve(right)
+    q = motion[place.coordinate]
+    motion *= STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
+    result = np.zeros((len(tree.parent) + 1, 6))
+    result[:-1][tree.moves] = motion[place.displacement[tree.moves]]
+    return result
+
+
+def _moved(topology: Topology, tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Rows]:
+    """Joint axes and locked rows after a small motion, to first order."""
+    centre = np.concatenate((tree.position, np.zeros((1, 3))))
+
+    def shift(body: Index, point: Array) -> Array:
+        return point + displacement[body, :3].T + np.cross(displacement[body, 3:], point.T - centre[body]).T
+
+    def turn(body: Index, vector: Array) -> Array:
+        return vector + np.cross(displacement[body, 3:], vector.T).T
+
+    carrier = _carriers(topology)
+    moved = replace(tree, linear=turn(carrier, tree.linear), angular=turn(carrier, tree.angular),
+                    point=shift(carrier, tree.point))  # fmt: skip
+    rows = closure.rows
+    moment = turn(rows.first, rows.moment)
+    cuts = Cuts(rows, closure.names, closure.loop, topology.cut_joints, closure.loop, np.zeros(0, dtype=bool))
+    for row, first_axis, second_axis in _crossed(topology, cuts):
+        a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
+        b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
+        moment[:, row] = np.cross(a[:, 0], b[:, 0])
+    return moved, replace(rows, point=shift(rows.first, rows.point), force=turn(rows.first, rows.force), moment=moment)
+
+
+def _rank(tree: Tree, rows: Rows, entries: Entries, members: Index, length: float) -> int:
+    row, column, value = entries.of(members)
+    columns, at = np.unique(column, return_inverse=True)
+    a = np.zeros((len(members), len(columns)))
+    a[row, at] = value
+    a *= np.where(tree.turns[columns], 1.0, length)
+    a *= np.where(rows.force[:, members].any(axis=0), 1.0 / length, 1.0)[:, None]
+    pivots = np.abs(pivoted_qr(a)[0].diagonal())
+    return int(np.count_nonzero(pivots > LIMIT * max(1.0, float(pivots.max(initial=0.0)))))

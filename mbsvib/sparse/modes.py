@@ -1,0 +1,133 @@
+"""Some modes of many bodies: shift-invert Lanczos, and frequencies from the factors.
+
+The subspace comes from Lanczos on T = W (K - sigma M)^-1 W^T and one more solve; the frequencies come from the small
+dense system that it makes, M = |W x|^2 and K = |sqrt(k) D q|^2, through the same ladder as those of small mechanisms.
+Since springs act on relative coordinates q that the solve yields with all their digits, nothing is lost where the
+frequencies are many orders below those of a single body on its spring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.modes import Modes
+from mbsvib.modes import modes as dense_modes
+from mbsvib.sparse.damping import coupled, decoupled
+from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.subspace import subspace
+from mbsvib.undamped import undamped
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array
+    from mbsvib.sparse.subspace import Subspace
+    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.system import System
+
+# What the small dense problem is asked for; it costs nothing.
+RTOL = 1e-13
+EPS = float(np.finfo(float).eps)
+# Displacements are sums along the path from ground whose roundings add up at random. Calibrated in the tests.
+ACCUMULATE = 0.25
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class SomeModes(Modes):
+    """Some modes of a large system, in ascending natural frequency: ``Modes`` with the system that they make.
+
+    ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
+    ``missed`` is the number of modes that the count of eigenvalues says are below the highest one and not among these
+    (0; None where rows were exchanged so that they could not be counted).
+    """
+
+    reduced: System = field(repr=False)
+    dof: int
+    missed: int | None
+
+    def _shown(self) -> str:
+        return f"{len(self)} of {self.dof} DOF"
+
+
+def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
+    """Return the k lowest modes, or the k nearest to a frequency.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    k : int
+        Number of modes.
+    near : float
+        Frequency [Hz], 0 for the lowest.
+
+    Returns
+    -------
+    SomeModes
+        Modes in ascending natural frequency.
+
+    Raises
+    ------
+    ResponseError
+        If k or the frequency are not such numbers.
+    """
+    _check(system, k, near)
+    found = subspace(system, k, near)
+    basis, bound = _nearest(system, found, k)
+    rigid = min(found.rigid, k)
+    small = reduced(system, basis, rigid)
+    result = dense_modes(small, RTOL)
+    if decoupled(found, result, basis):
+        errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
+        chosen = np.arange(k)
+    else:
+        small, result, left, chosen = coupled(found, k, near, basis)
+        errors = result.errors + left + EPS * (1.0 + _accumulated(system)) * (result.eigenvalues != 0.0)
+    errors = np.minimum(errors, 1.0)
+    pairs = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
+    return SomeModes(
+        result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
+        result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
+        result._body_motion, result._inertia_factor, result.damped, small, system.dof, found.missed,
+    )  # fmt: skip
+
+
+def _check(system: SparseSystem, k: int, near: float) -> None:
+    if isinstance(k, bool) or not hasattr(k, "__index__") or not 1 <= k <= system.dof:
+        raise ResponseError(
+            f"modes: count = {k!r}; expected a whole number from 1 to {system.dof}, the degrees of freedom of "
+            f"'{system.name}'."
+        )
+    if not (isinstance(near, (int, float)) and 0.0 <= near < np.inf):
+        raise ResponseError(f"modes: near = {near!r}; expected a frequency [Hz], or 0 for the lowest modes.")
+
+
+def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array, Array]:
+    """The k modes nearest to the shift out of the subspace, M-orthonormal, and what is unsure of their frequencies."""
+    sigma = found.operator.sigma
+    small = reduced(system, found.z, found.rigid)
+    ritz = undamped(small, RTOL)
+    distance = np.abs(ritz.square - sigma)
+    distance[: found.rigid] = -1.0
+    chosen = np.sort(np.argsort(distance, kind="stable")[:k])
+    y = ritz.shapes[:, chosen]
+    basis = found.z @ y
+    residual = np.sqrt(np.abs(y.T) ** 2 @ found.residual**2)
+    noise = np.abs(y.T) ** 2 @ found.noise
+    square = np.abs(ritz.square[chosen])
+    apart = np.abs(ritz.square[chosen] - sigma)
+    gap = np.maximum(found.reach - apart, 0.0)
+    flexible = square > 0.0
+    first = residual * apart / np.where(flexible, square, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        second = np.where(gap > 0.0, residual**2 * apart**2 / (gap * np.where(flexible, square, 1.0)), np.inf)
+    rounding = EPS * (1.0 + _accumulated(system))
+    bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding, 0.0)
+    return basis, bound
+
+
+def _accumulated(system: SparseSystem) -> float:
+    """Rounding of sums along the longest path, in units of eps."""
+    return ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))

@@ -1,0 +1,182 @@
+"""The operator whose largest eigenvalues are the modes nearest to a shift: T = W (K - sigma M)^-1 W^T, M = W^T W.
+
+T is symmetric, acts on h = W x, and has the eigenvalues 1 / (omega^2 - sigma). One application is one solve with the
+factored tableau. At sigma = 0 rigid-body modes are held: the coordinates that no spring holds are locked by a spring of
+their own, which a load in balance with itself does not feel, and the modes are taken out on both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.sparse.rigid import unsprung
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.sparse.tableau import Factor
+
+# Work and strain energy of a random load agree to this where the stiffness holds everything; a motion that meets no
+# spring does work without bound, and they differ by many orders.
+ENERGY = 1e-6
+# Rigid-body modes do not count as such if their strain, beyond rounding of the displacements, exceeds this many eps.
+NOISE = 64.0 * float(np.finfo(float).eps)
+# First guess of the shift where springs do not say which coordinates are free, and how far it goes down in one step.
+ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class Operator:
+    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and ``away`` (h, r), vectors that are taken out.
+
+    ``total`` is the number of all rigid-body modes, None where it is not known beforehand.
+    """
+
+    system: SparseSystem
+    sigma: float
+    factor: Factor
+    rigid: Array
+    away: Array
+    total: int | None
+
+    @cached_property
+    def w(self) -> Any:
+        """The rows of W that are not empty."""
+        w = self.system.inertia_factor
+        return w[np.diff(w.indptr) > 0]
+
+    @cached_property
+    def wt(self) -> Any:
+        """W^T by rows."""
+        return self.w.T.tocsr()
+
+    @cached_property
+    def _balance(self) -> tuple[Index, Array]:
+        return self.system.layout.balance()
+
+    def right(self, force: NDArray[Any]) -> NDArray[Any]:
+        """Return right sides of the tableau for generalised forces (size, n) on displacements and coordinates."""
+        row, sign = self._balance
+        used = np.flatnonzero(sign)
+        result = np.zeros_like(force)
+        result[row[used]] = force[used] * (sign[used] if force.ndim == 1 else sign[used, None])
+        return result
+
+    def solve(self, h: NDArray[Any], refinements: int = 0) -> NDArray[Any]:
+        """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
+        h = self._without(h)
+        return self.factor.solve(self.right(self.wt @ h), refinements)
+
+    def apply(self, h: NDArray[Any]) -> NDArray[Any]:
+        """Return T h."""
+        return self._without(self.w @ self.solve(h))
+
+    def _without(self, h: NDArray[Any]) -> NDArray[Any]:
+        return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
+
+    def deflated(self, more: Array) -> Operator:
+        """Return the operator with more vectors (h, n) taken out."""
+        vectors = np.linalg.qr(np.concatenate((self.away, more), axis=1))[0]
+        return replace(self, away=vectors)
+
+
+def operator(system: SparseSystem, sigma: float | None, wanted: int) -> Operator:
+    """Return T at a shift, or at zero where nothing is nearer.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    sigma : float, optional
+        Square of an angular frequency [rad^2/s^2]; None for the lowest modes.
+    wanted : int
+        Number of modes asked for: no more rigid-body modes are computed.
+
+    Returns
+    -------
+    Operator
+        The factored operator.
+    """
+    none = np.zeros((system.layout.size, 0))
+    first = Operator(system, sigma or 0.0, _factor(system, sigma or 0.0), none, np.zeros((0, 0)), None)
+    first = replace(first, away=np.zeros((first.w.shape[0], 0)))
+    if sigma is not None:
+        return first
+    if first.factor is not None and _holds(first):
+        return replace(first, total=0)
+    lock = unsprung(system)
+    if len(lock):
+        factor = system.tableau.factor(lock=system.layout.coordinate[lock])
+        held = replace(first, factor=factor, total=len(lock))
+        if _holds(held, lock):
+            return _free(held, lock[:wanted])
+    return _shifted(first)
+
+
+def _factor(system: SparseSystem, sigma: float) -> Any:
+    try:
+        return system.tableau.factor(square=sigma)
+    except np.linalg.LinAlgError:
+        if sigma:
+            raise
+        return None
+
+
+def _holds(held: Operator, lock: Index | None = None) -> bool:
+    """Tell whether springs (and locks) hold everything: work and strain energy of a random load agree."""
+    system = held.system
+    h = np.random.default_rng(0).standard_normal(held.w.shape[0])
+    z = held.factor.solve(held.right(held.wt @ h), 0)
+    work = float(h @ (held.w @ z))
+    e = system.elastic_rows @ z
+    strain = float(system.stiffness @ (e * e))
+    if lock is not None:
+        place = system.layout.coordinate[lock]
+        scale = held.factor.column_scale[place] * held.factor.row_scale[place]
+        strain += float(np.sum(z[place] ** 2 / scale))
+    size = float(np.abs(system.stiffness) @ (e * e))
+    return bool(np.isfinite(work)) and abs(work - strain) <= ENERGY * max(abs(work), size)
+
+
+def _free(held: Operator, lock: Index) -> Operator:
+    """Rigid-body modes: what the locked stiffness does under a unit load on each lock, which only the lock feels."""
+    place = held.system.layout.coordinate[lock]
+    right = np.zeros((held.system.layout.size, len(place)))
+    right[place, np.arange(len(place))] = 1.0 / held.factor.row_scale[place]
+    modes = held.factor.solve(right)
+    h = held.w @ modes
+    for _ in range(2):  # the second time takes out what rounding left of the first
+        root = np.linalg.qr(h)[1]
+        modes = np.linalg.solve(root.T, modes.T).T
+        h = held.w @ modes
+    return replace(held, rigid=modes, away=h)
+
+
+def _shifted(first: Operator) -> Operator:
+    """Come down to a shift below zero of the size of the lowest flexible mode, where K - sigma M holds everything."""
+    system = first.system
+    rng = np.random.default_rng(1)
+    h = rng.standard_normal((first.w.shape[0], 4))
+    stiffness, inertia = np.abs(system.stiffness), system.inertia_factor
+    scale = float(stiffness @ system.elastic_rows.power(2).sum(axis=1).A1) / float(inertia.power(2).sum() or 1.0)
+    sigma = -scale if scale > 0.0 else -1.0
+    for _ in range(ROUNDS):
+        here = replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma))
+        for _ in range(3):
+            h = np.linalg.qr(here.apply(h))[0]
+        z = here.solve(h)
+        e = system.elastic_rows @ z
+        noise = NOISE * (abs(system.elastic_rows) @ np.abs(z))
+        e[np.abs(e) <= noise] = 0.0
+        square = np.einsum("ij,i,ij->j", e, stiffness, e) / np.einsum("ij,ij->j", *([here.w @ z] * 2))
+        flexible = square[square > 0.0]
+        if not len(flexible) or flexible.min() >= -0.01 * sigma:
+            break
+        sigma = -float(flexible.min())
+    return here

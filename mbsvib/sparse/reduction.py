@@ -1,0 +1,54 @@
+"""Reduction: the small dense system that some shapes of a large one make, with its factors and names."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.assembly import product
+from mbsvib.loops import Reduction
+from mbsvib.sparse.subspace import strains
+from mbsvib.system import Provenance, System
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array
+    from mbsvib.sparse.system import SparseSystem
+
+
+def reduced(system: SparseSystem, z: Array, rigid: int) -> System:
+    """Return the system in the amplitudes of some shapes.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The whole system.
+    z : array, shape (size, n)
+        Displacements and coordinates of the shapes, one column each.
+    rigid : int
+        Number of the first shapes that meet no spring.
+
+    Returns
+    -------
+    System
+        Equations of motion in the coordinates mode1, mode2, ...
+    """
+    n = z.shape[1]
+    elastic, _ = strains(system, z, rigid)
+    acting = elastic.any(axis=1)
+    elastic, stiffness, damping = elastic[acting], system.stiffness[acting], system.damping[acting]
+    factor = np.asarray(system.inertia_factor @ z)
+    motion = np.zeros((len(system.bodies), 6, n))
+    body, direction = system.layout.moving
+    motion[body, direction] = z[system.layout.displacement[body, direction]]
+    cq, cv, ca = (np.asarray(rows @ z) for rows in system.output_rows)
+    names = tuple(f"mode{i + 1}" for i in range(n))
+    return System(
+        name=system.name, coordinates=names, coordinate_units=("modal",) * n, inputs=system.inputs,
+        input_units=system.input_units, outputs=system.outputs, output_units=system.output_units, bodies=system.bodies,
+        M=factor.T @ factor, C=product(elastic, damping), K=product(elastic, stiffness),
+        B=np.asarray(system.input_rows @ z).T.copy(), Cq=cq, Cv=cv, Ca=ca, D=system.D.copy(), inertia_factor=factor,
+        elastic_rows=elastic, stiffness=stiffness, damping=damping, row_owner=system.row_owner[acting],
+        body_motion=motion,
+        provenance=Provenance(system.topology, Reduction(np.arange(n), None, ()), names, system.springs),
+    )  # fmt: skip

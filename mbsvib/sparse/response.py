@@ -1,0 +1,125 @@
+"""Responses of many bodies: one sparse factorisation a frequency, with right sides and outputs as sparse rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.kinematics import Array
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.system import SparseSystem
+
+    Complex = NDArray[np.complex128]
+
+# A solution whose residual, refined, is not below this share of the right side comes from a singular matrix.
+SINGULAR = 1e-6
+
+
+def forces(place: Layout, rows: Any) -> Array:
+    """Return right sides of the tableau for unit forces that act along rows of relative displacement.
+
+    Parameters
+    ----------
+    place : Layout
+        Where the unknowns are.
+    rows : csr_matrix, shape (n, size)
+        The rows.
+
+    Returns
+    -------
+    array, shape (size, n)
+        One column per row.
+    """
+    row_of, sign = place.balance()
+    entries = rows.tocoo()
+    right = np.zeros((place.size, rows.shape[0]))
+    np.add.at(right, (row_of[entries.col], entries.row), sign[entries.col] * entries.data)
+    return right
+
+
+def frequency_response(system: SparseSystem, omega: ArrayLike) -> Complex:
+    """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    omega : array-like, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Complex responses.
+
+    Raises
+    ------
+    ResponseError
+        If a frequency is not finite or is an undamped pole.
+    """
+    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    if w.ndim != 1 or not np.isfinite(w).all():
+        raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+    right = forces(system.layout, system.input_rows)
+    damped = bool(system.damping.any())
+    displacement, velocity, acceleration = system.output_rows
+    result = np.zeros((len(system.outputs), len(system.inputs), len(w)), dtype=complex)
+    for i, frequency in enumerate(w.tolist()):
+        s = 1j * frequency
+        answer = _answer(system, right, s, damped)
+        if answer is None:
+            what = "a rigid-body mode" if frequency == 0.0 else "an undamped mode"
+            raise ResponseError(
+                f"frequency_response: omega[{i}] = {frequency:g} rad/s is a pole of the system ({what}), where the "
+                f"response is infinite; leave this frequency out, or give the mechanism damping."
+            )
+        result[:, :, i] = displacement @ answer + s * (velocity @ answer) + s * s * (acceleration @ answer) + system.D
+    return result
+
+
+def static_compliance(system: SparseSystem) -> Array:
+    """Return Cq K^-1 B + D.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+
+    Returns
+    -------
+    array, shape (outputs, inputs)
+        Static displacements per unit input.
+
+    Raises
+    ------
+    ResponseError
+        If the stiffness is singular.
+    """
+    answer = _answer(system, forces(system.layout, system.input_rows), 0.0, False)
+    if answer is None:
+        raise ResponseError(
+            f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism meets no "
+            f"spring; modes(k) shows these rigid-body modes."
+        )
+    return np.asarray(system.output_rows[0] @ answer + system.D, dtype=float)
+
+
+def _answer(system: SparseSystem, right: Array, s: complex, damped: bool) -> NDArray[Any] | None:
+    """Displacements and coordinates for unit inputs; None where the matrix is singular to rounding."""
+    try:
+        factor = system.tableau.factor(s=s) if damped and s else system.tableau.factor(square=-(s * s).real)
+    except np.linalg.LinAlgError:
+        return None
+    answer = factor.solve(right)
+    scaled = answer / factor.column_scale[:, None]
+    rest = factor.matrix @ scaled - right * factor.row_scale[:, None]
+    size = np.abs(right * factor.row_scale[:, None]).max(axis=0, initial=0.0)
+    if not np.isfinite(answer).all() or (np.abs(rest).max(axis=0, initial=0.0) > SINGULAR * size).any():
+        return None
+    return answer

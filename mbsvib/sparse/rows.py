@@ -1,0 +1,188 @@
+"""Rows: what two bodies do relative to each other, as sparse rows over displacements of bodies and joint coordinates.
+
+Along a short path the row is one over the joint coordinates between the two bodies (the path rule), which loses
+nothing. Along a long one, or to ground from far away, it is one over the displacements of its two ends.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.kinematics import Array, Index, Rows
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+
+# Paths of more joints are taken by their ends: a row over all joints between would fill the factors.
+SHORT = 32
+
+
+def paths(tree: Tree, first: Index, second: Index, longest: int | None = SHORT) -> tuple[Index, Index, Array, Array]:
+    """Return the joints between pairs of bodies.
+
+    Parameters
+    ----------
+    tree : Tree
+        The spanning tree.
+    first, second : array, shape (pairs,)
+        Body numbers; ground is the number of bodies.
+    longest : int, optional
+        Pairs with more joints between them are given up; None gives up none.
+
+    Returns
+    -------
+    tuple of arrays
+        Pair (ascending) and body of every joint on a path; its sign, +1 on the second body's side and -1 on the
+        first's; and the mask (pairs,) of those that were given up.
+    """
+    a, b = first.copy(), second.copy()
+    parent = np.concatenate((tree.parent, [len(tree.parent)]))
+    active = np.flatnonzero(a != b)
+    found: list[tuple[Index, Index, Array]] = []
+    steps = 0
+    while len(active) and (longest is None or steps <= longest):
+        here, there = a[active], b[active]
+        behind = tree.depth[here] > tree.depth[there]
+        body = np.where(behind, here, there)
+        found.append((active, body, np.where(behind, -1.0, 1.0)))
+        a[active] = np.where(behind, parent[here], here)
+        b[active] = np.where(behind, there, parent[there])
+        active = active[a[active] != b[active]]
+        steps += 1
+        if longest is None and steps > SHORT:
+            found += _climbed(tree, active, a, b)
+            break
+    late = np.zeros(len(first), dtype=bool)
+    late[active] = longest is not None
+    if not found:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), late
+    pair, body, sign = (np.concatenate([step[i] for step in found]) for i in range(3))
+    order = np.argsort(pair, kind="stable")
+    order = order[~late[pair[order]]]
+    return pair[order], body[order], sign[order], late
+
+
+def _climbed(tree: Tree, active: Index, a: Index, b: Index) -> list[tuple[Index, Index, Array]]:
+    """Walk the rest of a few long paths in plain numbers, which beats arrays of a few entries."""
+    parent, depth = [*tree.parent.tolist(), len(tree.parent)], tree.depth.tolist()
+    result = []
+    for pair in active.tolist():
+        one, two, body, sign = int(a[pair]), int(b[pair]), [], []
+        while one != two:
+            if depth[one] > depth[two]:
+                body.append(one)
+                sign.append(-1.0)
+                one = parent[one]
+            else:
+                body.append(two)
+                sign.append(1.0)
+                two = parent[two]
+        result.append((np.full(len(body), pair), np.array(body, dtype=np.intp), np.array(sign)))
+    return result
+
+
+def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[Index, Index, Array, Array]:
+    """Return the entries of rows over joint coordinates, by the path rule.
+
+    d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
+
+    Parameters
+    ----------
+    tree : Tree
+        The spanning tree.
+    rows : Rows
+        The relative displacements.
+    longest : int, optional
+        Rows with more joints on their path get no entries; None: all rows get theirs.
+
+    Returns
+    -------
+    tuple of arrays
+        Row, coordinate and value of every entry, and the mask (rows,) of those that were given up.
+    """
+    ends, of_row = np.unique(np.stack((rows.first, rows.second)), axis=1, return_inverse=True)
+    of_row = of_row.reshape(-1)
+    pair, body, sign, late = paths(tree, ends[0], ends[1], longest)
+    # every joint on a path to its coordinates, every row to the coordinates of its pair
+    joint, nth = spread(tree.count[body])
+    coordinate, pair, sign = tree.first[body[joint]] + nth, pair[joint], sign[joint]
+    sign = sign * tree.sign[coordinate]
+    begin = np.searchsorted(pair, np.arange(ends.shape[1] + 1))
+    row, nth = spread(begin[of_row + 1] - begin[of_row])
+    entry = begin[of_row[row]] + nth
+    column = coordinate[entry]
+    return row, column, sign[entry] * row_values(tree, rows, row, column), late[of_row]
+
+
+def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
+    """Return f . v + w . ((p_r - p_k) x f + m) for pairs of a row and a coordinate.
+
+    Parameters
+    ----------
+    tree : Tree
+        The joint coordinates.
+    rows : Rows
+        The relative displacements.
+    row, column : array, shape (n,)
+        Numbers of rows and coordinates.
+
+    Returns
+    -------
+    array, shape (n,)
+        The displacement of the row per unit of the coordinate.
+    """
+    rx, ry, rz = rows.point.take(row, axis=1) - tree.point.take(column, axis=1)
+    fx, fy, fz = force = rows.force.take(row, axis=1)
+    moment = rows.moment.take(row, axis=1)
+    moment[0] += ry * fz - rz * fy
+    moment[1] += rz * fx - rx * fz
+    moment[2] += rx * fy - ry * fx
+    value = moment * tree.angular.take(column, axis=1) + force * tree.linear.take(column, axis=1)
+    result: Array = value[0] + value[1] + value[2]
+    return result
+
+
+def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
+    """Return rows of relative displacement over the unknowns of the tableau.
+
+    Parameters
+    ----------
+    tree : Tree
+        The spanning tree.
+    layout : Layout
+        Where displacements and coordinates are among the unknowns.
+    rows : Rows
+        The relative displacements.
+
+    Returns
+    -------
+    csr_matrix, shape (rows, unknowns)
+        One row per relative displacement.
+    """
+    from scipy.sparse import csr_matrix
+
+    row, coordinate, value, late = path_entries(tree, rows)
+    parts = [(row, layout.coordinate[coordinate], value)]
+    far = np.flatnonzero(late)
+    for bodies, sign in ((rows.second, 1.0), (rows.first, -1.0)):
+        mine = far[bodies[far] < len(tree.parent)]
+        force = rows.force[:, mine]
+        arm = rows.point[:, mine] - tree.position[bodies[mine]].T
+        moment = rows.moment[:, mine] + np.cross(arm, force, axis=0)
+        wrench = sign * np.concatenate((force, moment)).T
+        column = layout.displacement[bodies[mine]]
+        which, direction = np.nonzero((column >= 0) & (wrench != 0.0))
+        parts.append((mine[which], column[which, direction], wrench[which, direction]))
+    entries = [np.concatenate([part[i] for part in parts]) for i in range(3)]
+    kept = entries[2] != 0.0
+    return csr_matrix((entries[2][kept], (entries[0][kept], entries[1][kept])), shape=(len(rows.first), layout.size))
+
+
+def spread(count: Index) -> tuple[Index, Index]:
+    """Return for every item of groups of ``count`` items its group and its number in the group."""
+    group = np.repeat(np.arange(len(count)), count)
+    return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)

@@ -1,0 +1,172 @@
+"""The subspace of the modes nearest to a shift: Lanczos, until a count of eigenvalues says that none is missed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.sparse.operator import NOISE, operator
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array
+    from mbsvib.sparse.operator import Operator
+    from mbsvib.sparse.system import SparseSystem
+
+# Residual of the Lanczos vectors: frequencies are off by its square.
+TOLERANCE = 1e-9
+# Modes beyond those asked for: they tell how far the next one is, and speed up the convergence of the last.
+GUARDS = 2
+# Systems of so few degrees of freedom, or of not many times the modes asked for, are taken whole.
+WHOLE = 24
+# Rounds in which missed modes, equal frequencies of equal parts above all, are looked for.
+SEARCHES = 6
+# The count is taken this much (relative to the distance from the shift) before the last mode.
+BEFORE = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Subspace:
+    """Vectors ``z`` (size, n) that span the modes, of which the first ``rigid`` meet no spring.
+
+    ``residual`` (n,) is that of T h = theta h relative to theta h, ``noise`` (n,) the share of the energy that is
+    rounding of the solve, ``reach`` the distance |omega^2 - sigma| up to which all modes are in it. ``missed`` counts
+    modes that were not found.
+    """
+
+    operator: Operator
+    z: Array
+    rigid: int
+    residual: Array
+    noise: Array
+    reach: float
+    missed: int | None
+
+
+def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
+    """Return vectors that span the k lowest modes, or the k nearest to a frequency, and some more.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    k : int
+        Number of modes.
+    near : float
+        Frequency [Hz], 0 for the lowest.
+
+    Returns
+    -------
+    Subspace
+        The vectors and what is known of their accuracy.
+    """
+    sigma = (2.0 * np.pi * near) ** 2 if near else None
+    t = operator(system, sigma, k)
+    rigid = t.rigid.shape[1]
+    flexible = system.dof - (t.total or 0)
+    wanted = min(k - rigid + GUARDS, flexible)
+    if rigid >= k:
+        zero = np.zeros(rigid)
+        return Subspace(t, t.rigid, rigid, zero, zero, 0.0, 0)
+    if flexible <= max(WHOLE, 3 * wanted):
+        return _solved(t, _whole(t, flexible), np.inf, 0)
+    theta, h = _lanczos(t, wanted)
+    missed = None
+    for _ in range(SEARCHES):
+        missed = _missed(t, theta, k - rigid)
+        if not missed:
+            break
+        more, vectors = _lanczos(t.deflated(h), min(missed, flexible - len(theta) - 1))
+        theta, h = np.concatenate((theta, more)), np.concatenate((h, vectors), axis=1)
+    order = np.argsort(-np.abs(theta), kind="stable")[: max(wanted, k - rigid)]
+    theta, h = theta[order], h[:, order]
+    return _solved(t, h, 1.0 / float(np.abs(theta).min()), missed)
+
+
+def _lanczos(t: Operator, wanted: int) -> tuple[Array, Array]:
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    size = t.w.shape[0]
+    start = t.apply(np.random.default_rng(2).standard_normal(size))
+    op = LinearOperator((size, size), matvec=t.apply, dtype=float)
+    theta, h = eigsh(op, k=wanted, which="LM", tol=TOLERANCE, v0=start, ncv=min(size, max(2 * wanted + 1, 20)))
+    return theta, h
+
+
+def _whole(t: Operator, dof: int) -> Array:
+    """As many vectors as there are flexible modes: loads at random, of which two solves leave what can move."""
+    h = np.random.default_rng(3).standard_normal((t.w.shape[0], dof))
+    for _ in range(2):
+        h = np.linalg.qr(t.apply(h))[0]
+    return h
+
+
+def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
+    """Number of modes nearer to the shift than the last one wanted that were not found, by counts of eigenvalues."""
+    if t.sigma <= 0.0 and t.total is None:
+        return None
+    distance = np.sort(1.0 / np.abs(theta))
+    radius = float(distance[min(wanted, len(distance)) - 1]) * (1.0 - BEFORE)
+    place, tableau = t.system.layout, t.system.tableau
+    try:
+        above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(place)
+        # without negative springs nothing is below zero, and rigid-body modes are counted already
+        if t.sigma - radius <= 0.0 and (t.system.stiffness >= 0.0).all():
+            below: int | None = t.total or 0
+        else:
+            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(place)
+    except np.linalg.LinAlgError:
+        return None
+    if above is None or below is None:
+        return None
+    return max(0, above - below - int(np.count_nonzero(distance < radius)))
+
+
+def _solved(t: Operator, h: Array, reach: float, missed: int | None) -> Subspace:
+    """One more solve from the Lanczos vectors, refined, with what it tells of their errors."""
+    rough = t.solve(h)
+    right = t.right(t.wt @ t._without(h))
+    scale = t.factor.row_scale[:, None], t.factor.column_scale[:, None]
+    rest = right * scale[0] - t.factor.matrix @ (rough / scale[1])
+    correction = t.factor.lu.solve(rest) * scale[1]
+    z = rough + correction
+    hz = t.w @ z
+    if t.away.shape[1] and t.rigid.shape[1]:
+        share = t.away[:, : t.rigid.shape[1]].T @ hz
+        z -= t.rigid @ share
+        hz = t.w @ z
+    length = np.sqrt(np.einsum("ij,ij->j", hz, hz))
+    theta = np.einsum("ij,ij->j", h, hz)
+    residual = np.linalg.norm(hz / theta - h, axis=0)
+    rows, k = t.system.elastic_rows, np.abs(t.system.stiffness)
+    energy, lost = (np.einsum("ij,i,ij->j", e, k, e) for e in (rows @ z, rows @ correction))
+    moved = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
+    noise = np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0.0) + moved
+    z = np.concatenate((t.rigid, z / length), axis=1)
+    zero = np.zeros(t.rigid.shape[1])
+    return Subspace(t, z, len(zero), np.concatenate((zero, residual)), np.concatenate((zero, noise)), reach, missed)
+
+
+def strains(system: SparseSystem, z: Array, rigid: int) -> tuple[Array, Array]:
+    """Return the elastic displacements D z with exact zeros where there is nothing but rounding, and their terms.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    z : array, shape (size, n)
+        Displacements and coordinates.
+    rigid : int
+        Number of the first vectors that meet no spring.
+
+    Returns
+    -------
+    tuple of arrays, shape (rows, n)
+        Elastic displacements, and the sum of the sizes of their terms.
+    """
+    e = np.asarray(system.elastic_rows @ z)
+    terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))
+    e[np.abs(e) <= NOISE * terms] = 0.0
+    e[np.flatnonzero(system.stiffness)[:, None], np.arange(rigid)] = 0.0
+    return e, terms

@@ -1,0 +1,256 @@
+"""The sparse system: equations of motion of many bodies behind the same names as the dense one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.modes import SomeModes
+    from mbsvib.sparse.tableau import Tableau
+    from mbsvib.sparse.tree import Tree
+    from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
+    from mbsvib.topology import Topology
+
+    Complex = NDArray[np.complex128]
+
+_MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
+_SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(method='dense') those of all coordinates."
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class SparseSystem:
+    """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
+
+    Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the
+    dependent ones of loops included. Nothing in here is larger than a constant times the number of bodies.
+
+    ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
+    W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
+    displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
+    """
+
+    name: str
+    joint_coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    bodies: tuple[str, ...]
+    springs: tuple[str, ...]
+    topology: Topology = field(repr=False)
+    structure: Tree = field(repr=False)
+    constraints: Constraints = field(repr=False)
+    layout: Layout = field(repr=False)
+    tableau: Tableau = field(repr=False)
+    elastic_rows: csr_matrix
+    loop_rows: csr_matrix
+    inertia_factor: csr_matrix
+    stiffness: Array
+    damping: Array
+    row_owner: Index
+    input_rows: csr_matrix
+    output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]
+    D: Array
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops."""
+        return len(self.joint_coordinates) - len(self.layout.multiplier)
+
+    @property
+    def tree(self) -> tuple[str, ...]:
+        """Names of the joints of the spanning tree, from ground outwards."""
+        return self.topology.tree
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints at which loops are cut."""
+        return self.topology.cut_joints
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
+        return tuple(name for group in self.constraints.groups for name in group.redundant)
+
+    def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
+        """Return some of the modes: the lowest ones, or those nearest to a frequency.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+        near : float
+            The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest, rigid-body modes first.
+        rtol : float, optional
+            Relative accuracy asked of every eigenvalue. They come as accurate as they can; those whose error estimate
+            is larger are warned of by number (AccuracyWarning).
+
+        Returns
+        -------
+        SomeModes
+            Eigenvalues, frequencies, damping ratios, body shapes and error estimates, in ascending frequency.
+
+        Raises
+        ------
+        ResponseError
+            If ``count`` is not given, not positive, or more than there are.
+        """
+        from mbsvib.sparse.modes import modes
+
+        if count is None:
+            raise ResponseError(
+                f"modes: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say how many modes are "
+                f"wanted, modes(10), or modes(10, near=f) around a frequency. For all of them: "
+                f"linearize(method='dense')."
+            )
+        result = modes(self, count, near)
+        if rtol is not None:
+            result.check_accuracy(rtol)
+        return result
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency response of all inputs and outputs, from one sparse factorisation a frequency.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is an undamped pole of the system.
+        """
+        from mbsvib.sparse.response import frequency_response
+
+        return frequency_response(self, omega)
+
+    def static_compliance(self) -> Array:
+        """Return the static displacements of the outputs per unit input, Cq K^-1 B (and D where it has accelerations).
+
+        Returns
+        -------
+        array, shape (outputs, inputs)
+            Compliances [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If the mechanism can move without any spring holding it.
+        """
+        from mbsvib.sparse.response import static_compliance
+
+        return static_compliance(self)
+
+    def reduced(self, count: int, near: float = 0.0) -> System:
+        """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...
+
+        Everything that systems offer works on it, time responses and state space included; what higher modes
+        contribute to a response is missing (frequency_response of the whole system tells how much).
+
+        Parameters
+        ----------
+        count : int
+            Number of modes.
+        near : float
+            Frequency [Hz] around which modes are taken; default: the lowest.
+
+        Returns
+        -------
+        System
+            M = 1, C and K in modal coordinates, with the factors and the way back to the bodies.
+        """
+        return self.modes(count, near=near).reduced
+
+    def state_space(self, realization: str = "modal", modes: int | None = None) -> StateSpace:
+        """Return first-order equations of the lowest modes.
+
+        Parameters
+        ----------
+        realization : str
+            "modal", or "physical" with modal amplitudes and their rates as the states.
+        modes : int
+            Number of modes.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the number of modes is not given.
+        """
+        if modes is None:
+            self._refuse("state_space", "state_space(modes=k)")
+        return self.reduced(modes).state_space(realization)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", modes: int | None = None
+    ) -> Array:
+        """Return the time response of the lowest modes, from rest.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        modes : int
+            Number of modes.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If the number of modes is not given, or the data are refused.
+        """
+        if modes is None:
+            self._refuse("time_response", "time_response(t, u, modes=k)")
+        return self.reduced(modes).time_response(t, u, hold)
+
+    def explain(self) -> str:
+        """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
+        from mbsvib.sparse.explain import explain
+
+        return explain(self)
+
+    def _refuse(self, what: str, instead: str) -> NoReturn:
+        raise ResponseError(
+            f"{what}: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say with how many modes it "
+            f"is to be computed, {instead}, or linearize(method='dense')."
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        if name in _MATRICES:
+            raise AttributeError(f"'{self.name}' is held sparse and has no dense matrix {name}: {_SAY_DENSE}")
+        raise AttributeError(f"'SparseSystem' object has no attribute {name!r}")
+
+    def __repr__(self) -> str:
+        return (f"SparseSystem({self.name!r}: {self.dof} DOF, {len(self.inputs)} inputs, "
+                f"{len(self.outputs)} outputs)")  # fmt: skip

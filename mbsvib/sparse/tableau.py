@@ -1,0 +1,266 @@
+"""The tableau: all equations of motion in one sparse matrix, A(s) = A0 + K + s C + s^2 M, and its factors.
+
+One pattern serves every s. Lengths are scaled by the typical link and forces by the typical stiffness, both by powers
+of two, so that no digit changes and the threshold of pivoting compares like with like.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+
+# The pivot stays on the diagonal, whose elimination is the articulated-body recursion and fills nothing, unless it is
+# this much smaller than another: joints without springs in loops, and frequencies inside the spectrum.
+THRESHOLD = 1e-3
+# One step of refinement takes what pivoting by threshold has lost.
+REFINEMENTS = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Tableau:
+    """Entries (``indices``, ``indptr`` by columns) of the parts ``fixed``, ``stiffness``, ``damping``, ``mass`` on one
+    pattern, scaled; ``row_scale`` and ``column_scale`` (size,) lead from scaled to SI units.
+    ``diagonal`` (size,) is the entry of every coordinate's own stiffness.
+    """
+
+    indices: NDArray[np.int32]
+    indptr: NDArray[np.int32]
+    fixed: Array
+    stiffness: Array
+    damping: Array
+    mass: Array
+    row_scale: Array
+    column_scale: Array
+    diagonal: Index
+    ordering: str
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.row_scale)
+
+    def factor(
+        self, square: float = 0.0, s: complex = 0.0, lock: Index | None = None, pivot: float = THRESHOLD
+    ) -> Factor:
+        """Factor A0 + K + s C + (s^2 - square) M.
+
+        Parameters
+        ----------
+        square : float
+            Shift of the undamped problem: square of an angular frequency [rad^2/s^2].
+        s : complex
+            Where damping counts [1/s].
+        lock : array, optional
+            Coordinates' places that are held by a spring of their own.
+        pivot : float
+            Threshold under which the diagonal is given up.
+
+        Returns
+        -------
+        Factor
+            What solves with this matrix.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the matrix is singular.
+        """
+        data: NDArray[Any] = self.fixed + self.stiffness
+        if s:
+            data = data + (s * self.damping + (s * s) * self.mass)
+        if square:
+            data = data - square * self.mass
+        if lock is not None and len(lock):
+            data = data.copy()
+            data[self.diagonal[lock]] += 1.0
+        return self.factor_data(data, pivot)
+
+    def factor_data(self, data: NDArray[Any], pivot: float = THRESHOLD) -> Factor:
+        """Factor a matrix on the tableau's pattern, given by its scaled entries.
+
+        Parameters
+        ----------
+        data : array
+            The entries.
+        pivot : float
+            Threshold under which the diagonal is given up.
+
+        Returns
+        -------
+        Factor
+            What solves with this matrix.
+        """
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import splu
+
+        matrix = csc_matrix((data, self.indices, self.indptr), shape=(self.size, self.size))
+        try:
+            lu = splu(matrix, permc_spec=self.ordering, diag_pivot_thresh=pivot, options={"SymmetricMode": False})
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError("the tableau is singular") from error
+        return Factor(matrix, lu, self.row_scale, self.column_scale)
+
+
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """A factored matrix; right sides and solutions are in SI units."""
+
+    matrix: Any
+    lu: Any
+    row_scale: Array
+    column_scale: Array
+
+    def solve(self, right: NDArray[Any], refinements: int = REFINEMENTS) -> NDArray[Any]:
+        """Return the solution for one or more right sides (size,) or (size, n)."""
+        scale = (slice(None), None) if right.ndim == 2 else slice(None)
+        b = right * self.row_scale[scale]
+        if np.iscomplexobj(b) and not np.iscomplexobj(self.matrix.data):
+            x: NDArray[Any] = self._solve(b.real, refinements) + 1j * self._solve(b.imag, refinements)
+        else:
+            x = self._solve(b.astype(self.matrix.dtype), refinements)
+        return x * self.column_scale[scale]
+
+    def _solve(self, b: NDArray[Any], refinements: int) -> NDArray[Any]:
+        x: NDArray[Any] = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b))
+        for _ in range(refinements):
+            x = x + self.lu.solve(b - self.matrix @ x)
+        return x
+
+    def negative(self, place: Layout) -> int | None:
+        """Return how many eigenvalues of the symmetric problem lie below the shift, by Sylvester's law of inertia.
+
+        Parameters
+        ----------
+        place : Layout
+            Where coordinates and multipliers are.
+
+        Returns
+        -------
+        int or None
+            Negative pivots less the multipliers; None where rows were exchanged, which makes no congruence.
+        """
+        if not np.array_equal(self.lu.perm_r, self.lu.perm_c):
+            return None
+        pivot = self.lu.U.diagonal()[self.lu.perm_c]
+        used = np.concatenate((place.coordinate, place.multiplier))
+        return int(np.count_nonzero(pivot[used] < 0.0)) - len(place.multiplier)
+
+
+def build(
+    tree: Tree, place: Layout, fixed: csr_matrix, rows: csr_matrix, stiffness: Array, damping: Array,
+    inertia: csr_matrix, loops: csr_matrix, slides: NDArray[np.bool_], ordering: str = "NATURAL",
+) -> Tableau:  # fmt: skip
+    """Return the tableau.
+
+    Parameters
+    ----------
+    tree : Tree
+        The spanning tree.
+    place : Layout
+        Where the unknowns are.
+    fixed : csr_matrix, shape (size, size)
+        Equations of kinematics.
+    rows : csr_matrix, shape (elastic rows, size)
+        Relative displacements of the springs and dampers.
+    stiffness, damping : array, shape (elastic rows,)
+        Their coefficients.
+    inertia : csr_matrix, shape (size, size)
+        Mass matrix of the bodies over the displacements.
+    loops : csr_matrix, shape (multipliers, size)
+        Independent locked rows.
+    slides : array, shape (multipliers,)
+        Which of them lock a translation.
+    ordering : str
+        SuperLU's column ordering.
+
+    Returns
+    -------
+    Tableau
+        The parts on one pattern.
+    """
+    from scipy.sparse import coo_matrix, diags
+
+    row_of, sign = place.balance()
+
+    def balanced(matrix: Any) -> tuple[Index, Index, Array]:
+        entries = matrix.tocoo()
+        return row_of[entries.row], entries.col, entries.data * sign[entries.row]
+
+    size = place.size
+    closure = loops.tocoo()
+    outer = place.multiplier[closure.row]
+    a = fixed.tocoo()
+    forces = balanced(coo_matrix((closure.data, (closure.col, outer)), shape=(size, size)))
+    q = place.coordinate
+    # a place for the spring that locks a coordinate, and for the zero of a multiplier's own pivot
+    held = np.concatenate((q, place.multiplier))
+    pieces = [(a.row, a.col, a.data), (outer, closure.col, closure.data), forces, (held, held, np.zeros(len(held)))]
+    row, column, value = (np.concatenate([piece[i] for piece in pieces]) for i in range(3))
+    parts = [
+        (row, column, value), balanced(rows.T @ diags(stiffness) @ rows),
+        balanced(rows.T @ diags(damping) @ rows), balanced(inertia),
+    ]  # fmt: skip
+    indices, indptr, data = _one_pattern(parts, size)
+    row_scale, column_scale = _scales(tree, place, slides, data[1], indices, indptr)
+    owner = np.repeat(np.arange(size), np.diff(indptr))
+    scale = row_scale[indices] * column_scale[owner]
+    diagonal = np.zeros(size, dtype=np.intp)
+    entry = np.flatnonzero(owner == indices)
+    diagonal[owner[entry]] = entry
+    always, k, c, m = (part * scale for part in data)
+    return Tableau(indices, indptr, always, k, c, m, row_scale, column_scale, diagonal, ordering)
+
+
+def _one_pattern(
+    parts: list[tuple[Index, Index, Array]], size: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], list[Array]]:
+    key = np.concatenate([column.astype(np.int64) * size + row for row, column, _ in parts])
+    key, slot = np.unique(key, return_inverse=True)
+    slot = slot.reshape(-1)
+    data: list[Array] = []
+    start = 0
+    for row, _, value in parts:
+        data.append(np.bincount(slot[start : start + len(row)], value, minlength=len(key)).astype(float))
+        start += len(row)
+    column, row = np.divmod(key, size)
+    indptr = np.searchsorted(column, np.arange(size + 1)).astype(np.int32)
+    return row.astype(np.int32), indptr, data
+
+
+def _scales(
+    tree: Tree, place: Layout, slides: NDArray[np.bool_], stiffness: Array, indices: NDArray[np.int32],
+    indptr: NDArray[np.int32],
+) -> tuple[Array, Array]:
+    """Powers of two that measure lengths in links and forces by the typical stiffness of a joint."""
+    length = tree.length
+    unit, row = np.ones(place.size), np.ones(place.size)
+    x, h = place.displacement, place.force
+    used = x >= 0
+    translates = used & (np.arange(6) < 3)
+    unit[x[translates]] = length
+    unit[place.coordinate[~tree.turns]] = length
+    unit[place.multiplier[slides]] = length
+    column = np.repeat(np.arange(place.size), np.diff(indptr))
+    diagonal = (column == indices) & (stiffness != 0.0)
+    own = np.abs(stiffness[diagonal]) * unit[column[diagonal]] ** 2
+    moment = float(2.0 ** np.round(np.mean(np.log2(own)))) if len(own) else 1.0
+    force = np.ones(place.size)
+    force[h[translates]] = length
+    col = unit.copy()
+    row[x[used]] = 1.0 / unit[x[used]]
+    row[place.multiplier] = 1.0 / unit[place.multiplier]
+    col[h[used]] = moment / force[h[used]]
+    row[h[used]] = force[h[used]] / moment
+    col[place.multiplier] = moment / unit[place.multiplier]
+    row[place.coordinate] = unit[place.coordinate] / moment
+    return row, col

@@ -1,0 +1,140 @@
+"""The spanning tree in arrays: parents, joint coordinates as twists at the bodies they carry, directions that can move.
+
+Nothing here is larger than the number of bodies: where the dense path keeps a matrix (bodies, coordinates) of paths,
+the sparse one keeps each body's parent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics import columns
+from mbsvib.topology import FLOATS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.parts import Body
+    from mbsvib.topology import Topology
+
+    Mask = NDArray[np.bool_]
+
+_FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """Bodies and joint coordinates of a spanning tree.
+
+    Over bodies: ``position`` (n, 3) [m], ``parent`` (n,) (ground is n), ``depth`` (n + 1,), ``first`` and ``count``
+    (n,) of the coordinates of the joint it hangs on, ``moves`` (n, 6) the world directions in which it can move.
+    ``outward`` (n,) lists bodies, parents before children. Over coordinates: ``names``, ``carried`` (m,) the body whose
+    joint it is, ``linear``, ``angular`` and ``point`` (3, m) its twist in the joint, ``sign`` (m,) that of the body
+    against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations.
+    """
+
+    position: Array
+    parent: Index
+    depth: Index
+    first: Index
+    count: Index
+    moves: Mask
+    outward: Index
+    names: tuple[str, ...]
+    carried: Index
+    linear: Array
+    angular: Array
+    point: Array
+    sign: Array
+    motion: Array
+    turns: Mask
+
+    @property
+    def length(self) -> float:
+        """Typical length of the links [m], a power of two."""
+        held = self.parent < len(self.parent)
+        arm = np.abs(self.position[held] - self.position[self.parent[held]]).max(axis=1, initial=0.0)
+        arm = arm[arm > 0.0]
+        return float(2.0 ** np.round(np.log2(np.median(arm)))) if len(arm) else 1.0
+
+
+def tree(topology: Topology, bodies: list[Body]) -> Tree:
+    """Return the tree's arrays.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    bodies : list of Body
+        The bodies in the topology's order.
+
+    Returns
+    -------
+    Tree
+        Coordinates in the order of the dense path: by joint as added, those of floating bodies last.
+    """
+    n = len(bodies)
+    names: list[str] = []
+    six: list[tuple[float, ...]] = []
+    at: list[tuple[float, float, float]] = []
+    turns: list[bool] = []
+    carried: list[int] = []
+    signs: list[int] = []
+    parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
+    joints = topology.joints
+    branches = topology.branches
+    hung = sorted((b for b in branches if b.joint != FLOATS), key=lambda b: b.joint)
+    for branch in [*hung, *(b for b in branches if b.joint == FLOATS)]:
+        body = bodies[branch.body]
+        if branch.joint == FLOATS:
+            name, freedom, point = body.name, _FREE, body.position
+        else:
+            joint = joints[branch.joint]
+            name, freedom, point = joint.name, joint.freedom, joint.position or body.position
+        parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
+        for direction, twist in freedom:
+            names.append(f"{name}.{direction}")
+            six.append(twist)
+            at.append(point)
+            turns.append(direction[0] == "r")
+            carried.append(branch.body)
+            signs.append(branch.sign)
+    table, points, body_of = columns(six, 6), columns(at, 3), np.array(carried, dtype=np.intp)
+    position = np.array([body.position for body in bodies])
+    sign = np.array(signs, dtype=float)
+    arm = position[body_of].T - points
+    motion = np.concatenate((table[:3] + _cross(table[3:], arm), table[3:])) * sign
+    outward = np.array([b.body for b in branches], dtype=np.intp)
+    depth, moves = _directions(outward, parent, position, body_of, motion)
+    return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
+                points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool))  # fmt: skip
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _directions(outward: Index, parent: Index, position: Array, carried: Index, motion: Array) -> tuple[Index, Mask]:
+    """Depth of the bodies, and the world directions in which joints let them move: exact zeros of B' and no others."""
+    n = len(parent)
+    own = np.zeros((n, 6), dtype=bool)
+    np.logical_or.at(own, carried, (motion != 0.0).T)
+    bits = (own @ (1 << np.arange(6))).tolist()
+    ground = parent == n
+    arm = position - np.concatenate((position, np.zeros((1, 3))))[parent]
+    arms = np.where(ground, 0, (arm != 0.0) @ (1 << np.arange(3))).tolist()
+    # translations that a rotation about the axes in one set makes of an arm along the axes in another
+    others = [(k, (k + 1) % 3, (k + 2) % 3) for k in range(3)]
+    swept = [[sum(1 << k for k, i, j in others if (t >> i & a >> j | t >> j & a >> i) & 1) for a in range(8)]
+             for t in range(8)]  # fmt: skip
+    depth, reach, above = [0] * (n + 1), [0] * (n + 1), parent.tolist()
+    depth[n] = -1
+    for body in outward.tolist():
+        p = above[body]
+        depth[body] = depth[p] + 1
+        reach[body] = reach[p] | bits[body] | swept[reach[p] >> 3][arms[body]]
+    return np.array(depth, dtype=np.intp), (np.array(reach[:n], dtype=np.intp)[:, None] >> np.arange(6) & 1) == 1
