@@ -1,25 +1,48 @@
 """Time response: exact for inputs that are held or vary linearly between samples, whatever the step.
 
-The matrix exponential of the state equations together with the inputs' own equations (constant, or a ramp) carries the
-state from one sample to the next; a step that recurs is computed once.
+Every mode is carried from sample to sample by the closed form of its own solution (``modal_steps``), so that a step
+costs work in proportion to the number of modes. Equal steps run in many segments side by side: all segments from rest,
+one sample after the other; then what each inherits from the one before. Where eigenvectors of coupled damping are
+nearly dependent, the exponential of the whole state matrix takes the place of the modes.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.modal_steps import Exponentials, Oscillators
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.damped import Damped
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
 
 HOLDS = ("zero", "first")
+EPS = float(np.finfo(float).eps)
+CHUNK = 4096  # samples whose states are held in memory at a time
+SEGMENTS = 64  # of one chunk, side by side
+STEPS_AT_ONCE = 256  # uneven steps whose closed forms are computed at a time
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """States of one kind: ``motion`` steps them; ``force`` (k, inputs) drives, ``show`` (outputs, states, k) is the
+    share of each in the outputs, of which the real part counts; ``state`` (states, k) at the start.
+    """
+
+    motion: Oscillators | Exponentials
+    force: Any
+    show: Any
+    state: Any
 
 
 def time_response(
@@ -54,45 +77,169 @@ def time_response(
         If times do not ascend, shapes do not match, or the hold is unknown.
     """
     time, inputs, state = _checked(system, t, u, hold, initial)
-    modal = system._modal
-    phi, m = modal.shapes, system.dof
-    gamma = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-    a = np.block([[np.zeros((m, m)), np.eye(m)], [-np.diag(modal.square), -gamma]])
-    b = np.concatenate((np.zeros((m, system.B.shape[1])), phi.T @ system.B))
-    x = np.empty((2 * m, len(time)))
-    if m:
-        rows = phi.T @ system.M
-        x[:, 0] = np.concatenate((rows @ state[0], rows @ state[1]))
-        _march(x, a, b, time, inputs, first=hold == "first")
-    q, rate = phi @ x[:m], phi @ x[m:]
-    y = system.Cq @ q + system.Cv @ rate + system.D @ inputs
-    if system.Ca.any():
-        y += (system.Ca @ phi) @ (a[m:] @ x + b[m:] @ inputs)
+    modal, first = system._modal, hold == "first"
+    start = modal.shapes.T @ (system.M @ state.T) if system.dof else np.zeros((0, 2))
+    b = modal.shapes.T @ system.B
+    rates = tuple(c @ modal.shapes for c in (system.Cq, system.Cv, system.Ca))
+    if modal.vectors is None:
+        blocks = [_oscillators(modal.square, modal.gamma, b, rates, start)]
+    elif _independent(modal):
+        blocks = _complex(modal, b, rates, start)
+    else:
+        return _by_exponential(system, modal, (time, inputs, start, first))
+    y: Array = (system.D + rates[2] @ b) @ inputs
+    for block in blocks:
+        if block.show.shape[2]:
+            y += _run(block, time, inputs, first)
     return y
 
 
-def _march(x: Array, a: Array, b: Array, time: Array, u: Array, first: bool) -> None:
-    """Fill x[:, 1:] from x[:, 0]; the step matrices of each length are made once."""
+def _independent(modal: Damped) -> bool:
+    """Tell whether eigenvectors are good enough for initial states and inputs of any kind."""
+    from mbsvib.frequency_response import trusted
+
+    return trusted(modal, np.eye(len(modal.square)), np.sort(np.abs(modal.pairs).reshape(-1)))
+
+
+def _oscillators(square: Array, gamma: Array, b: Array, rates: tuple[Array, ...], start: Array) -> _Block:
+    cq, cv, ca = rates
+    show = np.stack((cq - ca * square, cv - ca * gamma), axis=1)
+    return _Block(Oscillators(square, gamma), b, show, start.T)
+
+
+def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) -> list[_Block]:
+    """One state for each conjugate pair and for each real eigenvalue, two for each free rigid-body mode."""
+    assert modal.vectors is not None
+    assert modal.slopes is not None
+    free = (modal.pairs == 0.0).all(axis=1)
+    turns = modal.pairs[:, 0].imag != 0.0
+    first, second = ~free, ~free & ~turns
+    value = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
+    y = np.concatenate((modal.vectors[:, first, 0], modal.vectors[:, second, 1]), axis=1)
+    left = y.T / np.concatenate((modal.slopes[first, 0], modal.slopes[second, 1]))[:, None]
+    twice = np.concatenate((1.0 + turns[first], np.ones(np.count_nonzero(second))))
+    cq, cv, ca = (c @ y * twice for c in rates)
+    momentum = (start[:, 0] * value[:, None] + (modal.gamma @ start[:, 0] + start[:, 1])).T
+    state = np.einsum("km,mk->k", left, momentum)[None]
+    still = modal.vectors[:, free, 0].real
+    none = np.zeros(still.shape[1])
+    rigid = _oscillators(none, none, still.T @ b, tuple(c @ still for c in rates), still.T @ start)
+    return [_Block(Exponentials(value), left @ b, (cq + value * (cv + value * ca))[:, None], state), rigid]
+
+
+def _run(block: _Block, time: Array, u: Array, first: bool) -> Array:
+    """Outputs of one block of states, (outputs, n)."""
+    outputs = len(block.show)
+    y = np.empty((outputs, len(time)))
+    y[:, 0] = np.tensordot(block.show, block.state, axes=2).real
+    n = len(time) - 1
+    h = (time[-1] - time[0]) / max(n, 1)
+    # stamps that differ from even ones by their own rounding are even
+    even = np.abs(time - (time[0] + h * np.arange(n + 1))).max() <= 4.0 * EPS * np.abs(time[[0, -1]]).max()
+    march = _even_steps(block, h) if even and n > 1 else _uneven_steps(block, np.diff(time))
+    state = block.state
+    for start in range(0, n, CHUNK):
+        stop = min(n, start + CHUNK)
+        held, change = u[:, start:stop], np.diff(u[:, start : stop + 1]) if first else None
+        y[:, start + 1 : stop + 1], state = march(state, held, change, start)
+    return y
+
+
+def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
+    """Return what carries a state through a chunk of even steps and gives the outputs."""
+    carry, held, ramp = block.motion.step(np.array([h]))
+    hold, grow = held * block.force, ramp * block.force
+    powers: dict[int, Any] = {}
+
+    def march(state: Any, u: Array, change: Array | None, _: int) -> tuple[Array, Any]:
+        n = u.shape[1]
+        length = -(-n // SEGMENTS)
+        count = -(-n // length)
+        if length not in powers:
+            powers[length] = block.motion.step(h * np.arange(1.0, length + 1.0))[0]
+        x = _forced(hold, u, length, count)
+        if change is not None:
+            x += _forced(grow, change, length, count)
+        for j in range(1, length):  # all segments from rest
+            x[j] += np.einsum("abk,bkp->akp", carry[..., 0], x[j - 1])
+        starts = np.empty((*state.shape, count), dtype=x.dtype)
+        for p in range(count):
+            starts[..., p] = state
+            state = np.einsum("abk,bk->ak", powers[length][..., -1], state) + x[-1, :, :, p]
+        for j in range(length):
+            x[j] += np.einsum("abk,bkp->akp", powers[length][..., j], starts)
+        states, modes = x.shape[1:3]
+        y = block.show.reshape(len(block.show), -1) @ x.reshape(length, states * modes, count)
+        last = n - 1 - (count - 1) * length
+        return y.real.transpose(1, 2, 0).reshape(len(y[0]), -1)[:, :n], x[last, :, :, -1]
+
+    return march
+
+
+def _forced(gain: Any, u: Array, length: int, count: int) -> Any:
+    """What the inputs add to the states at each sample, (length, states, k, count), segments side by side."""
+    padded = np.zeros((len(u), length * count))
+    padded[:, : u.shape[1]] = u
+    parts = padded.reshape(len(u), count, length).transpose(2, 0, 1)
+    return np.matmul(gain, parts[:, None])
+
+
+def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
+    """Return what carries a state through a chunk of steps of any lengths and gives the outputs."""
+
+    def march(state: Any, u: Array, change: Array | None, start: int) -> tuple[Array, Any]:
+        force = block.force @ u
+        growth = None if change is None else block.force @ change
+        x = np.empty((*state.shape, u.shape[1]), dtype=np.result_type(state, force))
+        for k in range(u.shape[1]):
+            at = k % STEPS_AT_ONCE
+            if at == 0:
+                lengths, which = np.unique(steps[start + k :][:STEPS_AT_ONCE], return_inverse=True)
+                carry, held, ramp = block.motion.step(lengths)
+            i = which[at]
+            state = np.einsum("abk,bk->ak", carry[..., i], state) + held[..., i] * force[:, k]
+            if growth is not None:
+                state += ramp[..., i] * growth[:, k]
+            x[..., k] = state
+        return np.tensordot(block.show, x, axes=2).real, state
+
+    return march
+
+
+def _by_exponential(system: System, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
+    """Outputs by the exponential of the whole state matrix; the step matrices of each length are made once."""
     from scipy.linalg import expm
 
-    n, k = b.shape
+    from mbsvib.energy_schur import energy_matrix
+
+    time, u, start, first = record
+    m, k = len(modal.square), len(u)
+    scale, a = energy_matrix(modal)
+    x = np.empty((2 * m, len(time)))
+    x[:, 0] = np.concatenate((scale * start[:, 0], start[:, 1]))
     steps: dict[float, tuple[Array, Array, Array]] = {}
-    # lengths that differ by the rounding of the time stamps are one length
-    resolution = 4.0 * np.finfo(float).eps * max(abs(time[0]), abs(time[-1]))
-    last = 0.0
-    for i, h in enumerate(np.diff(time).tolist()):
-        if abs(h - last) > resolution:
-            last = next((known for known in steps if abs(known - h) <= resolution), h)
-        if last not in steps:
-            whole = np.zeros((n + 2 * k, n + 2 * k))
-            whole[:n, :n], whole[:n, n : n + k] = a * last, b * last
-            whole[n : n + k, n + k :] = np.eye(k)
-            power = expm(whole)
-            steps[last] = power[:n, :n], power[:n, n : n + k], power[:n, n + k :]
-        carry, held, ramp = steps[last]
+    lengths = np.diff(time)
+    even = (time[-1] - time[0]) / max(1, len(lengths))
+    if len(lengths) and np.abs(time - time[0] - even * np.arange(len(time))).max() <= 4.0 * EPS * np.abs(time).max():
+        lengths[:] = even
+    for i, h in enumerate(lengths.tolist()):
+        if h not in steps:
+            whole = np.zeros((2 * (m + k), 2 * (m + k)))
+            whole[: 2 * m, : 2 * m] = a * h
+            whole[m : 2 * m, 2 * m : 2 * m + k] = h * (modal.shapes.T @ system.B)
+            whole[2 * m : 2 * m + k, 2 * m + k :] = np.eye(k)
+            power = expm(whole)[: 2 * m]
+            steps[h] = power[:, : 2 * m], power[:, 2 * m : 2 * m + k], power[:, 2 * m + k :]
+        carry, held, ramp = steps[h]
         x[:, i + 1] = carry @ x[:, i] + held @ u[:, i]
         if first:
             x[:, i + 1] += ramp @ (u[:, i + 1] - u[:, i])
+    eta, rate = x[:m] / scale[:, None], x[m:]
+    y = system.Cq @ (modal.shapes @ eta) + system.Cv @ (modal.shapes @ rate) + system.D @ u
+    if system.Ca.any():
+        bent = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
+        y += system.Ca @ (modal.shapes @ bent)
+    return y
 
 
 def _checked(
@@ -100,11 +247,10 @@ def _checked(
 ) -> tuple[Array, Array, Array]:
     if hold not in HOLDS:
         raise ResponseError(f"time_response: hold = {hold!r}; expected 'zero' or 'first'.")
-    time = np.asarray(t, dtype=float)
+    time, inputs = _numbers("t", t, "times [s]"), _numbers("u", u, "inputs")
     if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
         raise ResponseError(f"time_response: t has shape {time.shape}; expected a vector of finite times [s], each "
                             f"later than the one before.")  # fmt: skip
-    inputs = np.asarray(u, dtype=float)
     if inputs.ndim == 1 and len(system.inputs) == 1:
         inputs = inputs[None, :]
     if inputs.shape != (len(system.inputs), len(time)) or not np.isfinite(inputs).all():
@@ -112,7 +258,15 @@ def _checked(
             f"time_response: u has shape {np.shape(u)}; expected finite values of shape ({len(system.inputs)}, "
             f"{len(time)}), one row for each of the inputs {', '.join(system.inputs) or '(none)'}."
         )
-    state = np.zeros((2, system.dof)) if initial is None else np.array([np.asarray(part, float) for part in initial])
-    if state.shape != (2, system.dof):
-        raise ResponseError(f"time_response: initial has shape {state.shape}; expected q and q' of {system.dof} each.")
+    state = np.zeros((2, system.dof)) if initial is None else _numbers("initial", initial, "q and q'")
+    if state.shape != (2, system.dof) or not np.isfinite(state).all():
+        raise ResponseError(f"time_response: initial has shape {state.shape}; expected q and q', {system.dof} finite "
+                            f"values each.")  # fmt: skip
     return time, inputs, state
+
+
+def _numbers(name: str, value: Any, what: str) -> Array:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"time_response: {name} = {value!r}; expected an array of {what}.") from error

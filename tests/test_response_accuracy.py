@@ -1,4 +1,4 @@
-"""Frequency responses at their hardest: light damping, many modes, far above resonance, dependent eigenvectors."""
+"""Responses at their hardest: light damping, many modes, far above resonance, long records, dependent eigenvectors."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,10 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.frequency_response import _direct, _refined, conditions, trusted
+from mbsvib.time_response import CHUNK, _by_exponential
 from tests.support.exact import Exact
 from tests.support.sliding_chain import chain_response, sliding_chain
+from tests.test_time_response import exact_time_response
 
 
 def random_chain(n, ratio, classical, seed=0):
@@ -169,3 +171,50 @@ def test_a_critically_damped_mode_beside_coupled_ones():
     omega = np.array([0.5, 9.0, 10.0, 11.0, 300.0])
     found, expected = model.linearize().frequency_response(omega), Exact(model).frequency_response(omega)
     assert_allclose(found, expected, rtol=1e-11, atol=1e-16)
+
+
+def three_masses(c, free=False):
+    m, k = [2.0, 1.0, 3.0], [800.0, 300.0, 200.0]
+    outputs = [("displacement", 2), ("velocity", 1), ("acceleration", 0)]
+    return sliding_chain(m, k, c, (0, 2), outputs, free=free)
+
+
+@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize("c", [[0.0, 0.0, 0.0], [1.6, 0.6, 0.4], [4.0, 60.0, 0.1], [800.0, 3.0, 1.0]])
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_records_longer_than_a_chunk(c, hold, free):
+    """Even steps in segments side by side, uneven ones one by one, and the exponential of the whole state: the same."""
+    system = three_masses(c, free).linearize()
+    rng = np.random.default_rng(0)
+    n = 2 * CHUNK + 77
+    t, u = 0.01 * np.arange(n), rng.normal(size=(2, n))
+    initial = rng.normal(size=(2, 3))
+    even = system.time_response(t, u, hold=hold, initial=initial)
+    more = np.concatenate((t, [t[-1] + 0.003]))
+    uneven = system.time_response(more, np.c_[u, [0, 0]], hold=hold, initial=initial)[:, :-1]
+    modal = system._modal
+    if modal.vectors is not None:
+        start = modal.shapes.T @ system.M @ initial.T
+        whole = _by_exponential(system, modal, (t, u, start, hold == "first"))
+        assert_allclose(even, whole, rtol=0, atol=2e-12 * np.abs(even).max())
+    assert_allclose(even, uneven, rtol=0, atol=2e-12 * np.abs(even).max())
+
+
+@pytest.mark.parametrize("detune", [0.0, 1e-5, 0.1])
+def test_time_response_where_eigenvectors_are_nearly_dependent(detune):
+    model = defective(detune)
+    t = np.array([0.0, 0.013, 0.4, 0.41, 2.0])
+    u = np.array([[1.0, 0.3, -0.5, 2.0, 0.0], [0.0, 1.0, 1.0, 1.0, -1.0]])
+    expected = exact_time_response(Exact(model), t, u)
+    assert_allclose(model.linearize().time_response(t, u), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_two_hundred_coupled_modes_in_time():
+    """Against the exponential of the whole state matrix, which knows nothing of modes."""
+    data = random_chain(200, 5e-5, classical=False)
+    system = sliding_chain(*data, (0, 100), [("displacement", 199), ("acceleration", 0)]).linearize()
+    t = np.linspace(0, 4, 201)
+    u = np.random.default_rng(1).normal(size=(2, 201))
+    whole = _by_exponential(system, system._modal, (t, u, np.zeros((200, 2)), True))
+    found = system.time_response(t, u)
+    assert (np.abs(found - whole) <= 1e-11 * np.abs(whole).max(axis=1, keepdims=True)).all()
