@@ -173,7 +173,10 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
-        provenance=Provenance(scene.topology, reduction, coordinates.names, tuple(model.springs)),
+        provenance=Provenance(
+            scene.topology, reduction, coordinates.names, tuple(model.springs),
+            scene.bodies + scene.topology.joints + scene.elements,
+        ),
     )  # fmt: skip
 
 

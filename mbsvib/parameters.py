@@ -84,10 +84,21 @@ class Parameters(Mapping[str, float]):
 
     def __init__(self, parts: Iterable[Part]) -> None:
         self._parts = {part.name: part for part in parts}
+        self._of_part: dict[str, dict[str, Parameter]] = {}
 
     @cached_property
     def _entries(self) -> dict[str, Parameter]:
         return {entry.name: entry for part in self._parts.values() for entry in _listed(part)}
+
+    def _find(self, name: str) -> Parameter | None:
+        """Look one name up; a part is listed alone, as most of a large model is never asked for."""
+        end = _END.search(name) if isinstance(name, str) else None
+        part = self._parts.get(name[: end.start()]) if end else None
+        if part is None:
+            return None
+        if part.name not in self._of_part:
+            self._of_part[part.name] = {entry.name: entry for entry in _listed(part)}
+        return self._of_part[part.name].get(name)
 
     @property
     def parts(self) -> Mapping[str, Part]:
@@ -117,7 +128,7 @@ class Parameters(Mapping[str, float]):
         UnknownParameterError
             If there is no such parameter; the message suggests the nearest.
         """
-        found = self._entries.get(name)
+        found = self._find(name)
         if found is None:
             raise UnknownParameterError(
                 f"there is no parameter '{name}'.{nearest(str(name), self._entries)} {_hint(str(name), self._parts)}"
@@ -143,7 +154,7 @@ class Parameters(Mapping[str, float]):
         UnknownParameterError
             If no parameter has such a name.
         """
-        if pattern in self._entries or not any(sign in str(pattern) for sign in "*?["):
+        if self._find(pattern) or not any(sign in str(pattern) for sign in "*?["):
             return [self.entry(pattern).name]
         found = [name for name in self._entries if fnmatchcase(name, pattern)]
         if not found:

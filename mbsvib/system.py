@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mbsvib.loops import Reduction
     from mbsvib.modal_sum import ModalSum
     from mbsvib.modes import Modes
+    from mbsvib.parameters import Parameters
+    from mbsvib.parts._part import Part
     from mbsvib.state_space import StateSpace
     from mbsvib.topology import Topology
 
@@ -31,12 +33,15 @@ RESPONSE_RTOL = 1e-13
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers."""
+    """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
+    are the bodies, joints and spring-dampers themselves, for ``parameters``.
+    """
 
     topology: Topology
     reduction: Reduction
     joint_coordinates: tuple[str, ...]
     springs: tuple[str, ...]
+    parts: tuple[Part, ...] = ()
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -98,6 +103,13 @@ class System:
     def redundant(self) -> tuple[str, ...]:
         """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
         return tuple(name for group in self.provenance.reduction.groups for name in group.redundant)
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Every number that the system was made of by its name (``"leg1.k.stiffness"``), read-only; see ``units``."""
+        from mbsvib.parameters import Parameters
+
+        return Parameters(self.provenance.parts)
 
     def displacements(self, q: ArrayLike) -> dict[str, Array]:
         """Return the displacements of the bodies, x = B' B'' q.
