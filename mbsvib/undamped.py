@@ -38,8 +38,8 @@ RANK = 1e-11
 SEPARATE = 0.1
 # Rotations by an angle a are orthonormal to a^4 when they are taken to second order.
 SMALL_ANGLE = 1e-4
-# Rounding of |H| grows with the cancellation in W phi; errors of many rows average out. Calibrated in the tests.
-ROUNDING = 0.25
+# Rounding of |H|^2 counts half in |H|. Calibrated in the tests.
+ROUNDING = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,24 +199,23 @@ def refined(scene: _Scene, shapes: Array, method: str) -> Undamped:
         phi = _without_rigid(scene, shapes)
     h = scene.w @ phi
     length = np.sqrt(np.einsum("ij,ij->j", h, h))
-    h, phi = h / length, phi / length
+    h /= length
+    phi = phi / length
     e = scene.e @ phi
-    signed = e if scene.sign is None else scene.sign[:, None] * e
-    inertia, elastic = h.T @ h, e.T @ signed
+    elastic = e.T @ (e if scene.sign is None else scene.sign[:, None] * e)
     elastic[:rigid] = elastic[:, :rigid] = 0.0
-    square = elastic.diagonal()
-    # row j, column i: what mode j sees of the residual of mode i, and how much of mode j is in mode i
-    shared = np.abs(_off_diagonal(elastic - inertia * square))
-    gap = square - square[:, None]
-    apart = shared < SEPARATE * np.abs(gap)
-    mixing = np.divide(elastic - inertia * square, gap, out=np.zeros_like(gap), where=apart & (gap != 0.0))
-    np.fill_diagonal(mixing, 0.0)
-    value = square + (mixing * gap * mixing).sum(axis=0)
-    unresolved = _off_diagonal(np.where(apart, 0.0, np.minimum(shared, np.abs(gap))))
-    growth = np.sqrt(scene.mass.diagonal()) @ np.abs(phi)
-    cancel = np.abs(scene.e) @ np.abs(phi)
+    square = elastic.diagonal().copy()
+    inertia = h.T @ h
+    # row j, column i: what mode j sees of the residual of mode i, and from it how much of mode j is in mode i
+    shared = _off_diagonal(np.subtract(elastic, inertia * square, out=elastic))
+    mixing, unresolved = _mixing(shared, square)
+    taken = np.multiply(mixing, shared, out=shared)
+    value = square + taken.sum(axis=0)
+    size = np.abs(phi)
+    growth = np.sqrt(scene.mass.diagonal()) @ size
+    cancel = np.abs(scene.e) @ size
     noise = EPS * np.einsum("ij,ij->j", np.abs(e), cancel) + EPS**2 * np.einsum("ij,ij->j", cancel, cancel)
-    doubt = np.abs(mixing * shared).sum(axis=0) + unresolved.max(axis=0) + noise
+    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved + noise
     size = np.abs(value)
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
@@ -228,18 +227,46 @@ def refined(scene: _Scene, shapes: Array, method: str) -> Undamped:
     return Undamped(value[order], phi[:, order], errors[order], rigid, method, left)
 
 
+def _rounding(rows: Array, phi: Array, moved: Array) -> Array:
+    """Bound of what rounding of the rows and of ``moved`` = rows phi does to the sum of squares of each column."""
+    cancel = np.abs(rows) @ np.abs(phi)
+    first, second = np.einsum("ij,ij->j", np.abs(moved), cancel), np.einsum("ij,ij->j", cancel, cancel)
+    return np.asarray(EPS * first + EPS**2 * second)
+
+
 def _off_diagonal(a: Array) -> Array:
     np.fill_diagonal(a, 0.0)
     return a
 
 
+def _mixing(shared: Array, square: Array) -> tuple[Array, Array]:
+    """Return how much of each mode (row) is in each other (column), and the most that cannot be told apart, (m,)."""
+    gap = square - square[:, None]
+    gap[gap == 0.0] = np.inf
+    mixing = shared / gap
+    unresolved = np.zeros(len(square))
+    together = np.abs(mixing) >= SEPARATE
+    if together.any():
+        row, column = np.nonzero(together)
+        np.maximum.at(unresolved, column, np.minimum(np.abs(shared[row, column]), np.abs(gap[row, column])))
+        mixing[row, column] = 0.0
+    return mixing, unresolved
+
+
 def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
     """Take the others out of each mode: a rotation by the mixing, and what M-norms still lack."""
-    angle = 0.5 * (mixing - mixing.T)
-    lack = 0.5 * _off_diagonal(inertia)
+    angle = mixing - mixing.T
+    angle *= 0.5
+    lack = _off_diagonal(inertia)
+    lack *= 0.5
     one = np.eye(len(angle))
-    if float(np.abs(angle).max(initial=0.0)) * len(angle) < SMALL_ANGLE:
-        return phi @ (one + angle + 0.5 * (angle @ angle) - lack)
+    size = max(float(angle.max(initial=0.0)), -float(angle.min(initial=0.0))) * len(angle)
+    if size < SMALL_ANGLE:
+        one += angle
+        one -= lack
+        if size * size > EPS:
+            one += 0.5 * (angle @ angle)
+        return phi @ one
     # Cayley's rotation keeps the shapes orthonormal for any angle
     straight: Array = phi - phi @ lack
     return straight @ np.linalg.solve(one - 0.5 * angle, one + 0.5 * angle)
