@@ -7,7 +7,7 @@ of D per elastic direction: everything comes from the geometry by the path rule,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
     from mbsvib.parts import Body, Bushing, Spring
+    from mbsvib.sparse import SparseSystem
     from mbsvib.topology import Topology
 
 
@@ -62,23 +63,35 @@ class Scene:
         return relative_motion(self.coordinates, Rows.join(rows))
 
 
+# So few bodies and joints have fewer coordinates than the sparse equations are taken for.
+FEW = 100
+
+
 @overload
 def linearize(
-    model: Model, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...
-) -> System: ...
+    model: Model, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...,
+    method: Literal["dense"] | None = ...,
+) -> System: ...  # fmt: skip
+
+
+@overload
+def linearize(
+    model: Model, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ..., *,
+    method: Literal["sparse"],
+) -> SparseSystem: ...  # fmt: skip
 
 
 @overload
 def linearize(
     model: Model, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
-    values: Mapping[str, ArrayLike],
+    values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ...,
 ) -> Batch: ...  # fmt: skip
 
 
 def linearize(
     model: Model, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
-    values: Mapping[str, ArrayLike] | None = None,
-) -> System | Batch:  # fmt: skip
+    values: Mapping[str, ArrayLike] | None = None, method: str | None = None,
+) -> System | Batch | SparseSystem:  # fmt: skip
     """Return the minimal linear equations of motion about the model's pose.
 
     M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
@@ -93,11 +106,14 @@ def linearize(
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
     values : mapping of str to array-like, shape (n,) or (), optional
         Values of parameters, by name or pattern, for n variants in one pass.
+    method : str, optional
+        "dense" or "sparse"; default: dense up to some hundred coordinates, sparse beyond.
 
     Returns
     -------
-    System or Batch
-        Matrices, names and the way back to the bodies; of all variants where ``values`` is given.
+    System, Batch or SparseSystem
+        Matrices, names and the way back to the bodies; of all variants where ``values`` is given; sparse, under the
+        same names, where there are many bodies.
 
     Raises
     ------
@@ -109,6 +125,13 @@ def linearize(
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
+    if method is not None or len(model.bodies) + len(model.joints) > FEW:
+        from mbsvib.sparse.choice import wants_sparse
+
+        if wants_sparse(model, method, independent, cut, values):
+            from mbsvib import sparse
+
+            return sparse.linearize(model, cut)
     if values is not None:
         from mbsvib.batch import linearize_batch
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from inspect import signature
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from mbsvib.batch import Batch
     from mbsvib.parameters import Parameters
+    from mbsvib.sparse import SparseSystem
     from mbsvib.system import System
     from mbsvib.topology import Topology
 
@@ -439,19 +440,26 @@ class Model:
 
     @overload
     def linearize(
-        self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...
-    ) -> System: ...
+        self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...,
+        method: Literal["dense"] | None = ...,
+    ) -> System: ...  # fmt: skip
+
+    @overload
+    def linearize(
+        self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ..., *,
+        method: Literal["sparse"],
+    ) -> SparseSystem: ...  # fmt: skip
 
     @overload
     def linearize(
         self, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
-        values: Mapping[str, ArrayLike],
+        values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ...,
     ) -> Batch: ...  # fmt: skip
 
     def linearize(
         self, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
-        values: Mapping[str, ArrayLike] | None = None,
-    ) -> System | Batch:  # fmt: skip
+        values: Mapping[str, ArrayLike] | None = None, method: str | None = None,
+    ) -> System | Batch | SparseSystem:  # fmt: skip
         """Return the minimal linear equations of motion, M q'' + C q' + K q = B u.
 
         Parameters
@@ -463,11 +471,15 @@ class Model:
         values : mapping of str to array-like, shape (n,) or (), optional
             Values of parameters, by name or by a pattern that picks several (``"leg*.k.stiffness"``): n variants of
             the model in one pass, all in the minimal coordinates of the pose as it is.
+        method : str, optional
+            "dense" or "sparse". Default: dense up to 600 coordinates; beyond that (unless ``independent`` or
+            ``values`` are given) sparse, in time and memory proportional to the number of bodies.
 
         Returns
         -------
-        System or Batch
-            Matrices, names and the way back to the bodies; of all variants where ``values`` is given.
+        System, Batch or SparseSystem
+            Matrices, names and the way back to the bodies; of all variants where ``values`` is given; a sparse system,
+            which answers to the same names (``modes(10)``, ``frequency_response``), where there are many bodies.
 
         Raises
         ------
@@ -479,9 +491,9 @@ class Model:
         """
         from mbsvib.assembly import linearize
 
-        if values is None:
-            return linearize(self, independent=independent, cut=cut)
-        return linearize(self, independent=independent, cut=cut, values=values)
+        words: dict[str, Any] = {"independent": independent, "cut": cut, "values": values, "method": method}
+        result: System | Batch | SparseSystem = linearize(self, **words)
+        return result
 
     def replace(self, element: str, /, **changes: Any) -> Model:
         """Return a new model in which one part has other values; all words of its ``add_...`` call are allowed.

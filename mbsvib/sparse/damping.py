@@ -35,7 +35,7 @@ DECOUPLED = 1e-9
 TOLERANCE = 1e-9
 # What is a mode of the small system but not of the whole leaves more than this.
 SPURIOUS = 1e-4
-# Vectors of the span that differ by less than this from the others say nothing new.
+# What real and imaginary parts differ by from the others, less than this, is rounding and residual.
 SAME = 1e-9
 GUARDS = 2
 ROUNDS = 3
@@ -226,19 +226,23 @@ def _arnoldi(problem: Quadratic, wanted: int, start: Array) -> tuple[Complex, Co
 
 def _span(system: SparseSystem, problem: Quadratic, rigid: Array, values: Complex, vectors: Complex) -> Array:
     """Real vectors that span complex ones and the rigid-body modes, M-orthonormal, after one more solve."""
+    if not np.iscomplexobj(problem.s):  # the conjugates have the same real span
+        values, vectors = values[values.imag >= 0.0], vectors[:, values.imag >= 0.0]
     force = problem.forces(vectors, problem.s - values, (problem.s - values) * (problem.s + values))
     vectors = problem.solve(force)
-    parts = np.concatenate((vectors.real, vectors.imag), axis=1)
     w = system.inertia_factor[:, problem.at]
+    h = w @ vectors
+    # the phase in which the imaginary part is smallest, and orthogonal to the real one
+    phase = np.sqrt(np.einsum("ij,ij->j", h, h) + 0j)
+    vectors = vectors * (np.conj(phase) / np.maximum(np.abs(phase), 1e-300) / np.linalg.norm(h, axis=0))
+    parts = np.concatenate((vectors.real, vectors.imag), axis=1)
     fixed = w @ rigid[problem.at]
     for _ in range(2):
         if rigid.shape[1]:
             parts = parts - rigid[problem.at] @ (fixed.T @ (w @ parts))
-        size = np.linalg.norm(w @ parts, axis=0)
-        parts = parts[:, size > 0.0] / size[size > 0.0]
-        left, singular, _ = np.linalg.svd((w @ parts).T @ (w @ parts))
-        kept = singular > SAME**2 * singular[0]
-        parts = parts @ (left[:, kept] / np.sqrt(singular[kept]))
+        _, singular, right = np.linalg.svd(w @ parts, full_matrices=False)
+        kept = singular > SAME * singular[0]
+        parts = parts @ (right[kept].T / singular[kept])
     result = np.zeros((system.layout.size, rigid.shape[1] + parts.shape[1]))
     result[:, : rigid.shape[1]] = rigid
     result[problem.at, rigid.shape[1] :] = parts

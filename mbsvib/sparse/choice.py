@@ -1,0 +1,62 @@
+"""The choice between the dense and the sparse equations of motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.errors import ModelError, nearest
+from mbsvib.topology import FLOATS, span
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.model import Model
+
+METHODS = ("dense", "sparse")
+# Coordinates of the tree from which on the sparse equations are taken unless said otherwise. Linearized, with ten
+# modes, they are as quick as the dense ones at 150 to 300 coordinates (chains, ladders); dense equations answer more
+# questions (all modes, matrices), so they are kept up to where they cost ten times as much: some tenths of a second.
+MANY = 600
+
+
+def wants_sparse(
+    model: Model, method: str | None, independent: Sequence[str] | None, cut: Sequence[str] | None,
+    values: Mapping[str, ArrayLike] | None,
+) -> bool:  # fmt: skip
+    """Return whether a model is to be linearized by the sparse path.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    method : str or None
+        "dense", "sparse", or None for a choice by size.
+    independent, cut, values
+        As given to ``linearize``; minimal coordinates and variants are matters of the dense path.
+
+    Returns
+    -------
+    bool
+        The choice.
+
+    Raises
+    ------
+    ModelError
+        If the method is unknown or cannot do what is asked for.
+    """
+    if method not in (None, *METHODS):
+        raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
+                         f"{nearest(str(method), METHODS)}", field="method")  # fmt: skip
+    if method == "sparse":
+        for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
+                                  ("values", values, "linearizes one variant at a time")):  # fmt: skip
+            if value is not None:
+                raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
+                                 field=word)  # fmt: skip
+        return True
+    if method == "dense" or independent is not None or values is not None or not model.bodies:
+        return False
+    topology = span(model, cut)
+    return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
