@@ -107,7 +107,7 @@ def undamped(system: System, rtol: float) -> Undamped:
     for method, rung in rungs if not negative else ():
         if result.doubt <= rtol:
             break
-        better = refined(scene, rung(scene, result.shapes), method)
+        better = refined(scene, rung(scene, result.shapes), method, rtol)
         if better.doubt < result.doubt:
             result = better
     return result
@@ -121,7 +121,7 @@ def _accepted(scene: _Scene, shapes: Array, square: Array, rtol: float) -> Undam
         bound = 2.0 * EPS * float(growth.max()) * float(square[-1]) / square
         if float(bound[0]) <= rtol:
             return Undamped(square, shapes, bound, 0, "products", 0.0)
-    return refined(scene, shapes, "products")
+    return refined(scene, shapes, "products", rtol)
 
 
 def by_products(scene: _Scene) -> tuple[Array, Array]:
@@ -173,7 +173,7 @@ def _sorted_qr(a: Array) -> tuple[Array, NDArray[np.intp]]:
     return np.triu(qr[: a.shape[1]]), order
 
 
-def refined(scene: _Scene, shapes: Array, method: str) -> Undamped:
+def refined(scene: _Scene, shapes: Array, method: str, rtol: float) -> Undamped:
     """Return frequencies from the factors, shapes cleaned of each other, and the error of what is left.
 
     Parameters
@@ -184,6 +184,8 @@ def refined(scene: _Scene, shapes: Array, method: str) -> Undamped:
         Approximate modes.
     method : str
         Name of the rung that they come from.
+    rtol : float
+        Relative accuracy asked of every frequency; decides how closely errors are looked at.
 
     Returns
     -------
@@ -211,16 +213,16 @@ def refined(scene: _Scene, shapes: Array, method: str) -> Undamped:
     mixing, unresolved = _mixing(shared, square)
     taken = np.multiply(mixing, shared, out=shared)
     value = square + taken.sum(axis=0)
-    size = np.abs(phi)
-    growth = np.sqrt(scene.mass.diagonal()) @ size
-    cancel = np.abs(scene.e) @ size
-    noise = EPS * np.einsum("ij,ij->j", np.abs(e), cancel) + EPS**2 * np.einsum("ij,ij->j", cancel, cancel)
-    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved + noise
+    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved + _rounding(scene.e, phi, e)
+    # the sum of column lengths bounds that of the rows, which costs a product more
+    rounding = EPS * (np.sqrt(scene.mass.diagonal()) @ np.abs(phi))
+    if ROUNDING * float(rounding.max()) > rtol:
+        rounding = _rounding(scene.w, phi, h)
     size = np.abs(value)
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     left = float(errors.max(initial=0.0))
-    errors += flexible * EPS * (2.0 + ROUNDING * growth)
+    errors += flexible * (2.0 * EPS + ROUNDING * rounding)
     value[:rigid] = 0.0
     phi = _cleaned(phi, inertia, mixing)
     order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
