@@ -78,7 +78,10 @@ def linearize_batch(
         if len(pieces) > 1 and array.ndim == _depth(key) + 1:
             array = np.concatenate([piece[key] for piece in pieces])
         arrays[key] = np.broadcast_to(array, (variants.count, *array.shape[array.ndim - _depth(key) :]))
-    return Batch(nominal, variants, scene, moves_geometry(variants), **arrays)
+    closure = None
+    if pieces[0]["closure"] is not None:
+        closure = np.concatenate([piece["closure"] for piece in pieces])
+    return Batch(nominal, variants, closure, **arrays)
 
 
 def _depth(key: str) -> int:
@@ -105,6 +108,7 @@ def _matrices(
         phi, nominal_phi = relative.dense(0, scene.locked), given.relative().dense(0, scene.locked)
         reduction = reduce_batch(scene, phi, nominal, nominal_phi, first)
     result = single.matrices(scene, relative, reduction)
+    result["closure"] = None if reduction is nominal else reduction.matrix
     _check_masses(result["M"], names, first)
     return result
 

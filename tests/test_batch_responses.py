@@ -1,0 +1,167 @@
+"""Modes and responses of batches: against 50 digits, and as those of each variant by itself."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import mbsvib as mv
+from mbsvib import library
+from mbsvib.batch.modes import batch_modes
+from mbsvib.batch.response import few_frequencies
+from tests.support.compare import assert_same_eigenvalues, assert_same_response, linearized
+from tests.support.exact import Exact
+from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds
+from tests.test_batch import other_values, some_names
+
+WORDS = {"negative": st.booleans(), "damped": st.booleans()}
+ANY = st.one_of(open_trees(**WORDS), open_trees(floating=st.just(True)), closed_loops(**WORDS), planar_loops())
+
+
+def some_batch(model, seed, fields=("mass", "stiffness", "damping"), count=3):
+    """Three variants, of the undamped model for every fourth seed."""
+    linearized(model)  # or reject
+    rng = np.random.default_rng(seed)
+    names = some_names(model, rng, fields)
+    values = other_values(model, rng, names, count)
+    if seed % 4 == 0 and any(".stiffness" in name for name in names):
+        values = {"*.damping*": 0.0} | {name: value for name, value in values.items() if "damping" not in name}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", mv.NearSingularWarning)
+        try:
+            return model.linearize(values=values), values
+        except mv.ModelError:  # no stiffness and no damping
+            assume(False)
+
+
+def oscillator():
+    """1 kg on 4 N/m."""
+    model = mv.Model("oscillator")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(1, 0, 0))
+    model.add_spring("s", "ground", "b", (-1, 0, 0), (0, 0, 0), 4.0)
+    model.add_input("F", "b", "x")
+    model.add_output("x", "b", "x")
+    return model
+
+
+def value_of(value, i):
+    return value if np.ndim(value) == 0 else value[i]
+
+
+@given(ANY, seeds())
+def test_modes_are_those_of_each_variant(model, seed):
+    batch, _ = some_batch(model, seed)
+    modes = batch.modes()
+    assert len(modes) == len(batch)
+    for i, (system, one) in enumerate(zip(batch, modes, strict=True)):
+        single = system.modes()
+        for key in ("natural", "frequencies", "damped_frequencies", "damping_ratios", "eigenvalues", "errors"):
+            assert np.array_equal(getattr(modes, key)[i], getattr(one, key), equal_nan=True), key
+        assert modes.stable[i] == one.stable
+        assert (modes.rigid[i], modes.classical[i]) == (one.rigid, one.classical) == (single.rigid, single.classical)
+        away = np.abs(one.eigenvalues - single.eigenvalues)
+        assert (away <= (one.errors + single.errors) * np.abs(single.eigenvalues)).all()
+        for name in batch.bodies:
+            assert np.array_equal(modes.body_shapes[name][i], one.body_shapes[name])
+
+
+@given(ANY, seeds())
+def test_modes_solve_their_equations(model, seed):
+    batch, _ = some_batch(model, seed)
+    for system, modes in zip(batch, batch.modes(rtol=1e-9), strict=True):
+        for value, shape in zip(modes.eigenvalues[::2], modes.shapes.T, strict=True):
+            terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
+            size = max(np.abs(term).max() for term in terms)
+            assert np.abs(sum(terms)).max() <= 1e-8 * size + 1e-8 * np.abs(system.K).max() * (value == 0)
+        if modes.classical and len(modes):
+            assert np.abs(modes.shapes.T @ system.M @ modes.shapes - np.eye(batch.dof)).max() < 1e-8
+
+
+@pytest.mark.parametrize("rtol", [1e-10, 1e-13])
+@given(model=st.one_of(open_trees(damped=st.booleans()), planar_loops()), seed=seeds())
+def test_errors_of_modes_are_honest(rtol, model, seed):
+    """Against 50 digits of the variant's data; what the data's own rounding does is no error of the method."""
+    batch, values = some_batch(model, seed, ("mass", "stiffness", "damping"), 2)
+    modes = batch_modes(batch, rtol)
+    for i in range(len(batch)):
+        exact = Exact(model.with_values({name: value_of(value, i) for name, value in values.items()}))
+        assert_same_eigenvalues(modes.eigenvalues[i], exact.eigenvalues, 1e-13 + 2 * modes.errors[i].max(initial=0.0))
+        assert (modes.errors[i] < 1e-6).all() or not batch.damping.any()
+
+
+@given(ANY, seeds(), st.integers(1, 30))
+def test_frequency_response_is_that_of_each_variant(model, seed, count):
+    """By one solution for each frequency, or by the sums of each variant: whatever is less work."""
+    batch, _ = some_batch(model, seed)
+    omega = 10 ** np.random.default_rng(seed).uniform(-1, 4, size=count) * np.where(np.arange(count) % 5, 1, -1)
+    found = batch.frequency_response(omega)
+    assert found.shape == (len(batch), len(batch.outputs), len(batch.inputs), count)
+    for system, each in zip(batch, found, strict=True):
+        assert_same_response(each, system.frequency_response(omega), rtol=1e-8)
+
+
+@given(st.one_of(open_trees(damped=st.booleans()), closed_loops(), planar_loops()), seeds())
+def test_frequency_response_against_the_reference(model, seed):
+    batch, values = some_batch(model, seed, ("mass", "stiffness"), 2)
+    for i in range(len(batch)):
+        exact = Exact(model.with_values({name: value_of(value, i) for name, value in values.items()}))
+        omega = np.concatenate(([1.0], 1.01 * np.abs(exact.eigenvalues[::2][:4]).astype(float), [1e5]))
+        found = few_frequencies(batch, batch._modal, omega)[i]
+        assert_same_response(found, exact.frequency_response(omega), rtol=1e-8)
+
+
+def test_isolation_far_above_the_modes_loses_nothing():
+    """Absolute acceleration of what rests in space: D and the mode's answer cancel, by eleven decades here."""
+    model = oscillator()
+    model.add_base_motion("a", "x")
+    model.add_output("absolute", "b", "x", quantity="acceleration")
+    stiffness, omega = np.array([[4.0], [9.0]]), np.array([1e3, 1e6])
+    batch = model.linearize(values={"s.stiffness": stiffness[:, 0]})
+    found = batch.frequency_response(omega)
+    np.testing.assert_allclose(found[:, 1, 1], stiffness / (stiffness - omega**2), rtol=1e-14)
+    np.testing.assert_allclose(found[:, 0, 1], -1.0 / (stiffness - omega**2), rtol=1e-14)
+
+
+def test_poles_are_refused_by_the_index_of_the_variant():
+    batch = oscillator().linearize(values={"s.stiffness": [4.0, 9.0, 16.0]})
+    with pytest.raises(mv.ResponseError, match=r"variant 1: .*pole"):
+        batch.frequency_response([1.0, 3.0])
+    found = batch.frequency_response([1.0])[:, 0, 0, 0]
+    np.testing.assert_allclose(found, 1.0 / np.array([3.0, 8.0, 15.0]), rtol=1e-14)
+    with pytest.raises(mv.ResponseError, match="finite"):
+        batch.frequency_response([np.nan])
+
+
+@given(open_trees(), seeds())
+def test_time_response_and_state_space(model, seed):
+    batch, _ = some_batch(model, seed)
+    t = np.linspace(0.0, 0.1, 5)
+    u = np.random.default_rng(seed).normal(size=(len(batch.inputs), len(t)))
+    found, spaces = batch.time_response(t, u), batch.state_space()
+    for system, each, space in zip(batch, found, spaces, strict=True):
+        expected = system.time_response(t, u)
+        assert np.abs(each - expected).max() <= 1e-9 * np.abs(expected).max()
+        assert np.array_equal(space.A, system.state_space().A)
+
+
+def test_displacements():
+    batch = library.stewart().linearize(values={"leg1.head.position.x": [0.03, 0.05]})
+    q = np.arange(12.0).reshape(2, 6)
+    each = batch.displacements(q)
+    assert each["platform"].shape == (2, 6)
+    for i, system in enumerate(batch):
+        np.testing.assert_allclose(each["platform"][i], system.displacements(q[i])["platform"], rtol=1e-14)
+        np.testing.assert_allclose(batch.displacements(q[0])["platform"][i], system.displacements(q[0])["platform"])
+    with pytest.raises(mv.ResponseError, match=r"\(5,\)"):
+        batch.displacements(np.zeros(5))
+
+
+def test_inaccurate_modes_are_warned_of_by_index():
+    """Frequencies that span more than any method bears at the accuracy asked for."""
+    model = library.chain(6)
+    batch = model.linearize(values={"*.mass": np.array([1.0, 2.0])})
+    with pytest.warns(mv.AccuracyWarning, match=r"2 variants, the first of which is 0"):
+        batch.modes(rtol=1e-18)
