@@ -11,6 +11,8 @@ import numpy as np
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.damped import Damped
@@ -248,6 +250,43 @@ class System:
         from mbsvib.time_response import time_response
 
         return time_response(self, t, u, hold, initial)
+
+    def poles(self) -> Complex:
+        """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
+
+        Returns
+        -------
+        array, shape (2m,)
+            Poles [1/s] in pairs, in ascending natural frequency; 0 for rigid-body modes.
+        """
+        return self._modal.pairs.reshape(-1).copy()
+
+    def transmission_zeros(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> Complex:
+        """Return the invariant zeros from some inputs to some outputs.
+
+        The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names; default: all. Their numbers may differ.
+
+        Returns
+        -------
+        array, shape (zeros,)
+            Zeros [1/s] in ascending magnitude. A mode that the inputs do not reach or the outputs do not show is one
+            too.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown.
+        """
+        from mbsvib.transmission_zeros import transmission_zeros
+
+        return transmission_zeros(self, inputs, outputs)
 
     def state_space(self, realization: str = "physical") -> StateSpace:
         """Return first-order equations x' = A x + B u, y = C x + D u.

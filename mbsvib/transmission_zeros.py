@@ -1,0 +1,281 @@
+"""Transmission zeros: where inputs and motions exist that no output shows.
+
+The invariant zeros are the finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] loses rank. In energy
+coordinates orthogonal transformations peel off what belongs to infinite zeros, level by level, until the feedthrough
+of what is left is regular; the zeros are eigenvalues of the rest. There is no polynomial anywhere. Each zero is then
+improved by Newton steps on the sum over modes, which has its full relative accuracy also where frequencies span many
+decades.
+
+Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError, nearest
+from mbsvib.modal_sum import CANCELLED, ModalSum, modal_sum
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.damped import Damped
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+# Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.
+RANK = 2e-13
+# A feedthrough whose inverse is larger is not inverted; its zeros are those of a pencil.
+REGULAR = 1e3
+# A Newton step that moves a zero by more than this share of it is no correction of rounding errors.
+CORRECTION = 1e-3
+NEWTON_STEPS = 4
+SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
+# What belongs to zeros at infinity comes out finite where the peeling is ill-conditioned: along a chain of many masses,
+# for one. It is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the
+# nearest pole; elsewhere it is far from zero there, or lost in the rounding of its terms, which could put it anywhere.
+GROWTH = 1e3
+COARSE = 0.25
+# A double zero at 0 comes out at the square root of rounding. It is at 0 if the static response is zero to rounding.
+AT_REST = 1e-5
+STATIC_ROUNDINGS = 30.0
+AT_POLE = 1e-6  # zeros so near to a pole are those of modes that are not reached or not shown
+
+
+def transmission_zeros(
+    system: System, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+) -> Complex:
+    """Return the invariant zeros of a system from some of its inputs to some of its outputs.
+
+    The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : str or sequence of str, optional
+        Names; default: all. Their numbers may differ.
+
+    Returns
+    -------
+    array, shape (zeros,)
+        Zeros [1/s] in ascending magnitude. A mode that the inputs do not reach or the outputs do not show is one too:
+        exactly, or in double precision, as one that lives far along a chain from both.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
+    modal = system._modal
+    if not system.dof or not sources or not results:
+        return np.zeros(0, dtype=complex)
+    a, b, c, d, still = _realized(system, modal, sources, results)
+    found = _finite_zeros(a, b, c, d) * float(np.sqrt(np.abs(modal.square)).max())
+    total = modal_sum(system, modal, sources, results)
+    found = _refined(modal, total, found)
+    found = _at_rest(system, modal, total, found, (sources, results))
+    found = found[_known(modal, total, found, _noise(system, modal, sources, results, found))]
+    found = np.concatenate((np.zeros(still), found))
+    return found[np.lexsort((-found.imag, np.abs(found)))]
+
+
+def numbers(system: System, what: str, names: str | Sequence[str] | None) -> list[int]:
+    """Return the numbers of the named inputs or outputs; None: of all.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    what : str
+        "input" or "output".
+    names : str or sequence of str, optional
+        Their names.
+
+    Returns
+    -------
+    list of int
+        Columns of B or rows of Cq.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    known = system.inputs if what == "input" else system.outputs
+    asked = known if names is None else [names] if isinstance(names, str) else list(names)
+    for name in asked:
+        if name not in known:
+            raise ResponseError(f"{what} {name!r}: system '{system.name}' has no such {what}."
+                                f"{nearest(str(name), known)} It has {', '.join(known) or 'none'}.")  # fmt: skip
+    return [known.index(name) for name in asked]
+
+
+def _realized(
+    system: System, modal: Damped, sources: list[int], results: list[int]
+) -> tuple[Array, Array, Array, Array, int]:
+    """A, B, C, D in energy coordinates, in units of the highest frequency and all of unit size; and how many zeros at
+    0 were left out: a velocity is a displacement times s, and a square system has just one zero more.
+    """
+    from mbsvib.energy_schur import energy_matrix
+
+    scale, a = energy_matrix(modal)
+    b = modal.shapes.T @ system.B[:, sources]
+    cq, cv, ca = (c[results] @ modal.shapes for c in (system.Cq, system.Cv, system.Ca))
+    d = system.D[np.ix_(results, sources)].copy()
+    still = 0
+    if len(sources) == len(results):
+        for i in range(len(results)):
+            if not cq[i].any() and not d[i].any() and cv[i].any() + ca[i].any() == 1:
+                still += 1 if cv[i].any() else 2
+                cq[i], cv[i], ca[i] = cv[i] + ca[i], 0.0, 0.0
+    at_once = d + ca @ b
+    at_once[np.abs(at_once) <= CANCELLED * EPS * (np.abs(d) + np.abs(ca) @ np.abs(b))] = 0.0
+    gamma = ca * modal.gamma if modal.gamma.ndim == 1 else ca @ modal.gamma
+    c = np.concatenate(((cq - ca * modal.square) / scale, cv - gamma), axis=1)
+    highest = float(np.sqrt(np.abs(modal.square)).max()) or 1.0
+    force, seen = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
+    force[force == 0.0] = seen[seen == 0.0] = 1.0
+    whole = np.concatenate((np.zeros_like(b), b / highest))
+    return a / highest, whole / force, c / seen[:, None], at_once / seen[:, None] / force, still
+
+
+def _finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
+    a, b, c, d = _peeled(a, b, c, d)
+    if not len(d):  # no output is left to tell one input from the other
+        return np.linalg.eigvals(a).astype(complex) if len(a) else np.zeros(0, dtype=complex)
+    # the same from the other side: columns of the feedthrough
+    a, b, c, d = _peeled(a.T, c.T, b.T, d.T)
+    n = len(a)
+    if n == 0:
+        return np.zeros(0, dtype=complex)
+    if not len(d):
+        return np.linalg.eigvals(a).astype(complex)
+    if np.linalg.norm(np.linalg.inv(d), 2) * np.linalg.norm(b, 2) * np.linalg.norm(c, 2) <= REGULAR:
+        return np.linalg.eigvals(a - b @ np.linalg.solve(d, c)).astype(complex)
+    from scipy.linalg import eig
+
+    turn = np.linalg.qr(np.concatenate((c, d), axis=1).T, mode="complete")[0][:, len(d) :]
+    top = np.concatenate((a, b), axis=1) @ turn
+    alpha, beta = eig(top, turn[:n], right=False, homogeneous_eigvals=True)
+    finite = np.abs(beta) > EPS * np.abs(alpha)
+    result: Complex = alpha[finite] / beta[finite]
+    return result
+
+
+def _peeled(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array, Array]:
+    """Take off outputs without feedthrough and the states they show, until the feedthrough has full row rank."""
+    while len(d):
+        rank, turn = _rank(d, max(1.0, float(np.abs(d).max(initial=0.0))))
+        c, d = turn.T @ c, turn.T @ d
+        direct, hidden = (c[:rank], d[:rank]), c[rank:]
+        if not len(hidden):
+            break
+        shown, turn = _rank(hidden.T, 1.0)
+        left = turn[:, shown:]
+        first = turn[:, :shown]
+        a, b, c, d = (
+            left.T @ a @ left, left.T @ b, np.concatenate((direct[0] @ left, first.T @ a @ left)),
+            np.concatenate((direct[1], first.T @ b)),
+        )  # fmt: skip
+        if not shown:
+            break
+    return a, b, c, d
+
+
+def _rank(matrix: Array, size: float) -> tuple[int, Array]:
+    """Rank of a matrix against entries of ``size``, and an orthogonal matrix whose first columns span its range."""
+    from scipy.linalg import qr
+
+    if not matrix.size:
+        return 0, np.eye(len(matrix))
+    turn, upper, _ = qr(matrix, pivoting=True)
+    return int(np.count_nonzero(np.abs(upper.diagonal()) > RANK * size)), turn
+
+
+def _refined(modal: Damped, total: ModalSum, zeros: Complex) -> Complex:
+    """Improve each zero as long as the smallest singular value of the transfer matrix falls."""
+    undamped = not modal.gamma.any()
+    z = zeros.copy()
+    if undamped:  # on one of the axes, unless four of them lie around the origin
+        z.real[np.abs(z.real) <= CORRECTION**2 * np.abs(z.imag)] = 0.0
+    poles = np.unique(modal.pairs)
+    with np.errstate(all="ignore"):
+        value = _smallest(total.at(z))[0]
+        for _ in range(NEWTON_STEPS):
+            distance = np.abs(z[:, None] - poles).min(axis=1)
+            beside = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
+            here, there = total.at(z), total.at(z + beside)
+            size, left, right = _smallest(here)
+            change = np.einsum("no,oin,ni->n", left.conj(), there - here, right)
+            new = z - beside * (size / change)
+            if undamped:
+                new.real[z.real == 0.0] = 0.0
+            new.imag[z.imag == 0.0] = 0.0
+            better = np.abs(new - z) <= CORRECTION * np.abs(z)
+            then = _smallest(total.at(new))[0]
+            better &= then < value
+            if not better.any():
+                break
+            z, value = np.where(better, new, z), np.where(better, then, value)
+    return z
+
+
+def _at_rest(
+    system: System, modal: Damped, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]]
+) -> Complex:
+    """Put zeros next to 0 there if the static response is zero to rounding."""
+    lowest = float(np.abs(modal.pairs).min())
+    near = np.abs(z) <= AT_REST * lowest
+    if near.any():
+        origin = np.zeros(1, dtype=complex)
+        value, left, right = _smallest(total.at(origin))
+        noise = np.einsum("no,oin,ni->n", np.abs(left), _noise(system, modal, *ports, origin), np.abs(right))
+        if value[0] <= STATIC_ROUNDINGS * noise[0]:
+            return np.where(near, 0.0, z)
+    return z
+
+
+def _known(modal: Damped, total: ModalSum, z: Complex, noise: Array) -> NDArray[np.bool_]:
+    """Tell which zeros rounding leaves where they are."""
+    if not len(z):
+        return np.zeros(0, dtype=bool)
+    distance = np.abs(z[:, None] - np.unique(modal.pairs)).min(axis=1)
+    size = np.abs(z)
+    beside = COARSE * distance * np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
+    with np.errstate(all="ignore"):
+        value, left, right = _smallest(total.at(z))
+        change = np.abs(np.einsum("no,oin,ni->n", left.conj(), total.at(z + beside), right))
+        rounding = np.einsum("no,oin,ni->n", np.abs(left), noise, np.abs(right))
+        clear = change > GROWTH * np.maximum(value, rounding)
+    return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))
+
+
+def _noise(system: System, modal: Damped, sources: list[int], results: list[int], z: Complex) -> Array:
+    """Rounding of the transfer matrix at the points z, (outputs, inputs, n): a shape has that of its largest part."""
+    b = np.abs(modal.shapes.T @ system.B[:, sources])
+    highest = b.max(axis=0)
+    result = np.zeros((len(results), len(sources), len(z)))
+    with np.errstate(all="ignore"):
+        down = 1.0 / np.abs((z - modal.pairs[:, :1]) * (z - modal.pairs[:, 1:]))
+        for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
+            c = np.abs(rate[results] @ modal.shapes)
+            terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1), b)
+            result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
+    return EPS * result
+
+
+def _smallest(matrices: Complex) -> tuple[Array, Complex, Complex]:
+    """Smallest singular value (n,) of matrices (outputs, inputs, n), with its vectors (n, outputs) and (n, inputs)."""
+    stack = matrices.transpose(2, 0, 1)
+    good: NDArray[np.bool_] = np.asarray(np.isfinite(stack).all(axis=(1, 2)))
+    u, s, v = np.linalg.svd(np.where(good[:, None, None], stack, 0.0), full_matrices=False)
+    return np.where(good, s[:, -1], np.nan), u[:, :, -1], v[:, -1, :].conj()

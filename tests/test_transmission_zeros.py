@@ -1,0 +1,207 @@
+"""Transmission zeros and poles, against closed forms and against determinants in 50 digits."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import eigvalsh
+
+import mbsvib as mv
+from tests.support.compare import assert_same_eigenvalues, linearized
+from tests.support.digits import combination, mp
+from tests.support.exact import Exact
+from tests.support.random_models import open_trees, planar_loops
+from tests.support.sliding_chain import sliding_chain
+from tests.test_modes import oscillator
+
+
+def held(m, k):
+    """Natural frequencies of masses in a row between two walls, one spring more than masses."""
+    stiffness = np.diag(np.add(k[:-1], k[1:])) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    return np.sqrt(eigvalsh(stiffness, np.diag(m)))
+
+
+def above(values):
+    """Imaginary parts of the upper ones of conjugate pairs on the imaginary axis."""
+    assert not values.real.any()
+    assert_allclose(np.sort(values.imag), np.sort(-values.imag), rtol=1e-14)
+    return np.sort(values.imag[values.imag > 0])
+
+
+@pytest.mark.parametrize("n", [2, 5, 20, 120])
+def test_collocated_zeros_are_poles_with_the_driven_point_held(n):
+    rng = np.random.default_rng(n)
+    m, k = rng.uniform(0.5, 2, n), rng.uniform(1e3, 1e4, n)
+    outputs = [("displacement", n - 1), ("velocity", n - 1), ("acceleration", n - 1)]
+    system = sliding_chain(m, k, 0 * k, (n - 1,), outputs).linearize()
+    expected = held(m[:-1], k)
+    zeros = [system.transmission_zeros(outputs=f"y{i}") for i in range(3)]
+    assert [len(z) for z in zeros] == [2 * n - 2, 2 * n - 1, 2 * n]
+    for order, z in enumerate(zeros):
+        assert not z[:order].any()
+        assert_allclose(above(z[order:]), expected, rtol=2e-12)
+    poles = above(system.poles())
+    # of a mode that lives at the other end a pole and a zero are one double
+    assert (poles[:-1] <= expected * (1 + 1e-12)).all()
+    assert (expected <= poles[1:] * (1 + 1e-12)).all()
+
+
+@pytest.mark.parametrize("n", [2, 5, 14, 20])
+def test_from_end_to_end_there_is_no_zero(n):
+    """All 2 n of them are at infinity, a single chain as long as the state: none may come back as finite."""
+    k = np.linspace(1e3, 2e3, n)
+    system = sliding_chain(np.ones(n), k, 0 * k, (0,), [("displacement", n - 1)]).linearize()
+    assert len(system.transmission_zeros()) == 0
+
+
+def test_dampers_give_finite_zeros_from_end_to_end():
+    """Each k + c s of a link between is one."""
+    k, c = np.array([900.0, 400.0, 500.0, 300.0]), np.array([3.0, 2.0, 1.0, 8.0])
+    system = sliding_chain(np.ones(4), k, c, (0,), [("displacement", 3)]).linearize()
+    assert_allclose(system.transmission_zeros(), np.sort(-k[1:] / c[1:])[::-1], rtol=1e-9)
+
+
+def test_transmissibility():
+    """(k + c s) of each link; the base's own acceleration cancels, or the degree would be full."""
+    k, c = np.array([900.0, 400.0]), np.array([3.0, 2.0])
+    system = sliding_chain([2.0, 1.0], k, c, (), [("acceleration", 0), ("acceleration", 1)], base=True).linearize()
+    assert_allclose(system.transmission_zeros(outputs="y1"), np.sort(-k / c)[::-1], rtol=1e-11)
+    upper = np.roots([1.0, 2.0, 400.0])
+    expected = np.array([*upper[np.argsort(-upper.imag)], -300.0])
+    assert_allclose(system.transmission_zeros(outputs="y0"), expected, rtol=1e-11)
+
+
+def test_several_inputs_and_outputs():
+    """With both ends driven and seen the zeros are the poles with both ends held."""
+    rng = np.random.default_rng(3)
+    m, k = rng.uniform(0.5, 2, 7), rng.uniform(1e3, 1e4, 7)
+    outputs = [("displacement", 0), ("displacement", 6), ("velocity", 6)]
+    system = sliding_chain(m, k, 0 * k, (0, 6), outputs).linearize()
+    expected = held(m[1:-1], k[1:])
+    assert_allclose(above(system.transmission_zeros(outputs=["y0", "y1"])), expected, rtol=1e-12)
+    moving = system.transmission_zeros(outputs=["y0", "y2"])
+    assert moving[0] == 0
+    assert_allclose(above(moving[1:]), expected, rtol=1e-12)
+    # a third output shows only what the second does
+    assert_allclose(above(system.transmission_zeros()), expected, rtol=1e-12)
+    assert_allclose(above(system.transmission_zeros("f6", ["y1", "y2"])), held(m[:-1], k), rtol=1e-12)
+    # two forces on one mass are one
+    wide = sliding_chain(m, k, 0 * k, (6,), [("displacement", 6)])
+    wide.add_input("again", "b6", "z")
+    assert_allclose(above(wide.linearize().transmission_zeros()), held(m[:-1], k), rtol=1e-12)
+    assert len(system.transmission_zeros(["f0", "f6"], "y0")) == 0
+
+
+def test_modes_that_are_not_reached_are_zeros():
+    """Two equal masses on a symmetric spring, pushed and seen together: the opposed mode is a zero at its pole."""
+    model = sliding_chain([1.0, 1.0], [100.0, 30.0], [0.0, 0.0], (), ())
+    model.add_spring("s", "ground", "b1", (1, 0, 0), (1, 0, 1), stiffness=100.0)
+    model.add_input("f0", "b0", "z")
+    model.add_output("apart", "b1", "z", relative_to="b0")
+    model.add_output("x", "b0", "z")
+    system = model.linearize()
+    together, opposed = 10.0, np.sqrt(160.0)
+    assert_allclose(above(system.poles()), [together, opposed], rtol=1e-14)
+    assert_allclose(above(system.transmission_zeros("f0", "apart")), [together], rtol=1e-7)
+
+
+def test_over_many_decades():
+    """Collocated in a chain whose stiffness spans ten decades: every zero to its own last digits."""
+    n = 8
+    rng = np.random.default_rng(0)
+    m, k = 10.0 ** rng.permutation(np.linspace(-2, 2, n)), 10.0 ** rng.permutation(np.linspace(0, 10, n))
+    model = sliding_chain(m, k, 0 * k, (0,), [("displacement", 0)])
+    rest = sliding_chain(m[1:], k[1:], 0 * k[1:])  # the first mass is the ground of the others
+    expected = np.sqrt(Exact(rest).squares)
+    assert_allclose(above(model.linearize().transmission_zeros()), expected, rtol=1e-11)
+
+
+def determinant_zeros(reference, inputs, outputs):
+    """Roots of det [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]], its coefficients by interpolation in 50 digits."""
+    m, n = reference.dof, len(inputs)
+    degree = 2 * m + 2 * n
+    size = float(np.sqrt(np.abs(reference.squares)).max()) or 1.0
+    points = [size * mp.expjpi(mp.mpf(2 * k) / (degree + 1)) for k in range(degree + 1)]
+    values = []
+    for s in points:
+        dynamic = combination((reference.M, s * s), (reference.C, s), (reference.K, 1))
+        shown = combination((reference.Cq, 1), (reference.Cv, s), (reference.Ca, s * s))
+        rows = [[*row, *(-reference.B[i][j] for j in inputs)] for i, row in enumerate(dynamic)]
+        rows += [[*shown[i], *(reference.D[i][j] for j in inputs)] for i in outputs]
+        values.append(mp.det(mp.matrix(rows)))
+    power = [sum(v * mp.expjpi(-mp.mpf(2 * k * j) / (degree + 1)) for k, v in enumerate(values)) / (degree + 1)
+             for j in range(degree + 1)]  # fmt: skip
+    largest = max(abs(v) for v in power)
+    power = [mp.re(v) if abs(v) > largest * mp.mpf("1e-35") else mp.mpf(0) for v in power]
+    while not power[-1]:
+        power.pop()
+    at_zero = next(i for i, v in enumerate(power) if v)
+    power = power[at_zero:]
+    companion = [[mp.mpf(i == j + 1) for j in range(len(power) - 2)] + [-v / power[-1]]
+                 for i, v in enumerate(power[:-1])]  # fmt: skip
+    roots = mp.eig(mp.matrix(companion), left=False, right=False) if companion else []
+    return np.array([0.0] * at_zero + [complex(r) * size for r in roots])
+
+
+def acting(system, inputs, outputs):
+    """Every input and output does something, and they are not the same ones twice."""
+    g = system.frequency_response([0.7, 31.0])
+    values = np.linalg.svd(g[np.ix_(outputs, inputs)].transpose(2, 0, 1), compute_uv=False)
+    return (values[:, -1] > 1e-10 * values[:, 0]).all() and values.min() > 1e-13 * np.abs(g[:6]).max()
+
+
+SMALL = st.one_of(
+    open_trees(kinds=st.just(("revolute", "universal", "prismatic", "screw")), damped=st.booleans()), planar_loops(),
+)  # fmt: skip
+
+
+@settings(max_examples=25)
+@given(SMALL, st.integers(0, 2), st.integers(0, 5))
+def test_single_pairs_against_determinants(model, source, result):
+    """Forces and base motion to displacements, velocities and accelerations, absolute and relative."""
+    system, reference = linearized(model), Exact(model)
+    assume(0 < system.dof <= 4 and acting(system, [source], [result]))
+    expected = determinant_zeros(reference, [source], [result])
+    found = system.transmission_zeros(system.inputs[source], system.outputs[result])
+    highest = np.abs(reference.eigenvalues).max()
+    # what lies far above all poles is decided by feedthroughs that are all but zero
+    assert_same_eigenvalues(found[np.abs(found) < 1e4 * highest], expected[np.abs(expected) < 1e4 * highest], rtol=1e-8)
+
+
+@settings(max_examples=15)
+@given(SMALL)
+def test_two_by_two_against_determinants(model):
+    system, reference = linearized(model), Exact(model)
+    assume(1 < system.dof <= 4 and acting(system, [0, 1], [0, 1]))
+    expected = determinant_zeros(reference, [0, 1], [0, 1])
+    found = system.transmission_zeros(system.inputs[:2], system.outputs[:2])
+    assert_same_eigenvalues(found, expected, rtol=1e-7)
+
+
+def test_poles_are_the_eigenvalues():
+    model = oscillator(m=2.0, c=3.0, k=50.0)
+    system = model.linearize()
+    assert_same_eigenvalues(system.poles(), Exact(model).eigenvalues, rtol=1e-14)
+    assert len(system.poles()) == 2
+    system.poles()[:] = 0  # a copy
+    assert system.poles().all()
+
+
+def test_nothing_to_look_at():
+    locked = mv.Model("locked")
+    locked.add_body("b", 1.0, (1, 1, 1))
+    locked.add_joint("j", "fixed", "ground", "b")
+    locked.add_input("f", "b", "x")
+    locked.add_output("x", "b", "x")
+    system = locked.linearize()
+    assert len(system.transmission_zeros()) == len(system.poles()) == 0
+    assert len(oscillator(k=1.0).linearize().transmission_zeros(inputs=[])) == 0
+
+
+def test_unknown_names():
+    system = oscillator(k=1.0).linearize()
+    with pytest.raises(mv.ResponseError, match=r"output 'displacment'.*no such output. Did you mean 'displacement'"):
+        system.transmission_zeros(outputs="displacment")
+    with pytest.raises(mv.ResponseError, match=r"input 'g': system 'oscillator' has no such input.*It has f"):
+        system.transmission_zeros(inputs=["g"])
