@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics import Rows, body_motion, relative_motion
+from mbsvib.kinematics import body_motion, relative_motion
 from mbsvib.loops import pivoted_qr, scaled
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.kinematics import Array, Index, Twists
-    from mbsvib.loops import Cuts, LoopGroup, Reduction
+    from mbsvib.loops import Cuts, Reduction
     from mbsvib.topology import Topology
 
 # The pose is moved by STEP (rad, or loop sizes) to first order; loops then close to STEP^2, and a constraint that has
@@ -53,10 +55,7 @@ def check_mobility(
     groups = [group for group in reduction.groups if group.redundant]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
         return
-    # a direction that no symmetry of the mechanism can single out
-    direction = reduction.matrix @ np.cos(1.0 + np.arange(reduction.matrix.shape[1]))
-    moved_coordinates, moved_rows = _moved(topology, coordinates, cuts, position, direction, groups)
-    phi = relative_motion(moved_coordinates, moved_rows).dense(0, len(cuts.names))
+    phi = phi_nearby(topology, coordinates, cuts, reduction, position, _crossed(topology, cuts))
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
@@ -70,32 +69,73 @@ def check_mobility(
             )
 
 
-def _moved(
-    topology: Topology, coordinates: Twists, cuts: Cuts, position: Array, direction: Array, groups: list[LoopGroup]
-) -> tuple[Twists, Rows]:
-    """Joint axes and locked rows after a small motion along the loops, to first order."""
-    length = min(group.length for group in groups)
-    step = STEP / float(np.max(np.abs(direction) / np.where(coordinates.turns, 1.0, length), initial=1e-300))
-    displacement = np.zeros((len(position) + 1, 6))
-    displacement[:-1] = body_motion(coordinates, position) @ (step * direction)
-    centre = np.concatenate((position, np.zeros((1, 3))))
+def phi_nearby(
+    topology: Topology, coordinates: Twists, cuts: Cuts, reduction: Reduction, position: Array,
+    crossing: list[tuple[int, Array, Array]],
+) -> Array:  # fmt: skip
+    """Return the constraints of the loops in a pose nearby, to which the mechanism moves to first order.
 
-    def shift(body: Index, point: Array) -> Array:
-        return point + displacement[body, :3].T + np.cross(displacement[body, 3:], point.T - centre[body]).T
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    coordinates : Twists
+        The joint coordinates.
+    cuts : Cuts
+        Locked rows of the cut joints.
+    reduction : Reduction
+        The minimal coordinates.
+    position : array, shape (..., bodies, 3)
+        Centres of mass [m], world axes.
+    crossing : list of (int, array, array)
+        What ``_crossed`` returns; axes (3,) or (3, variants).
+
+    Returns
+    -------
+    array, shape (..., locked rows, n)
+        Relative displacements of the locked rows per unit joint coordinate.
+    """
+    matrix = reduction.matrix
+    assert matrix is not None
+    # a direction that no symmetry of the mechanism can single out
+    direction = matrix @ np.cos(1.0 + np.arange(matrix.shape[-1]))
+    length = min(group.length for group in reduction.groups if group.redundant)
+    largest = (np.abs(direction) / np.where(coordinates.turns, 1.0, length)).max(axis=-1, keepdims=True, initial=1e-300)
+    motion = body_motion(coordinates, position) @ (STEP / largest * direction)[..., None, :, None]
+    displacement = np.concatenate((motion[..., 0], np.zeros((*motion.shape[:-3], 1, 6))), axis=-2)
+    translation, rotation = np.moveaxis(displacement[..., :3], -1, 0), np.moveaxis(displacement[..., 3:], -1, 0)
+    centre = np.moveaxis(np.concatenate((position, np.zeros((*position.shape[:-2], 1, 3))), axis=-2), -1, 0)
 
     def turn(body: Index, vector: Array) -> Array:
-        return vector + np.cross(displacement[body, 3:], vector.T).T
+        return added(vector, crossed_product(rotation[..., body], vector))
 
-    carrier = _carriers(topology)
+    def shift(body: Index, point: Array) -> Array:
+        arm = added(point, -centre[..., body])
+        return added(added(point, translation[..., body]), crossed_product(rotation[..., body], arm))
+
+    carrier, rows = _carriers(topology), cuts.rows
     twists = replace(coordinates, linear=turn(carrier, coordinates.linear), angular=turn(carrier, coordinates.angular),
                      point=shift(carrier, coordinates.point))  # fmt: skip
-    rows = cuts.rows
     moment = turn(rows.first, rows.moment)
-    for row, first_axis, second_axis in _crossed(topology, cuts):
-        a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
-        b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
-        moment[:, row] = np.cross(a[:, 0], b[:, 0])
-    return twists, replace(rows, point=shift(rows.first, rows.point), force=turn(rows.first, rows.force), moment=moment)
+    for row, first, second in crossing:
+        at = slice(row, row + 1)
+        axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
+        moment[..., at] = crossed_product(*axes)
+    moved = replace(rows, point=shift(rows.first, rows.point), force=turn(rows.first, rows.force), moment=moment)
+    return relative_motion(twists, moved).dense(0, len(cuts.names))
+
+
+def added(a: Array, b: Array) -> Array:
+    """Return the sum of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
+    if a.ndim == b.ndim:
+        return a + b
+    return a[:, None] + b if a.ndim < b.ndim else a + b[:, None]
+
+
+def crossed_product(a: Array, b: Array) -> Array:
+    """Return a x b of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
 def _carriers(topology: Topology) -> Index:
@@ -112,13 +152,18 @@ def _carriers(topology: Topology) -> Index:
     return np.array(result + [number["ground"]] * (6 * len(topology.floating)), dtype=np.intp)
 
 
-def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, tuple[float, ...], tuple[float, ...]]]:
-    """Locked rotations that are normal to an axis of each body: (row, axis in first, axis in second)."""
+def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Array]]:
+    """Return the locked rotations that are normal to an axis of each body: (row, axis in first, axis in second)."""
     result = []
     for count, k in enumerate(topology.cut):
         turning = [six[3:] for _, six in topology.joints[k].freedom if any(six[3:])]
         if len(turning) == 2:
             rows = np.nonzero(cuts.joint == count)[0]
-            row = int(rows[cuts.rows.moment[:, rows].any(axis=0)][0])
-            result.append((row, turning[0], turning[1]))
+            row = int(rows[_turns(cuts, rows)][0])
+            result.append((row, np.array(turning[0]), np.array(turning[1])))
     return result
+
+
+def _turns(cuts: Cuts, rows: Index) -> NDArray[np.bool_]:
+    moment = cuts.rows.moment[..., rows]
+    return np.asarray(moment.any(axis=tuple(range(moment.ndim - 1))))

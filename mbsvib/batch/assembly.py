@@ -8,12 +8,11 @@ import numpy as np
 
 from mbsvib import assembly as single
 from mbsvib.batch.geometry import moves_geometry, varied
-from mbsvib.batch.loops import reduce_batch
+from mbsvib.batch.loops import Pivots, pivots, reduce_batch
 from mbsvib.batch.systems import FACTORS, MATRICES, Batch
 from mbsvib.batch.values import checked
 from mbsvib.errors import ModelError
 from mbsvib.inertia import check_mass
-from mbsvib.loops import Reduction
 from mbsvib.parts import Body
 
 if TYPE_CHECKING:
@@ -66,10 +65,10 @@ def linearize_batch(
     variants = checked(parameters, values)
     scene = single.scene(model, cut)
     nominal = single.system(model, scene, independent)
-    reduction = nominal.provenance.reduction
+    chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
     pieces = [
-        _matrices(model, scene, variants.slice(start, start + size), reduction, start, nominal.coordinates)
+        _matrices(model, scene, variants.slice(start, start + size), chosen, start, nominal.coordinates)
         for start in range(0, variants.count, size)
     ]
     arrays: dict[str, Any] = {"row_owner": pieces[0]["row_owner"]}
@@ -97,18 +96,16 @@ def _piece(scene: Scene, values: Values) -> int:
 
 
 def _matrices(
-    model: Model, scene: Scene, values: Values, nominal: Reduction, first: int, names: tuple[str, ...]
+    model: Model, scene: Scene, values: Values, chosen: Pivots, first: int, names: tuple[str, ...]
 ) -> dict[str, Any]:
     """The matrices of some variants; those that do not vary without an axis of variants."""
-    given = scene
     scene = varied(model, scene, values)
     relative = scene.relative()
-    reduction = nominal
+    reduction = chosen.reduction
     if relative.value.ndim == 2:
-        phi, nominal_phi = relative.dense(0, scene.locked), given.relative().dense(0, scene.locked)
-        reduction = reduce_batch(scene, phi, nominal, nominal_phi, first)
+        reduction = reduce_batch(scene, values, relative.dense(0, scene.locked), chosen, first)
     result = single.matrices(scene, relative, reduction)
-    result["closure"] = None if reduction is nominal else reduction.matrix
+    result["closure"] = None if reduction is chosen.reduction else reduction.matrix
     _check_masses(result["M"], names, first)
     return result
 

@@ -9,7 +9,7 @@ where either is in doubt the variant goes through the rank decision that a singl
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +17,15 @@ import numpy as np
 from mbsvib.batch.geometry import cuts_of, twists_of
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
-from mbsvib.mobility import check_mobility
+from mbsvib.mobility import LIMIT, _crossed, check_mobility, phi_nearby
+from mbsvib.parameters import rotations
+from mbsvib.parts import Joint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.assembly import Scene
+    from mbsvib.batch.values import Values
     from mbsvib.kinematics import Index, Twists
     from mbsvib.loops import Cuts, LoopGroup
 
@@ -33,23 +36,64 @@ if TYPE_CHECKING:
 WELL_ABOVE = 10.0
 # ... unless it is of the size that it has in the pose as given, which went through that decision.
 AS_GIVEN = 0.5
-# Redundant rows that leave more than this share of the limit of the rank decision are decided by the pivots.
+# Redundant rows that leave more than this share of the limit of a decision go through the decision itself.
 WELL_BELOW = 0.1
 
 
-def reduce_batch(scene: Scene, phi: Array, nominal: Reduction, nominal_phi: Array, first: int) -> Reduction:
+@dataclass(frozen=True, slots=True)
+class Pivots:
+    """The choice of the pose as given: its ``reduction``, and of each group of loops the ``dependent`` and the
+    ``other`` columns and how far the chosen block is from singular (``health``).
+    """
+
+    reduction: Reduction
+    dependent: tuple[Index, ...]
+    others: tuple[Index, ...]
+    health: tuple[float, ...]
+
+
+def pivots(scene: Scene, nominal: Reduction) -> Pivots:
+    """Return the pivots of the pose as given, which all variants use.
+
+    Parameters
+    ----------
+    scene : Scene
+        The mechanism in numbers, as given.
+    nominal : Reduction
+        Its minimal coordinates.
+
+    Returns
+    -------
+    Pivots
+        Columns of each group of loops.
+    """
+    if scene.cuts is None or not nominal.groups:
+        return Pivots(nominal, (), (), ())
+    phi = scene.relative().dense(0, scene.locked)[None]
+    kept = np.zeros(phi.shape[-1], dtype=bool)
+    kept[nominal.independent] = True
+    dependent = tuple(group.columns[~kept[group.columns]] for group in nominal.groups)
+    others = tuple(group.columns[kept[group.columns]] for group in nominal.groups)
+    health = tuple(
+        float(_solved(scene.coordinates, scene.cuts, phi, group, d, o)[1][0])
+        for group, d, o in zip(nominal.groups, dependent, others, strict=True)
+    )
+    return Pivots(nominal, dependent, others, health)
+
+
+def reduce_batch(scene: Scene, values: Values, phi: Array, chosen: Pivots, first: int) -> Reduction:
     """Return B'' of all variants in the coordinates that were chosen for the pose as given.
 
     Parameters
     ----------
     scene : Scene
         The variants in numbers.
+    values : Values
+        What varies.
     phi : array, shape (variants, locked rows, n)
         What their cut joints lock.
-    nominal : Reduction
-        The minimal coordinates of the pose as given.
-    nominal_phi : array, shape (locked rows, n)
-        What the cut joints lock there.
+    chosen : Pivots
+        The pivots of the pose as given.
     first : int
         Index of the first of these variants, for messages.
 
@@ -64,28 +108,48 @@ def reduce_batch(scene: Scene, phi: Array, nominal: Reduction, nominal_phi: Arra
         If in a variant the coordinates are not independent, or the number of degrees of freedom is another one or in
         doubt, by index.
     """
-    cuts, matrix = scene.cuts, nominal.matrix
-    if cuts is None or matrix is None or phi.ndim == 2:
+    nominal, cuts = chosen.reduction, scene.cuts
+    if cuts is None or nominal.matrix is None or phi.ndim == 2:
         return nominal
-    variants = len(phi)
-    kept = np.zeros(phi.shape[-1], dtype=bool)
-    kept[nominal.independent] = True
-    place = np.cumsum(kept) - 1
-    result = np.zeros((variants, *matrix.shape))
-    result[:, nominal.independent, np.arange(matrix.shape[1])] = 1.0
+    variants, (n, m) = len(phi), nominal.matrix.shape
+    place = np.zeros(n, dtype=np.intp)
+    place[nominal.independent] = np.arange(m)
+    result = np.zeros((variants, n, m))
+    result[:, nominal.independent, np.arange(m)] = 1.0
     doubt = np.zeros(variants, dtype=bool)
-    for group in nominal.groups:
-        dependent, others = group.columns[~kept[group.columns]], group.columns[kept[group.columns]]
+    for group, dependent, others, given in zip(
+        nominal.groups, chosen.dependent, chosen.others, chosen.health, strict=True
+    ):
         block, health, left = _solved(scene.coordinates, cuts, phi, group, dependent, others)
-        _, given, _ = _solved(scene.coordinates, cuts, nominal_phi[None], group, dependent, others)
         result[:, dependent[:, None], place[others]] = block
         doubt |= (health < WELL_ABOVE * NEAR_SINGULAR) & (health < AS_GIVEN * given)
-        doubt |= left > WELL_BELOW * RANK_FACTOR * _noise(scene.coordinates, cuts, group)
+        if group.redundant:
+            doubt |= left > WELL_BELOW * RANK_FACTOR * _noise(scene.coordinates, cuts, group)
     reduction = replace(nominal, matrix=result)
-    redundant = any(group.redundant for group in nominal.groups)
-    for i in range(variants) if redundant else np.flatnonzero(doubt).tolist():
-        result[i] = _alone(scene, phi[i], nominal, i, first, bool(doubt[i]), result[i])
+    jumps = _may_jump(scene, values, chosen, reduction)
+    for i in np.flatnonzero(doubt | jumps).tolist():
+        result[i] = _alone(scene, values, phi[i], nominal, i, first, bool(doubt[i]), result[i])
     return reduction
+
+
+def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction) -> Mask:
+    """Tell the variants in which constraints that are redundant here may not be in the poses nearby."""
+    assert scene.cuts is not None
+    assert reduction.matrix is not None
+    result = np.zeros(len(reduction.matrix), dtype=bool)
+    if reduction.matrix.shape[2] and any(group.redundant for group in reduction.groups):
+        crossing = []
+        for row, *axes in _crossed(scene.topology, scene.cuts):
+            whole = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
+            if "orientation" in whole:
+                axes = [(rotations(whole["orientation"]) @ axis).T for axis in axes]
+            crossing.append((row, axes[0], axes[1]))
+        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing)
+        for group, dependent, others in zip(reduction.groups, chosen.dependent, chosen.others, strict=True):
+            if group.redundant:
+                left = _solved(scene.coordinates, scene.cuts, nearby, group, dependent, others)[2]
+                result |= ~(left <= WELL_BELOW * LIMIT)
+    return result
 
 
 def _solved(
@@ -125,20 +189,24 @@ def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
     return noise
 
 
-def _alone(scene: Scene, phi: Array, nominal: Reduction, i: int, first: int, doubt: bool, matrix: Array) -> Array:
+def _alone(
+    scene: Scene, values: Values, phi: Array, nominal: Reduction, i: int, first: int, doubt: bool, matrix: Array
+) -> Array:
     """Send one variant through the decisions that a single pose goes through; return its B''."""
     assert scene.cuts is not None
     coordinates, cuts = twists_of(scene.coordinates, i), cuts_of(scene.cuts, i)
     position = scene.position if scene.position.ndim == 2 else scene.position[i]
     names = [coordinates.names[k] for k in nominal.independent]
     reduction = replace(nominal, matrix=matrix)
+    joints = [values.part(joint.name, i) for joint in scene.topology.joints]
+    topology = replace(scene.topology, joints=tuple(joint for joint in joints if isinstance(joint, Joint)))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NearSingularWarning)
         try:
             if doubt:
                 reduction = reduce(coordinates, cuts, phi, names)
                 _check_freedom(reduction, nominal)
-            check_mobility(scene.topology, coordinates, cuts, reduction, position)
+            check_mobility(topology, coordinates, cuts, reduction, position)
         except (ModelError, SingularPoseError) as error:
             raise SingularPoseError(f"variant {first + i}: {error}") from error
     for warning in caught:
