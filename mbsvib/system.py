@@ -288,6 +288,37 @@ class System:
 
         return transmission_zeros(self, inputs, outputs)
 
+    def frequency_grid(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
+        n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
+    ) -> Array:  # fmt: skip
+        """Return frequencies [Hz] that miss no resonance and no antiresonance of the responses from inputs to outputs.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names; default: all. Each pair's zeros count, so that a choice saves points and time.
+        n : int, optional
+            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+        f_min, f_max : float, optional
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural
+            frequency, rounded outwards to 1, 2 or 5.
+
+        Returns
+        -------
+        array, shape (points,)
+            Ascending frequencies [Hz]; next to f no farther apart than half the distance of 2 pi i f to the nearest
+            pole or zero.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
+        """
+        from mbsvib.frequency_grid import frequency_grid
+
+        return frequency_grid(self, inputs, outputs, n, f_min=f_min, f_max=f_max)
+
     def state_space(self, realization: str = "physical") -> StateSpace:
         """Return first-order equations x' = A x + B u, y = C x + D u.
 

@@ -5,8 +5,8 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 """
 
 from mbsvib.plots.bode import bode
-from mbsvib.plots.grid import frequency_grid, time_grid
+from mbsvib.plots.grid import time_grid
 from mbsvib.plots.modes import modes
 from mbsvib.plots.step import step
 
-__all__ = ["bode", "frequency_grid", "modes", "step", "time_grid"]
+__all__ = ["bode", "modes", "step", "time_grid"]

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.frequency_grid import placed, roots
+from mbsvib.frequency_grid import span as range_of
 from mbsvib.plots import _choice as choice
-from mbsvib.plots.grid import frequency_grid, upper_eigenvalues
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
-ROUNDS = 6  # each halves the intervals in which a curve bends
-BEND_MAGNITUDE, BEND_PHASE = 0.25, np.radians(15.0)
-MOST_POINTS = 20_000
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
 NEGLIGIBLE = 1e-11
 
@@ -60,18 +58,16 @@ class Curve:
         return result
 
 
-def curves(
-    system: System, all_systems: Sequence[System], pairs: Sequence[tuple[str, str]], frequencies: ArrayLike | None,
+def shared_grid(
+    systems: Sequence[System], pairs: Sequence[tuple[str, str]], frequencies: ArrayLike | None,
     span: tuple[float | None, float | None],
-) -> list[Curve]:  # fmt: skip
-    """Return the curves of a system for pairs of (input, output).
+) -> Array:  # fmt: skip
+    """Return the frequencies [Hz] for curves of several systems: as given, or such that none misses a peak or a dip.
 
     Parameters
     ----------
-    system : System
-        Whose responses.
-    all_systems : sequence of System
-        Whose modes decide about the range of frequencies.
+    systems : sequence of System
+        Whose poles and zeros decide.
     pairs : sequence of (str, str)
         Names of inputs and outputs.
     frequencies : array-like, shape (n,), optional
@@ -81,22 +77,53 @@ def curves(
 
     Returns
     -------
-    list of Curve
-        One for each pair.
+    array, shape (points,)
+        Ascending frequencies.
 
     Raises
     ------
     ResponseError
         If a name is unknown or the frequencies are not positive.
     """
-    sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for name, _ in pairs]
-    results = [system.outputs.index(choice.pick(system, "output", name)[0]) for _, name in pairs]
-    if frequencies is None:
-        grid = _refine(system, frequency_grid(all_systems, span), sources, results)
-    else:
+    if frequencies is not None:
         grid = np.unique(np.asarray(frequencies, dtype=float))
         if not grid.size or not (np.isfinite(grid).all() and grid[0] > 0.0):
             raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
+        return grid
+    poles = np.concatenate([system.poles() for system in systems])
+    low, high = range_of(poles, *span)
+    inputs, outputs = ([*dict.fromkeys(names)] for names in zip(*pairs, strict=True))
+    places = [
+        roots(system, choice.pick(system, "input", inputs), choice.pick(system, "output", outputs))
+        for system in systems
+    ]
+    return placed(np.concatenate(places), poles, low, high)
+
+
+def curves(system: System, pairs: Sequence[tuple[str, str]], grid: Array) -> list[Curve]:
+    """Return the curves of a system for pairs of (input, output).
+
+    Parameters
+    ----------
+    system : System
+        Whose responses.
+    pairs : sequence of (str, str)
+        Names of inputs and outputs.
+    grid : array, shape (n,)
+        Frequencies [Hz].
+
+    Returns
+    -------
+    list of Curve
+        One for each pair.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown or a frequency is an undamped pole.
+    """
+    sources = [system.inputs.index(choice.pick(system, "input", name)[0]) for name, _ in pairs]
+    results = [system.outputs.index(choice.pick(system, "output", name)[0]) for _, name in pairs]
     response = system.frequency_response(2.0 * np.pi * grid)
     height = np.abs(response).max(axis=2)
     result = []
@@ -109,25 +136,3 @@ def curves(
         result.append(Curve(system.inputs[i], system.input_units[i], system.outputs[j], system.output_units[j],
                             grid, response[j, i], negligible))  # fmt: skip
     return result
-
-
-def _refine(system: System, grid: Array, sources: Sequence[int], results: Sequence[int]) -> Array:
-    poles = np.sort(np.abs(upper_eigenvalues([system]))) / (2.0 * np.pi)
-    response = system.frequency_response(2.0 * np.pi * grid)
-    shown = response[results, sources]
-    weighty = np.abs(shown).max(axis=1) > NEGLIGIBLE * np.abs(response).max()
-    shown = shown[weighty]
-    for _ in range(ROUNDS):
-        if not len(shown) or not shown.all() or len(grid) > MOST_POINTS:
-            break
-        step = shown[:, 1:] / shown[:, :-1]
-        bends = ((np.abs(np.log(np.abs(step))) > BEND_MAGNITUDE) | (np.abs(np.angle(step)) > BEND_PHASE)).any(axis=0)
-        bends &= np.searchsorted(poles, grid[1:]) == np.searchsorted(poles, grid[:-1])  # peaks have their points
-        if not bends.any():
-            break
-        new = np.sqrt(grid[1:][bends] * grid[:-1][bends])
-        values = system.frequency_response(2.0 * np.pi * new)[results, sources][weighty]
-        order = np.argsort(np.concatenate([grid, new]), kind="stable")
-        grid = np.concatenate([grid, new])[order]
-        shown = np.concatenate([shown, values], axis=1)[:, order]
-    return grid

@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.plots import _choice as choice
 from mbsvib.plots import _style as style
 from mbsvib.plots import _units as units
-from mbsvib.plots._curves import Curve, curves
+from mbsvib.plots._curves import Curve, curves, shared_grid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +63,8 @@ def bode(
     named = choice.listed(systems, labels)
     panels = choice.pairs(named[0][1], inputs, outputs)
     flat = [pair for row in panels for pair in row]
-    lines = [curves(system, [s for _, s in named], flat, frequencies, span) for _, system in named]
+    grid = shared_grid([system for _, system in named], flat, frequencies, span)
+    lines = [curves(system, flat, grid) for _, system in named]
     rows, columns, count = len(panels), max(map(len, panels)), len(flat)
     with style.context():
         figure = style.new_figure(*style.panel_size(rows, columns, 3.4, 4.8))

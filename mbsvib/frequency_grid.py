@@ -1,0 +1,195 @@
+"""Frequencies at which a response can be computed without missing a peak or a dip.
+
+|G| is a product of distances from i w to zeros, divided by a product of those to poles. Where no two neighbouring
+frequencies are farther apart than a share of each of these distances, no factor can change unseen between them. So the
+points lie densest at the imaginary part of each pole and zero, in steps of a share of its half-width there, and thin
+out by a constant ratio until they meet the even spacing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+PER_DECADE = 150
+# Neighbouring points are no farther apart than half the distance of the nearer one to a root; within its half-power
+# points a quarter, so that a peak, wherever it lies between two of them, exceeds one by 0.8 % at most: sqrt(1 + 1/64).
+SHARE = 0.5
+STEP = float(np.log1p(SHARE))  # of asinh(distance / half-width)
+WITHIN = 1.0  # half-widths in which steps are half as long
+# Points that rounding has made two of one.
+SAME = 1e-13
+# A root of less damping has no peak or dip of its own that double precision could follow: points stop short of it.
+UNDAMPED = 1e-12
+CLOSEST = 1e-6  # share of its frequency at which they stop
+APART = 1e-9  # share of the frequency of an undamped pole in which no point lies
+
+
+def frequency_grid(
+    system: System, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
+    n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
+) -> Array:  # fmt: skip
+    """Return frequencies that miss no resonance and no antiresonance of the responses from inputs to outputs.
+
+    The points next to a frequency f are nowhere farther apart than half the distance |2 pi i f - r| to the nearest
+    pole or zero r of any single response, and half of that within its half-power points, each of which is a point, as
+    is the top. Undamped poles and zeros are approached to a millionth of their frequency.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : str or sequence of str, optional
+        Names; default: all. Each pair's zeros count, so that a choice saves points and time.
+    n : int, optional
+        Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+    f_min, f_max : float, optional
+        First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural frequency,
+        rounded outwards to 1, 2 or 5.
+
+    Returns
+    -------
+    array, shape (points,)
+        Ascending frequencies [Hz].
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
+    """
+    low, high = span(system.poles(), f_min, f_max)
+    return placed(roots(system, inputs, outputs), system.poles(), low, high, n)
+
+
+def roots(system: System, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:
+    """Return all poles, and the zeros of each response by itself.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : str or sequence of str, optional
+        Names; default: all.
+
+    Returns
+    -------
+    array, shape (roots,)
+        Poles and zeros [1/s].
+    """
+    from mbsvib.transmission_zeros import numbers, transmission_zeros
+
+    sources = [system.inputs[i] for i in numbers(system, "input", inputs)]
+    results = [system.outputs[i] for i in numbers(system, "output", outputs)]
+    zeros = [transmission_zeros(system, source, result) for source in sources for result in results]
+    return np.concatenate([system.poles(), *zeros])
+
+
+def placed(places: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:
+    """Return frequencies from ``low`` to ``high`` that follow each of some poles and zeros.
+
+    Parameters
+    ----------
+    places : array, shape (roots,)
+        Poles and zeros [1/s].
+    poles : array, shape (poles,)
+        Those of them that no point may hit if they are undamped.
+    low, high : float
+        First and last frequency [Hz].
+    n : int, optional
+        Number of evenly spaced points among them; default: 150 a decade.
+
+    Returns
+    -------
+    array, shape (points,)
+        Ascending frequencies [Hz].
+
+    Raises
+    ------
+    ResponseError
+        If n is less than 2.
+    """
+    decades = np.log10(high / low)
+    count = max(2, round(PER_DECADE * decades) + 1) if n is None else n
+    if count < 2:
+        raise ResponseError(f"frequency_grid: n = {n!r}; expected at least 2 points, the first and the last.")
+    even = np.geomspace(low, high, count)
+    # corner frequencies of roots far from the axis ask for a share of the frequency, too
+    fine = np.geomspace(low, high, max(count, int(np.ceil(np.log(10.0) * decades / np.log1p(SHARE))) + 1))
+    spacing = float(fine[1] / fine[0] - 1.0)
+    turning = np.unique(np.abs(places.real) + 1j * np.abs(places.imag))
+    turning = turning[turning.imag > UNDAMPED * np.abs(turning)]
+    around = [_around(root.real, root.imag, spacing) for root in turning.tolist()]
+    grid = np.concatenate([even, fine if len(fine) > count else even[:0], *(a / (2.0 * np.pi) for a in around)])
+    grid = np.unique(grid[(grid >= low) & (grid <= high)])
+    for pole in np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)])) / (2.0 * np.pi):
+        grid = grid[np.abs(grid - pole) > APART * pole]
+    return grid[np.concatenate(([True], np.diff(grid) > SAME * grid[1:]))] if len(grid) else grid
+
+
+def _around(half_width: float, center: float, spacing: float) -> Array:
+    """Angular frequencies around a root at -half_width + i center, out to where even spacing is close enough."""
+    undamped = half_width <= UNDAMPED * center
+    unit = CLOSEST * center if undamped else half_width
+    reach = np.arcsinh(max(2.0 * spacing / SHARE * center, 4.0 * unit) / unit)
+    steps = np.arange(1.0, np.ceil(reach / STEP) + 1.0) * STEP
+    inner = np.arange(STEP / 2.0, np.arcsinh(WITHIN) + STEP, STEP)
+    away = unit * np.sinh(np.concatenate((steps, inner)))
+    if undamped:
+        away = unit + away
+        return np.concatenate((center - unit - away, center + unit + away, [center - unit, center + unit]))
+    natural = np.hypot(half_width, center)
+    peak = np.sqrt(abs(center**2 - half_width**2))  # of the displacement of a single mode
+    own = np.array([center, center - half_width, center + half_width, natural, peak])
+    return np.concatenate((center - away, center + away, own))
+
+
+def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[float, float]:
+    """Return the first and last frequency [Hz]: as given, or from the natural frequencies.
+
+    Parameters
+    ----------
+    poles : array, shape (poles,)
+        Poles [1/s].
+    f_min, f_max : float, optional
+        First and last frequency [Hz].
+
+    Returns
+    -------
+    tuple of float
+        Both, in ascending order.
+
+    Raises
+    ------
+    ResponseError
+        If they are not positive and in ascending order.
+    """
+    natural = np.abs(poles[poles != 0.0]) / (2.0 * np.pi)
+    lowest, highest = (natural.min(), natural.max()) if natural.size else (1.0, 1.0)
+    low = _rounded(0.1 * lowest, down=True) if f_min is None else float(f_min)
+    high = _rounded(3.0 * highest, down=False) if f_max is None else float(f_max)
+    if f_min is None and low >= high:
+        low = 0.01 * high
+    if f_max is None and high <= low:
+        high = 100.0 * low
+    if not (0.0 < low < high < np.inf):
+        raise ResponseError(f"frequencies from {low:g} to {high:g} Hz: expected 0 < first < last, both finite.")
+    return low, high
+
+
+def _rounded(value: float, down: bool) -> float:
+    power = 10.0 ** np.floor(np.log10(value))
+    marks = np.array([1.0, 2.0, 5.0, 10.0]) * power
+    return float(marks[marks <= value * (1 + 1e-12)][-1] if down else marks[marks >= value * (1 - 1e-12)][0])
