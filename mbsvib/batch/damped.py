@@ -1,7 +1,8 @@
 """Damped modes of all variants at once: the formulas of ``mbsvib.damped`` over arrays with an axis of variants.
 
 Classical damping is told variant by variant. Where damping couples the modes the common case is solved here, all
-modes oscillating; variants in which some creep are told apart, so that they can be solved one by one.
+modes oscillating and accurate as they come; variants in which some creep, or strong dampers leave errors that can be
+mended, are told apart, so that they can be solved one by one.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class DampedBatch:
                       None if reason else self.vectors[i], None if reason else self.slopes[i])  # fmt: skip
 
 
-def damped_batch(batch: Batch, basis: UndampedBatch) -> DampedBatch:
+def damped_batch(batch: Batch, basis: UndampedBatch, rtol: float) -> DampedBatch:
     """Return the damped modes, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
     Parameters
@@ -62,6 +63,8 @@ def damped_batch(batch: Batch, basis: UndampedBatch) -> DampedBatch:
         The variants.
     basis : UndampedBatch
         Their undamped modes.
+    rtol : float
+        Relative accuracy asked of every eigenvalue.
 
     Returns
     -------
@@ -84,10 +87,10 @@ def damped_batch(batch: Batch, basis: UndampedBatch) -> DampedBatch:
     errors[alone] = _classical_errors(roots, each, diagonal).reshape(len(alone), m, 2)
     together = np.flatnonzero(~simple & settled)
     if len(together):
-        oscillates, *found = _coupled(batch, basis, gamma[together], together)
+        mendable, *found = _coupled(batch, basis, gamma[together], together)
         for array, value in zip((pairs, vectors, slopes, errors), found, strict=True):
             array[together] = value
-        settled[together] = oscillates
+        settled[together] = mendable <= rtol
     return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, settled)
 
 
@@ -124,8 +127,8 @@ def _classical(batch: Batch, basis: UndampedBatch) -> tuple[tuple[str, ...], Arr
 
 def _coupled(
     batch: Batch, basis: UndampedBatch, gamma: Array, which: Index
-) -> tuple[Mask, Complex, Complex, Complex, Array]:
-    """Where all modes oscillate, and there: pairs, vectors, slopes and errors of the modes."""
+) -> tuple[Array, Complex, Complex, Complex, Array]:
+    """The largest error that can be mended, infinite where not all modes oscillate; pairs, vectors, slopes, errors."""
     n, m = gamma.shape[:2]
     omega = np.sqrt(np.abs(basis.square[which]))
     at = np.arange(m)
@@ -137,7 +140,7 @@ def _coupled(
     values, y = values.astype(complex), right[:, m:].astype(complex)
     y /= np.linalg.norm(y, axis=1)[:, None]
     oscillates = (np.count_nonzero(values.imag > 0.0, axis=1) == m) & (np.count_nonzero(values.imag, axis=1) == 2 * m)
-    values, y, slope, bound = _rayleigh(batch, basis, gamma, which, values, y)
+    values, y, slope, bound, mendable = _rayleigh(batch, basis, gamma, which, values, y)
     # LAPACK puts the conjugate right behind
     rank = np.where(values.imag > 0.0, np.abs(values), np.inf)
     first = np.argsort(rank, axis=1, kind="stable")[:, :m]
@@ -146,12 +149,13 @@ def _coupled(
     pairs = np.take_along_axis(values, chosen, 1).reshape(n, m, 2)
     vectors = np.take_along_axis(y, chosen[:, None], 2).reshape(n, m, m, 2)
     slopes = np.take_along_axis(slope, chosen, 1).reshape(n, m, 2)
-    return oscillates, pairs, vectors, slopes, np.take_along_axis(bound, chosen, 1).reshape(n, m, 2)
+    errors = np.take_along_axis(bound, chosen, 1).reshape(n, m, 2)
+    return np.where(oscillates, mendable, np.inf), pairs, vectors, slopes, errors
 
 
 def _rayleigh(
     batch: Batch, basis: UndampedBatch, gamma: Array, which: Index, values: Complex, y: Complex
-) -> tuple[Complex, Complex, Complex, Array]:
+) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics and vectors by what the others see of the residual."""
     shapes, square = basis.shapes[which], basis.square[which]
     h, e = batch.inertia_factor[which] @ shapes, batch.elastic_rows[which] @ shapes
@@ -179,6 +183,8 @@ def _rayleigh(
     doubt = np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen)
     doubt = np.einsum("vij,vij->vj", seen, doubt)
     doubt += 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, spread @ size)
+    mendable = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
+    mendable[~small] = 1.0
     trust = 2.0 * (basis.errors[which][:, :, None] + EPS)
     doubt += np.einsum("vij,vij->vj", size, (speed[:, None] ** 2 + np.abs(square)[:, :, None]) * trust * size)
     bound = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
@@ -187,4 +193,5 @@ def _rayleigh(
     y /= np.linalg.norm(y, axis=1)[:, None]
     slopes = np.einsum("vij,vij->vj", y, 2.0 * wide * y + gamma @ y)
     relative = np.divide(np.abs(step), speed, out=np.ones_like(speed), where=speed > 0.0)
-    return improved, y, slopes, np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
+    bound = np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
+    return improved, y, slopes, bound, mendable.max(axis=1, initial=0.0)

@@ -169,14 +169,15 @@ def _solved(
     except np.linalg.LinAlgError:
         singular = np.linalg.slogdet(a)[0] == 0.0
         solution = np.linalg.solve(np.where(singular[:, None, None], np.eye(r), a), both)
-        solution[singular] = np.inf
+        solution[singular] = np.nan
     block, inverse = solution[:, :, : len(others)], solution[:, :, len(others) :]
     size, growth = np.sqrt(np.einsum("vij,vij->v", a, a)), np.sqrt(np.einsum("vij,vij->v", inverse, inverse))
     health = np.divide(1.0, size * growth, out=np.ones_like(size), where=np.isfinite(growth) & (size > 0.0))
-    health[np.isinf(growth)] = 0.0
+    lost = ~np.isfinite(growth)
+    health[lost], block[lost] = 0.0, 0.0
     left = np.zeros(len(phi))
     if not needed.all() and len(others):
-        rest = scaled[:, ~needed, r:] - scaled[:, ~needed, :r] @ np.where(health[:, None, None] > 0.0, block, 0.0)
+        rest = scaled[:, ~needed, r:] - scaled[:, ~needed, :r] @ block
         left = np.abs(rest).max(axis=(1, 2))
     return block * -(column_scale[dependent, None] / column_scale[others]), health, left
 
@@ -205,8 +206,8 @@ def _alone(
         try:
             if doubt:
                 reduction = reduce(coordinates, cuts, phi, names)
-                _check_freedom(reduction, nominal)
             check_mobility(topology, coordinates, cuts, reduction, position)
+            _check_freedom(reduction, nominal)
         except (ModelError, SingularPoseError) as error:
             raise SingularPoseError(f"variant {first + i}: {error}") from error
     for warning in caught:

@@ -112,7 +112,7 @@ def batch_modes(batch: Batch, rtol: float = RTOL) -> BatchModes:
     BatchModes
         Eigenvalues, shapes and error estimates.
     """
-    result = damped_batch(batch, undamped_batch(batch, rtol))
+    result = damped_batch(batch, undamped_batch(batch, rtol), rtol)
     classical = np.array([bool(reason) for reason in result.classical])
     shapes: Array | Complex = result.shapes.copy()
     if not classical.all():
