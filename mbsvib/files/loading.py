@@ -12,7 +12,8 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.files.document import Document, Place
 from mbsvib.files.reading import read
 from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, options, unfit, words
-from mbsvib.model import GROUND, Model
+from mbsvib.mechanism import GROUND
+from mbsvib.model import Model
 
 # keys at the top level besides the sections and the words of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 import mbsvib as mv
 from mbsvib.files.words import SECTIONS
-from mbsvib.model import GROUND
+from mbsvib.mechanism import GROUND
 from mbsvib.parts.joint import KINDS
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
