@@ -3,7 +3,8 @@
 In the undamped modes' coordinates the damping matrix is Gamma = Phi^T C Phi. Where it is diagonal (classical damping)
 every mode is a quadratic of its own. Elsewhere the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]], whose
 norm is the largest frequency and not its square, each improved by Newton steps on its own two-sided Rayleigh
-quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0.
+quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0. Where strong dampers leave that in doubt, their
+forces are made unknowns (``strong_damping``).
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from mbsvib.strong_damping import forces, improved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,6 +30,8 @@ EPS = float(np.finfo(float).eps)
 CLASSICAL = 1e-13
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
+# Of the accuracy asked for, this share may be in doubt; errors of the undamped modes need some of it too.
+MARGIN = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,7 @@ class Damped:
     slopes: Complex | None
 
 
-def damped(system: System, basis: Undamped) -> Damped:
+def damped(system: System, basis: Undamped, rtol: float) -> Damped:
     """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
@@ -69,6 +74,8 @@ def damped(system: System, basis: Undamped) -> Damped:
         The equations of motion.
     basis : Undamped
         Its undamped modes.
+    rtol : float
+        Relative accuracy asked of every eigenvalue.
 
     Returns
     -------
@@ -81,7 +88,8 @@ def damped(system: System, basis: Undamped) -> Damped:
         errors = _classical_errors(pairs, basis, gamma)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(basis, gamma)
-    pairs, vectors, slopes, errors = _coupled(basis, _forms(system, shapes, gamma, basis.rigid), free)
+    forms = _forms(system, shapes, gamma, basis.rigid)
+    pairs, vectors, slopes, errors = _coupled(basis, forms, _dampers(system, shapes), free, rtol)
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
 
 
@@ -157,13 +165,26 @@ def _forms(system: System, shapes: Array, gamma: Array, rigid: int) -> _Forms:
     return _Forms(h.T @ h, gamma, stiffness, cancel.T @ (np.abs(e) * np.abs(system.damping)[:, None]))
 
 
-def _coupled(basis: Undamped, forms: _Forms, free: int) -> tuple[Complex, Complex, Complex, Array]:
+def _dampers(system: System, shapes: Array) -> Array | None:
+    """Rows L with L^T L = Gamma; None where a damper pushes."""
+    used = system.damping != 0.0
+    if (system.damping < 0.0).any():
+        return None
+    rows: Array = (system.elastic_rows[used] @ shapes) * np.sqrt(system.damping[used])[:, None]
+    return rows
+
+
+def _coupled(
+    basis: Undamped, forms: _Forms, dampers: Array | None, free: int, rtol: float
+) -> tuple[Complex, Complex, Complex, Array]:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2)."""
     m, r = len(basis.square), basis.rigid
     values, right = _energy_eigenvalues(basis, forms.damping, free)
     y = np.zeros((m, len(values)), dtype=complex)
     y[free:] = right / np.linalg.norm(right, axis=0)
-    values, y, slope, bound = _rayleigh(values, y, forms, basis)
+    values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
+    if dampers is not None and float(doubt.max(initial=0.0)) > MARGIN * rtol:
+        values, y, slope, bound = _with_forces((values, y, slope, bound), dampers, doubt, basis, free, MARGIN * rtol)
     first, second = _pair(values, y, free, r)
     pairs = np.zeros((m, 2), dtype=complex)
     vectors = np.zeros((m, m, 2), dtype=complex)
@@ -202,9 +223,9 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
 
 def _rayleigh(
     values: Complex, y: Complex, forms: _Forms, basis: Undamped
-) -> tuple[Complex, Complex, Complex, Array]:
+) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve every eigenvalue by its two-sided Rayleigh quadratic and every vector by what the others see of its
-    residual; return both with the slopes and a bound of the eigenvalues' relative errors.
+    residual; return both with the slopes, a bound of the eigenvalues' relative errors, and what of it can be mended.
     """
     inertia, damping, elastic = forms.mass @ y, forms.damping @ y, forms.stiffness @ y
     a, b, c = (np.einsum("ij,ij->j", y, part) for part in (inertia, damping, elastic))
@@ -228,9 +249,8 @@ def _rayleigh(
     doubt = np.einsum("ij,ij->j", seen, doubt)
     # rounding of the three quadratic forms; errors of the frequencies tell how far the factors can be trusted
     doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread @ size)
-    trust = 2.0 * (basis.errors[:, None] + EPS)
-    doubt += np.einsum("ij,ij->j", size, (speed**2 + np.abs(basis.square[:, None])) * trust * size)
-    bound = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
+    mendable = _relative(doubt, slope * speed, np.where(small, 0.0, 1.0))
+    bound = _relative(doubt + _trust(improved, y, basis), slope * speed, np.where(small, 0.0, np.abs(step) / speed))
     near = (CORRECTION * apart <= seen) | (distance == 0.0)
     mixing = np.divide(share, distance, out=np.zeros_like(share), where=~near)
     y = y - y @ mixing
@@ -238,7 +258,53 @@ def _rayleigh(
     y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
     y /= np.linalg.norm(y, axis=0)
     exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.damping @ y)
-    return improved, y, exact_slope, np.minimum(np.where(small, bound, np.maximum(bound, np.abs(step) / speed)), 1.0)
+    return improved, y, exact_slope, bound, mendable
+
+
+def _trust(values: Complex, y: Complex, basis: Undamped) -> Array:
+    """What errors of the undamped modes do to the quadratics."""
+    size = np.abs(y)
+    trust = 2.0 * (basis.errors[:, None] + EPS)
+    energy = (np.abs(values) ** 2 + np.abs(basis.square[:, None])) * trust * size
+    return np.asarray(np.einsum("ij,ij->j", size, energy))
+
+
+def _relative(doubt: Array, slope: Array, least: Array) -> Array:
+    bound = np.divide(doubt, slope, out=np.ones_like(slope), where=slope > 0.0)
+    return np.minimum(np.maximum(bound, least), 1.0)
+
+
+_Found = tuple["Complex", "Complex", "Complex", "Array"]
+
+
+def _with_forces(
+    found: _Found, dampers: Array, doubt: Array, basis: Undamped, free: int, rtol: float
+) -> _Found:
+    """Values, vectors, slopes and bounds, with those in doubt from the dampers' forces where that is better."""
+    values, y, slope, bound = found[0].copy(), found[1].copy(), found[2].copy(), found[3].copy()
+    equations = forces(basis.square[free:], dampers[:, free:], basis.rigid - free)
+    new, shapes, slopes, errors = improved(equations, values, doubt, rtol)
+    motion = np.zeros_like(y)
+    motion[free:] = shapes
+    size = np.abs(slopes * new)
+    errors += np.divide(_trust(new, motion, basis), size, out=np.zeros_like(size), where=size > 0.0)
+    better = errors < bound
+    values[better], y[:, better], slope[better], bound[better] = (
+        new[better], motion[:, better], slopes[better], errors[better]
+    )  # fmt: skip
+    upper, real = np.nonzero(values.imag > 0.0)[0], np.nonzero(values.imag == 0.0)[0]
+    distance = np.abs(values[:, None] - values)
+    np.fill_diagonal(distance, np.inf)
+    nearest = np.argmin(np.abs(values.conj()[upper, None] - values), axis=1) if len(upper) else upper
+    whole = 2 * len(upper) + len(real) == len(values) and len(set(nearest.tolist())) == len(upper)
+    if not whole or (distance <= 2.0 * bound * np.abs(values)).any():
+        return found  # two have met, or a conjugate is missing
+    pairs = np.repeat(upper, 2)
+    order = np.concatenate((pairs, real))
+    values, y, slope = values[order], y[:, order], slope[order]
+    second = slice(1, len(pairs), 2)
+    values[second], y[:, second], slope[second] = values[second].conj(), y[:, second].conj(), slope[second].conj()
+    return values, y, slope, bound[order]
 
 
 def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -231,7 +231,7 @@ def modes(system: System, rtol: float = RTOL) -> Modes:
         Eigenvalues, shapes and error estimates.
     """
     basis = undamped(system, rtol)
-    result = damped(system, basis)
+    result = damped(system, basis, rtol)
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
         largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(system.dof)]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.stress.compare import assert_honest, modes_of, undamped_errors
+from tests.stress.compare import assert_honest, damped_errors, modes_of, undamped_errors
 from tests.stress.families import ladder, linkage, wide
 
 UNDAMPED = {
@@ -42,3 +42,39 @@ def test_undamped(family):
 def test_undamped_at_length(family):
     bounds = check_undamped(family, range(3, 30))
     assert np.median(bounds) <= 1e-14
+
+
+FLOATING = ("revolute", "prismatic", "universal")
+DAMPED = {
+    "chain": lambda seed, span: wide(seed, 6, damping=span),
+    "tree": lambda seed, span: wide(seed, 6, branches=True, damping=span),
+    "floating tree": lambda seed, span: wide(seed, 4, FLOATING, True, floating=True, damping=span),
+    "four-bars": lambda seed, span: linkage(seed, 3, damping=span),
+    "spatial four-bars": lambda seed, span: linkage(seed, 2, spatial=True, damping=span),
+}
+SHARES = {"light": (0.0, 1e-2), "critical": (0.0, 10.0), "any": (1e-6, 1e6), "strong": (1.0, 1e6)}  # of critical
+
+
+def check_damped(family, shares, seeds):
+    bounds = []
+    for seed in seeds:
+        model = DAMPED[family](seed, SHARES[shares])
+        modes = modes_of(model)
+        errors, promised = damped_errors(model, modes)
+        assert_honest(errors, promised)
+        bounds.append(promised)
+    return np.concatenate(bounds)
+
+
+@pytest.mark.parametrize("shares", SHARES)
+@pytest.mark.parametrize("family", DAMPED)
+def test_damped(family, shares):
+    """Dampers that are anything between nothing and a million times critical, in no proportion to the stiffness."""
+    assert np.median(check_damped(family, shares, range(2))) <= 1e-13
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shares", SHARES)
+@pytest.mark.parametrize("family", DAMPED)
+def test_damped_at_length(family, shares):
+    assert np.median(check_damped(family, shares, range(2, 14))) <= 1e-13

@@ -1,0 +1,211 @@
+"""Eigenvalues under strong damping, with the forces of the dampers as unknowns.
+
+Where dampers all but lock a motion, Gamma = L^T L has rounding errors above everything that the other motions feel, and
+eigenvalues that creep or swing beside the locked ones lose their digits. The forces f = lambda L y are as small as
+these motions ask for, so that in
+
+    T(lambda) (y, f) = [[lambda^2 + Omega^2, L^T], [L, -1 / lambda]] (y, f) = 0,    det T = det Q (-lambda)^-r
+
+brought to entries of the order of one nothing is lost. Doubtful eigenvalues are improved together, by steps that keep
+them apart from all others, and each then by the quotient that is stationary in y and f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.loops import pivoted_qr
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+# Eigenvalues that start with digits need one to three steps; those that start with none seldom more than ten.
+STEPS = 30
+# Steps this small leave the rest to the quotients, which square what is left.
+CLOSE = 1e-7
+# An eigenvalue as uncertain as this may be real or not: it starts off the real axis, and returns to it or does not.
+UNSURE = 1e-3
+# Each squares the error of the one before.
+QUOTIENTS = 4
+# Some roundings beside an eigenvalue the inverse exists; if not, then a little further.
+BESIDE = (1.0 + 5.0 * EPS, 1.0 + 70.0 * EPS, 1.0 + 900.0 * EPS, 1.0 + 1e4 * EPS)
+# A batch of matrices stays in this much memory.
+BATCH_BYTES = 32 * 2**20
+# Rounding of a solution with an equilibrated matrix, and of the products, each some times eps; calibrated in the tests.
+ROUNDING = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Forces:
+    """The equations with the dampers' forces: ``square`` (n,) of the undamped frequencies, rows ``dampers`` (r, n) of
+    L, and how often 0 is an eigenvalue (rigid-body modes that come to rest).
+    """
+
+    square: Array
+    dampers: Array
+    zeros: int
+
+    def matrix(self, s: Any) -> tuple[Any, Array]:
+        """Return S T S with entries of the order of one, (k, n + r, n + r), and the scale S (k, n + r)."""
+        n, size, omega = len(self.square), np.abs(s)[:, None], np.sqrt(np.abs(self.square))
+        scale = np.empty((len(s), n + len(self.dampers)))
+        scale[:, :n] = 1.0 / np.maximum(size, omega)
+        rows = self.dampers * scale[:, None, :n]
+        scale[:, n:] = 1.0 / np.maximum(np.abs(rows).max(axis=2), 1.0 / np.sqrt(size))
+        rows *= scale[:, n:, None]
+        result = np.zeros((len(s), *scale.shape[1:] * 2), dtype=s.dtype)
+        result[:, n:, :n] = rows
+        result[:, :n, n:] = rows.transpose(0, 2, 1)
+        i, j = np.arange(n), n + np.arange(len(self.dampers))
+        ratio, part = s[:, None] * scale[:, :n], omega * scale[:, :n]
+        turn = 1j * part if np.iscomplexobj(s) else part
+        swings = (ratio + turn) * (ratio - turn) if np.iscomplexobj(s) else ratio**2 + part**2
+        result[:, i, i] = np.where(self.square >= 0.0, swings, (ratio + part) * (ratio - part))
+        result[:, j, j] = -(scale[:, n:] ** 2) / s[:, None]
+        return result, scale
+
+    def slopes(self, s: Any) -> Any:
+        """Return the diagonal of T', (k, n + r)."""
+        of_forces = np.repeat(s[:, None] ** -2, len(self.dampers), axis=1)
+        return np.concatenate((np.repeat(2.0 * s[:, None], len(self.square), axis=1), of_forces), axis=1)
+
+    def batches(self, count: int) -> list[slice]:
+        """Return slices of ``count`` points whose matrices fit in memory."""
+        size = max(1, BATCH_BYTES // (16 * (len(self.square) + len(self.dampers)) ** 2))
+        return [slice(start, start + size) for start in range(0, count, size)]
+
+
+def forces(square: Array, dampers: Array, zeros: int) -> Forces:
+    """Return the equations with no more damper rows than motions.
+
+    Parameters
+    ----------
+    square : array, shape (n,)
+        Squares of the undamped frequencies of the basis.
+    dampers : array, shape (rows, n)
+        L, one row per damper.
+    zeros : int
+        Multiplicity of the eigenvalue 0.
+
+    Returns
+    -------
+    Forces
+        With a triangle in place of L, by a QR that keeps the digits of small rows.
+    """
+    qr, order, _ = pivoted_qr(dampers[np.argsort(-np.abs(dampers).max(axis=1), kind="stable")])
+    root = np.triu(qr[: dampers.shape[1]])[:, np.argsort(order)]
+    return Forces(square, root[root.any(axis=1)], zeros)
+
+
+def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> tuple[Complex, Complex, Complex, Array]:
+    """Improve the eigenvalues whose error may exceed ``rtol``.
+
+    Parameters
+    ----------
+    equations : Forces
+        The equations.
+    values : array, shape (k,)
+        All eigenvalues but 0, roughly.
+    doubt : array, shape (k,)
+        Their relative errors, at most.
+    rtol : float
+        What is good enough.
+
+    Returns
+    -------
+    tuple of array
+        Eigenvalues; and of those which were improved, others being 0: modes y (n, k), slopes (k,) y^T (2 lambda +
+        Gamma) y and relative errors (k,), infinite for the others.
+
+    Source: Aberth, Math. Comp. 27 (1973), for the simultaneous steps.
+    """
+    n = len(equations.square)
+    late = np.nonzero(doubt > rtol)[0]
+    result = values.copy()
+    y, slopes, errors = np.zeros((n, len(values)), dtype=complex), np.zeros_like(values), np.full(len(values), np.inf)
+    try:
+        result = _apart(equations, values, late, doubt)
+        real = result[late].imag == 0.0
+        for group, part in ((late[real], result.real), (late[~real], result)):
+            for batch in equations.batches(len(group)):
+                k = group[batch]
+                result[k], y[:, k], slopes[k], errors[k] = _stationary(equations, part[k])
+    except np.linalg.LinAlgError:
+        return values, y, slopes, np.full(len(values), np.inf)
+    return result, y, slopes, errors
+
+
+def _apart(equations: Forces, values: Complex, late: NDArray[np.intp], doubt: Array) -> Complex:
+    """Newton's steps on det Q for some of the eigenvalues, from which the other eigenvalues are divided out."""
+    z = values.copy()
+    unsure = late[doubt[late] >= UNSURE]
+    z[unsure] *= 1.0 + 1j * UNSURE * np.cos(unsure)
+    active = late[doubt[late] > CLOSE]
+    for _ in range(STEPS):
+        if not len(active):
+            break
+        newton = np.concatenate([_newton(equations, z[active[batch]]) for batch in equations.batches(len(active))])
+        distance = z[active, None] - z
+        distance[np.arange(len(active)), active] = np.inf
+        distance[distance == 0.0] = EPS * np.abs(z).max()
+        step = newton / (1.0 - newton * (1.0 / distance).sum(axis=1))
+        step = np.where(np.isfinite(step), step, 0.0)
+        held = (values[active].imag == 0.0) & (doubt[active] < UNSURE)
+        z[active] -= np.where(held, step.real, step)
+        active = active[np.abs(step) > CLOSE * np.abs(z[active])]
+    nearly_real = unsure[np.abs(z[unsure].imag) <= 10.0 * CLOSE * np.abs(z[unsure])]
+    z[nearly_real] = z[nearly_real].real
+    return z
+
+
+def _newton(equations: Forces, s: Complex) -> Complex:
+    """p / p' of p = det Q(s) / s^zeros."""
+    inverse, scale = _beside(equations, s, np.linalg.inv)
+    trace = (np.einsum("kii->ki", inverse) * scale**2 * equations.slopes(s)).sum(axis=1)
+    result: Complex = 1.0 / (trace + (len(equations.dampers) - equations.zeros) / s)
+    return result
+
+
+def _solution(right: Any, matrix: Any) -> Any:
+    return np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
+
+
+def _beside(equations: Forces, s: Any, solve: Callable[[Any], Any]) -> tuple[Any, Array]:
+    """Return what ``solve`` makes of the matrices next to s, and their scale."""
+    for factor in BESIDE[:-1]:
+        matrix, scale = equations.matrix(s * factor)
+        try:
+            return solve(matrix), scale
+        except np.linalg.LinAlgError:
+            continue
+    matrix, scale = equations.matrix(s * BESIDE[-1])
+    return solve(matrix), scale
+
+
+def _stationary(equations: Forces, s: Any) -> tuple[Any, Any, Any, Array]:
+    """Eigenvalues by the quotient x^T T x / x^T T' x, stationary in x = (y, f); y, slopes and error bounds."""
+    n = len(equations.square)
+    x = np.ones((len(s), n + len(equations.dampers)), dtype=s.dtype)
+    for _ in range(QUOTIENTS):
+        x = _beside(equations, s, partial(_solution, x))[0]
+        x /= np.linalg.norm(x, axis=1)[:, None]
+        matrix, scale = equations.matrix(s)
+        slope = (x * x * scale**2 * equations.slopes(s)).sum(axis=1)
+        step = np.einsum("ki,ki->k", x, np.einsum("kij,kj->ki", matrix, x)) / slope
+        s = s - step
+    size = np.einsum("ki,ki->k", np.abs(x), np.einsum("kij,kj->ki", np.abs(matrix), np.abs(x)))
+    speed = np.abs(s)
+    errors = ROUNDING * EPS * size / (np.abs(slope) * speed) + np.abs(step) / speed
+    y = x[:, :n] * scale[:, :n]
+    length = np.linalg.norm(y, axis=1)
+    return s, (y / length[:, None]).T, slope / length**2, errors
