@@ -187,9 +187,11 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
                 apart.append((other, members))
         groups = [*apart, (mask, loops)]
     row = np.arange(len(cuts.names))
-    of_loop = np.split(row, cuts.start[1:])
+    if len(groups) == 1:
+        return [(row, np.flatnonzero(touched.any(axis=0)))]
+    ends = [*cuts.start.tolist(), len(row)]
     return [
-        (row if len(groups) == 1 else np.concatenate([of_loop[loop] for loop in loops]),
+        (np.concatenate([row[ends[loop] : ends[loop + 1]] for loop in loops]),
          np.flatnonzero(touched[loops].any(axis=0)))
         for _, loops in groups
     ]  # fmt: skip
