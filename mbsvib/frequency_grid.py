@@ -42,7 +42,7 @@ def frequency_grid(
     system: System, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
     n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
 ) -> Array:  # fmt: skip
-    """Return frequencies that miss no resonance and no antiresonance of the responses from inputs to outputs.
+    """Return angular frequencies that miss no resonance and no antiresonance of the responses from inputs to outputs.
 
     The points next to a frequency f are nowhere farther apart than half the distance |2 pi i f - r| to the nearest
     pole or zero r of any single response, and half of that within its half-power points, each of which is a point, as
@@ -63,7 +63,7 @@ def frequency_grid(
     Returns
     -------
     array, shape (points,)
-        Ascending frequencies [Hz].
+        Ascending angular frequencies [rad/s], as ``frequency_response`` takes them.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def frequency_grid(
         If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
     """
     low, high = span(system.poles(), f_min, f_max)
-    return placed(roots(system, inputs, outputs), system.poles(), low, high, n)
+    return 2.0 * np.pi * placed(roots(system, inputs, outputs), system.poles(), low, high, n)
 
 
 def roots(system: System, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:

@@ -167,6 +167,12 @@ class System:
 
         return energy_schur(self._modal)
 
+    @cached_property
+    def _strong_dampers(self) -> Array | None:
+        from mbsvib.frequency_response import strong_dampers
+
+        return strong_dampers(self, self._modal)
+
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
 
@@ -292,7 +298,7 @@ class System:
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
         n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
     ) -> Array:  # fmt: skip
-        """Return frequencies [Hz] that miss no resonance and no antiresonance of the responses from inputs to outputs.
+        """Return angular frequencies that miss no resonance and no antiresonance of responses from inputs to outputs.
 
         Parameters
         ----------
@@ -307,8 +313,8 @@ class System:
         Returns
         -------
         array, shape (points,)
-            Ascending frequencies [Hz]; next to f no farther apart than half the distance of 2 pi i f to the nearest
-            pole or zero.
+            Ascending angular frequencies [rad/s], as ``frequency_response`` takes them; next to w no farther apart than
+            half the distance of i w to the nearest pole or zero.
 
         Raises
         ------
