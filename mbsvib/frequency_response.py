@@ -3,7 +3,8 @@
 Where damping couples the modes so that eigenvectors are nearly dependent, the sum is not accurate, which the residual
 of the equations tells at a few frequencies. Then (Omega^2 - w^2 + i w Gamma) eta = Phi^T B is solved instead: with the
 Schur form of the state matrix in energy coordinates, all frequencies at once, refined until the residual is rounding,
-and frequency by frequency where that does not succeed.
+and frequency by frequency where that does not succeed. Where dampers are so strong that rounding in Gamma = L^T L is
+felt by motions that they lock, Gamma is not formed: what the dampers feel is told from what they do not.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import lapack
 
 from mbsvib.errors import ResponseError
 from mbsvib.modal_sum import sum_of_motions
+from mbsvib.undamped import _sorted_qr as sorted_qr
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -28,6 +31,8 @@ EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14
+# Dampers are strong where rounding in Gamma exceeds that: eps |L|^T |L| in parts of omega_i + omega_j.
+STRONG = 200.0
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 REFINEMENTS = 4
 
@@ -58,7 +63,9 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     """
     w = _checked(omega)
     modal, size = system._modal, np.abs(w)
-    if modal.vectors is not None and not trusted(modal, modal.shapes.T @ system.B, size):
+    if modal.vectors is not None and (
+        system._strong_dampers is not None or not trusted(modal, modal.shapes.T @ system.B, size)
+    ):
         result = _solved(system, modal, size)
     else:
         result = system._modal_sum.at(1j * size)
@@ -132,6 +139,34 @@ def conditions(modal: Damped) -> Array:
         return np.asarray(np.where(size > 0.0, (size + elastic / size) / slope, 1.0))
 
 
+def strong_dampers(system: System, modal: Damped) -> Array | None:
+    """Return rows L (dampers, m) with Gamma = L^T L where rounding in Gamma is felt, else None.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    modal : Damped
+        Its modes.
+
+    Returns
+    -------
+    array or None
+        Rows in the basis.
+    """
+    used = system.damping != 0.0
+    if modal.vectors is None or (system.damping < 0.0).any():
+        return None
+    root = np.sqrt(system.damping[used])[:, None]
+    rows = system.elastic_rows[used]
+    dampers = (rows @ modal.shapes) * root
+    omega = np.sqrt(np.abs(modal.square))
+    together = omega[:, None] + omega
+    together[together == 0.0] = np.inf  # rigid-body modes do not share a damper: Gamma is diagonal there
+    spread = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
+    return dampers if (spread > STRONG * together).any() else None
+
+
 def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Complex, Array]:
     """Residual b - Q(s) eta at s = i w, (m, inputs, n), and its size relative to the terms, (n,), as motions."""
     w, root = s.imag, np.sqrt(np.abs(modal.square))[:, None, None]
@@ -154,7 +189,10 @@ def _solved(system: System, modal: Damped, w: Array) -> Complex:
     batch = max(1, BATCH_BYTES // (64 * max(1, b.size)))
     for start in range(0, len(w), batch):
         s = (1j * w[start : start + batch]).astype(complex, copy=False)
-        eta = _refined(system, modal, b, s)
+        if system._strong_dampers is not None:
+            eta = _separated(modal, system._strong_dampers, b, w, start + np.arange(len(s)))
+        else:
+            eta = _refined(system, modal, b, s)
         bad = np.nonzero(~np.isfinite(eta).all(axis=(0, 1)))[0]
         eta[:, :, bad] = _direct(modal, b, w, start + bad)
         parts = [np.tensordot(c, eta, axes=1) for c in outputs]
@@ -195,6 +233,39 @@ def _direct(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Compl
         except np.linalg.LinAlgError:
             singular = [i for i, a in enumerate(matrix) if np.linalg.matrix_rank(a) < m]
             _refuse_pole(w, 0, int(chosen[singular[0]]))
+    return result
+
+
+def _separated(modal: Damped, dampers: Array, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+    """Solutions (m, inputs, which) in motions v = R eta of the dampers, L = Q R, and motions that they do not feel.
+
+    R is graded: sorted by size and pivoted, it keeps the digits of weak dampers beside strong ones. In v damping is
+    diagonal, so that it meets inertia and stiffness nowhere but in the imaginary part of its own place.
+    """
+    (m, inputs), rows = b.shape, min(dampers.shape)
+    result = np.empty((m, inputs, len(which)), dtype=complex)
+    root, motion = np.sqrt(np.abs(modal.square)), np.arange(m)
+    turn = np.empty((m, m))
+    for k, i in enumerate(which):
+        scale = 1.0 / np.sqrt(np.abs(modal.square) + w[i] ** 2)
+        stiff = np.where(modal.square >= 0.0, (root - w[i]) * (root + w[i]), modal.square - w[i] ** 2) * scale**2
+        upper, order = sorted_qr(dampers * scale)
+        pivots = upper[:rows].diagonal()
+        felt = int(np.count_nonzero(pivots))
+        change = np.eye(m)
+        change[:felt] = upper[:felt] / pivots[:felt, None]
+        turn[order] = lapack.dtrtri(change, unitdiag=1)[0]
+        matrix = (turn.T @ (stiff[:, None] * turn)).astype(complex)
+        strength = np.zeros(m)
+        strength[:felt] = w[i] * pivots[:felt] ** 2
+        matrix[motion, motion] += 1j * strength
+        size = 1.0 / np.sqrt(np.maximum(1.0, strength))
+        right = (turn.T @ (b * scale[:, None])) * size[:, None]
+        try:
+            solution = np.linalg.solve(matrix * size[:, None] * size, right) * size[:, None]
+        except np.linalg.LinAlgError:
+            _refuse_pole(w, 0, int(i))
+        result[:, :, k] = (turn @ solution) * scale[:, None]
     return result
 
 

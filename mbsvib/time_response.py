@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 HOLDS = ("zero", "first")
 EPS = float(np.finfo(float).eps)
+# Condition numbers of eigenvalues up to which a sum over modes loses less than the exponential beside strong dampers.
+DEPENDENT = 1e3
 CHUNK = 4096  # samples whose states are held in memory at a time
 SEGMENTS = 64  # of one chunk, side by side
 STEPS_AT_ONCE = 256  # uneven steps whose closed forms are computed at a time
@@ -83,7 +85,7 @@ def time_response(
     rates = tuple(c @ modal.shapes for c in (system.Cq, system.Cv, system.Ca))
     if modal.vectors is None:
         blocks = [_oscillators(modal.square, modal.gamma, b, rates, start)]
-    elif _independent(modal):
+    elif _independent(system, modal):
         blocks = _complex(modal, b, rates, start)
     else:
         return _by_exponential(system, modal, (time, inputs, start, first))
@@ -94,10 +96,12 @@ def time_response(
     return y
 
 
-def _independent(modal: Damped) -> bool:
+def _independent(system: System, modal: Damped) -> bool:
     """Tell whether eigenvectors are good enough for initial states and inputs of any kind."""
-    from mbsvib.frequency_response import trusted
+    from mbsvib.frequency_response import conditions, trusted
 
+    if system._strong_dampers is not None:  # a residual with Gamma would show its rounding, not that of the modes
+        return bool((conditions(modal) <= DEPENDENT).all())
     return trusted(modal, np.eye(len(modal.square)), np.sort(np.abs(modal.pairs).reshape(-1)))
 
 

@@ -160,6 +160,32 @@ def test_the_three_roads_agree(seed):
     assert (np.abs(found - through) <= 1e-12 * np.abs(through).max(axis=1, keepdims=True)).all()
 
 
+def locked_by_dampers(seed):
+    """Dampers from far below critical to a million times critical, side by side; the lightest modes at 1e-5 or so."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(4, 10))
+    m, k = 10.0 ** rng.uniform(-0.5, 0.5, n), 10.0 ** rng.uniform(3, 5, n)
+    return m, k, np.sqrt(k * m) * 10.0 ** rng.uniform(-2, 6, n)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_strong_dampers(seed):
+    """Rounding in Gamma is more than all that locked motions feel: what dampers feel is told from what they do not."""
+    data = locked_by_dampers(seed)
+    last = len(data[0]) - 1
+    inputs = (0, last // 2, last)
+    outputs = [("displacement", 0), ("velocity", last // 2), ("acceleration", last)]
+    system = sliding_chain(*data, inputs, outputs).linearize()
+    assert system._strong_dampers is not None
+    natural = 2 * np.pi * system.modes().frequencies
+    omega = np.concatenate((natural, np.geomspace(natural[0] / 100, natural[-1] * 100, 40)))
+    expected = np.stack([chain_response(*data, 1j * w, inputs, outputs) for w in omega], axis=-1)
+    error = np.abs(system.frequency_response(omega) - expected) / np.abs(expected).max(axis=1, keepdims=True)
+    assert error.max() < 1e-10
+    # at rest all forces pass the first spring
+    assert_allclose(system.frequency_response([0.0])[0, :, 0], 1 / data[1][0], rtol=1e-12)
+
+
 def test_a_critically_damped_mode_beside_coupled_ones():
     """Its two eigenvalues are equal and its eigenvector is one: no sum over modes at all."""
     model = floating(0.7)
@@ -218,3 +244,14 @@ def test_two_hundred_coupled_modes_in_time():
     whole = _by_exponential(system, system._modal, (t, u, np.zeros((200, 2)), True))
     found = system.time_response(t, u)
     assert (np.abs(found - whole) <= 1e-11 * np.abs(whole).max(axis=1, keepdims=True)).all()
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_strong_dampers_in_time(seed):
+    m, k, c = (part[:4] for part in locked_by_dampers(seed))
+    model = sliding_chain(m, k, c, (0, 3), [("displacement", 3), ("velocity", 1), ("acceleration", 0)])
+    t = np.array([0.0, 0.02, 0.3, 1.0])
+    u = np.array([[1.0, 0.3, -0.5, 2.0], [0.0, 1.0, 1.0, -1.0]])
+    expected = exact_time_response(Exact(model), t, u)
+    error = np.abs(model.linearize().time_response(t, u) - expected) / np.abs(expected).max(axis=1, keepdims=True)
+    assert error.max() < 1e-9
