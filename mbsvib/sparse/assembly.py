@@ -10,13 +10,13 @@ from mbsvib import elements as _elements
 from mbsvib.inertia import spatial_inertia
 from mbsvib.ports import ports
 from mbsvib.sparse.constraints import constraints
+from mbsvib.sparse.cuts import short_span
 from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.system import SparseSystem
 from mbsvib.sparse.tableau import build
 from mbsvib.sparse.tree import tree
-from mbsvib.topology import span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
 
-# Loops on paths that overlap fill the factors in the order leaves to root; a general ordering then fills less.
-OVERLAP = 4.0
+# Multipliers that pass through a joint fill the factors in the order leaves to root, quadratically; where there are
+# more than this on average (grids; a single spatial loop has 6) a general ordering fills less.
+OVERLAP = 12.0
 
 
 def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
@@ -57,7 +58,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
     SingularPoseError
         If the number of degrees of freedom is not defined in this pose.
     """
-    topology = span(model, cut)
+    topology = short_span(model, cut)
     bodies = list(model.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(bodies)
@@ -77,7 +78,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
         structure, place, kinematics(structure, place), elastic, springs.stiffness, springs.damping,
         (factor.T @ factor).tocsr(), loop_rows, np.asarray(loops.force.any(axis=0)), _ordering(closure),
     )  # fmt: skip
-    check_mobility(topology, structure, closure, place, tableau)
+    check_mobility(structure, closure, place, tableau)
     inputs, outputs, through = _port_rows(port, relative_rows(structure, place, port.rows), springs, elastic, factor,
                                           inertia, place, structure.position)  # fmt: skip
     return SparseSystem(
@@ -92,7 +93,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
 def _ordering(closure: Constraints) -> str:
     row, body = closure.touched
     covered = len(np.unique(body))
-    return "NATURAL" if not covered or len(row) / covered < OVERLAP * 6.0 else "COLAMD"
+    return "NATURAL" if not covered or len(row) / covered < OVERLAP else "COLAMD"
 
 
 def inertia_rows(place: Layout, inertia: SpatialInertia) -> csr_matrix:

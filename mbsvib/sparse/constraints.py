@@ -3,26 +3,29 @@
 Redundant rows are legal (planar loops in space have three each) but their multipliers are not determined, so the
 tableau holds independent rows only. Loops that share a coordinate form a group. A small group is decided by the dense
 path's own pivoted QR on the group's own coordinates. In a large one each loop is first freed of what is redundant in
-itself; what is left is decided by the pivots of S S^T + delta, S the scaled rows, which are squared distances of a row
-from those before it.
+itself. Of what is left, the pivots of S S^T + delta, S the scaled rows, are the squared distances of a row from those
+before it: most rows are certainly independent by these, and the others are decided by a pivoted QR of what the certain
+ones leave of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics import Rows, Twists
-from mbsvib.loops import Cuts, LoopGroup, reduce
+from mbsvib.explain import listed
+from mbsvib.kinematics import Rows
+from mbsvib.loops import EPS, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, pivoted_qr
 from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.parts import Body
@@ -33,18 +36,20 @@ if TYPE_CHECKING:
 
 # Groups up to this many entries (rows times coordinates) are decided whole by a dense QR: 0.1 s.
 WHOLE = 250_000
-# Regularisation of S S^T: far above the rounding of its entries, far below the square of a distance that counts.
-DELTA = 1e-13
-# Squared distances below DEPENDENT are redundant rows, above CERTAIN independent ones; between them rank is in doubt.
-DEPENDENT, CERTAIN = 1e-11, 1e-9
+# Regularisation of S S^T: above the rounding of its entries.
+DELTA = 1e-14
+# Squared distances above this are far above the regularisation and what it grows to.
+CERTAIN = 1e-8
+# Unit rows, freed of others three times over, are rounding below this: eps times the conditioning that CERTAIN allows.
+DEPENDENT = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """Locked rows of the cut joints: all ``rows`` with their ``names`` and the number of the cut joint
-    (``loop``), the mask ``kept`` of the independent ones,
-    ``groups`` of loops, and ``touched``, the row and body of every joint on the path of a kept row (rows counted among
-    the kept ones).
+    """Locked rows of the cut joints: all ``rows`` with their ``names``, the number ``loop`` of their cut joint and the
+    mask ``kept`` of the independent ones; ``groups`` of loops; ``crossing``, the locked rotations that are normal to an
+    axis of each body (row, axis in first, axis in second); and ``touched``, the row and body of every joint on the
+    path of a kept row (rows counted among the kept ones).
     """
 
     rows: Rows
@@ -52,6 +57,7 @@ class Constraints:
     loop: Index
     kept: Mask
     groups: tuple[LoopGroup, ...]
+    crossing: tuple[tuple[int, tuple[float, ...], tuple[float, ...]], ...]
     touched: tuple[Index, Index]
 
     @property
@@ -87,10 +93,15 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
     tuples: list[tuple[float, ...]] = []
     names: list[str] = []
     loop: list[int] = []
+    crossing = []
     for count, k in enumerate(topology.cut):
         joint = topology.joints[k]
         a, b = number[joint.first], number[joint.second]
         point = joint.position or bodies[min(a, b)].position
+        turning = [six[3:] for _, six in joint.freedom if any(six[3:])]
+        if len(turning) == 2:
+            row = next(i for i, (_, six) in enumerate(joint.locked) if any(six[3:]))
+            crossing.append((len(names) + row, turning[0], turning[1]))
         for direction, six in joint.locked:
             tuples.append((a, b, *point, *six))
             names.append(f"{joint.name}.{direction}")
@@ -107,7 +118,7 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
         kept[[row for row in group.rows.tolist() if names[row] in redundant]] = False
     place = np.cumsum(kept) - 1
     used = kept[entries.row]
-    return Constraints(rows, tuple(names), entries.loop, kept, tuple(found),
+    return Constraints(rows, tuple(names), entries.loop, kept, tuple(found), tuple(crossing),
                        (place[entries.row[used]], tree.carried[entries.column[used]]))  # fmt: skip
 
 
@@ -145,22 +156,19 @@ def _decide(
     tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index
 ) -> LoopGroup:
     columns = np.unique(entries.of(members)[1])
-    if len(members) * len(columns) <= WHOLE:
+    loops = np.unique(entries.loop[members])
+    if len(loops) == 1 or len(members) * len(columns) <= WHOLE:
         return _whole(tree, rows, names, cut, entries, members)
-    loops = entries.loop[members]
-    parts = [_whole(tree, rows, names, cut, entries, members[loops == k]) for k in np.unique(loops)]
+    parts = [_whole(tree, rows, names, cut, entries, members[entries.loop[members] == k]) for k in loops]
     gone = {name for part in parts for name in part.redundant}
     left = np.array([row for row in members.tolist() if names[row] not in gone], dtype=np.intp)
-    distance = _distances(tree, rows, entries, left, columns)
-    _check_doubt(distance, [names[row] for row in left], parts)
-    more = [names[left[k]] for k in np.flatnonzero(distance < DEPENDENT)]
-    certain = distance[distance >= DEPENDENT]
-    dropped = np.sqrt(distance[distance < DEPENDENT].max(initial=0.0))
-    redundant = gone.union(more)
+    redundant, kept, dropped = _dependent(_unit_rows(tree, rows, entries, left, columns))
+    _check_gap([name for part in parts for name in part.joints], kept, dropped)
+    gone |= {names[left[k]] for k in redundant.tolist()}
     return LoopGroup(
-        tuple(name for part in parts for name in part.joints), members, columns, len(certain),
-        float(np.sqrt(certain.min(initial=1.0))), max([float(dropped), *(part.dropped for part in parts)]),
-        max(part.length for part in parts), tuple(names[row] for row in members if names[row] in redundant),
+        tuple(name for part in parts for name in part.joints), members, columns, len(left) - len(redundant), kept,
+        max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
+        tuple(names[row] for row in members.tolist() if names[row] in gone),
     )  # fmt: skip
 
 
@@ -170,45 +178,76 @@ def _whole(tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: En
     columns, place = np.unique(column, return_inverse=True)
     phi = np.zeros((len(members), len(columns)))
     phi[row, place] = value
-    loops, joint = np.unique(entries.loop[members], return_inverse=True)
-    # one path that holds everything makes one group
-    path = np.ones((2, len(columns)), dtype=np.int8)
-    path[0] = 0
-    twists = Twists(tuple(tree.names[k] for k in columns), tree.linear[:, columns], tree.angular[:, columns],
-                    tree.point[:, columns], path, tree.turns[columns])  # fmt: skip
-    here = Rows(np.zeros(len(members), dtype=np.intp), np.ones(len(members), dtype=np.intp), rows.point[:, members],
-                rows.force[:, members], rows.moment[:, members])  # fmt: skip
-    start = np.searchsorted(joint, np.arange(len(loops)))
-    cuts = Cuts(here, tuple(names[k] for k in members), joint, tuple(cut[k] for k in loops), start,
-                np.asarray(here.force.any(axis=0)))  # fmt: skip
-    group = reduce(twists, cuts, phi).groups[0]
-    return LoopGroup(group.joints, members, columns, group.rank, group.kept, group.dropped, group.length,
-                     group.redundant)  # fmt: skip
+    points = np.concatenate((rows.point[:, members], tree.point[:, columns]), axis=1)
+    low, high = points.min(axis=1), points.max(axis=1)
+    length = float((high - low).max()) or 1.0
+    scale = np.where(tree.turns[columns], 1.0, length)
+    scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
+    a = phi * np.where(rows.force[:, members].any(axis=0), 1.0 / length, 1.0)[:, None] * scale
+    pivots = np.abs(pivoted_qr(a)[0].diagonal())
+    noise = EPS * max(a.shape) * max(1.0, float(max(high.max(), -low.min())) / length)
+    largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
+    rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
+    kept = float(pivots[rank - 1]) / largest if rank else 1.0
+    dropped = float(pivots[rank]) / largest if rank < len(pivots) else 0.0
+    redundant: list[int] = []
+    if rank < len(members):
+        weight = 1.0 - TIE_BREAK * np.arange(len(members)) / len(members)
+        redundant = sorted(pivoted_qr((a * weight[:, None]).T)[1][rank:].tolist())
+    joints = tuple(cut[k] for k in dict.fromkeys(entries.loop[members].tolist()))
+    _check_gap(joints, kept, dropped)
+    return LoopGroup(joints, members, columns, rank, kept, dropped, length, tuple(names[members[k]] for k in redundant))
 
 
-def _distances(tree: Tree, rows: Rows, entries: Entries, left: Index, columns: Index) -> Array:
-    """Squared distance of every row from the span of those before it in the order of elimination."""
-    from scipy.sparse import csr_matrix, eye
-    from scipy.sparse.linalg import splu
+def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
+    if dropped * RANK_GAP > kept:
+        raise SingularPoseError(
+            f"loops closed by {listed(joints)}: constraint pivots {kept:.1e} (kept) and {dropped:.1e} (dropped) are "
+            f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
+            f"give the geometry with all its digits."
+        )
+
+
+def _unit_rows(tree: Tree, rows: Rows, entries: Entries, left: Index, columns: Index) -> csr_matrix:
+    """Some rows of Phi with lengths in links, scaled to unit length."""
+    from scipy.sparse import csr_matrix
 
     row, column, value = entries.of(left)
     length = tree.length
     value = value * np.where(tree.turns[column], 1.0, length)
     value /= np.where(rows.force[:, left].any(axis=0), length, 1.0)[row]
     norm = np.sqrt(np.bincount(row, value * value, minlength=len(left)))
-    s = csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(left), len(columns)))
-    lu = splu((s @ s.T + DELTA * eye(len(left))).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+    return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(left), len(columns)))
+
+
+def _dependent(s: csr_matrix) -> tuple[Index, float, float]:
+    """Rows that depend on the others; the smallest distance of a row that is kept, the largest of one that is not."""
+    distance, _ = _distances(s, DELTA)
+    sure = distance > CERTAIN
+    kept = float(np.sqrt(distance[sure].min(initial=1.0)))
+    if sure.all():
+        return np.zeros(0, dtype=np.intp), kept, 0.0
+    while True:
+        distance, lu = _distances(s[sure], DELTA)
+        wrong = distance < 0.5 * CERTAIN
+        if not wrong.any():
+            break
+        sure[np.flatnonzero(sure)[wrong]] = False
+    certain, rest = s[sure], s[~sure].toarray().T
+    for _ in range(3):  # each time takes out what rounding and S S^T's conditioning left of the time before
+        rest = rest - certain.T @ lu.solve(certain @ rest)
+    qr, order, _ = pivoted_qr(rest)
+    pivots = np.abs(qr.diagonal())
+    rank = int(np.count_nonzero(pivots > DEPENDENT))
+    gone = np.sort(np.flatnonzero(~sure)[order[rank:]])
+    return gone, min([kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
+
+
+def _distances(s: csr_matrix, delta: float) -> tuple[Array, Any]:
+    """Squared distance of every row from the span of those before it in the order of elimination, and the factors."""
+    from scipy.sparse import eye
+    from scipy.sparse.linalg import splu
+
+    lu = splu((s @ s.T + delta * eye(s.shape[0])).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
               options={"SymmetricMode": True})  # fmt: skip
-    result = np.empty(len(left))
-    result[np.argsort(lu.perm_c)] = np.abs(lu.U.diagonal())
-    return result
-
-
-def _check_doubt(distance: Array, names: list[str], parts: list[LoopGroup]) -> None:
-    doubt = np.flatnonzero((distance >= DEPENDENT) & (distance < CERTAIN))
-    if len(doubt):
-        raise SingularPoseError(
-            f"loops closed by {', '.join(part.joints[0] for part in parts[:8])}, ...: row {names[doubt[0]]} is at a "
-            f"distance of {np.sqrt(distance[doubt[0]]):.1e} from depending on the others, too close to tell whether it "
-            f"does. Move the pose away from the singular one, or give the geometry with all its digits."
-        )
+    return np.abs(lu.U.diagonal())[lu.perm_c], lu

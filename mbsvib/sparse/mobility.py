@@ -13,8 +13,8 @@ import numpy as np
 
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics import Rows
-from mbsvib.loops import Cuts, pivoted_qr
-from mbsvib.mobility import LIMIT, STEP, _carriers, _crossed
+from mbsvib.loops import pivoted_qr
+from mbsvib.mobility import LIMIT, STEP
 from mbsvib.sparse.constraints import WHOLE, Entries
 from mbsvib.sparse.rows import path_entries
 
@@ -24,18 +24,15 @@ if TYPE_CHECKING:
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
-    from mbsvib.topology import Topology
 
 
-def check_mobility(topology: Topology, tree: Tree, closure: Constraints, place: Layout, tableau: Tableau) -> None:
+def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tableau) -> None:
     """Refuse a pose in which fewer constraints are independent than in the poses nearby.
 
     Parameters
     ----------
-    topology : Topology
-        The spanning tree.
     tree : Tree
-        Its arrays.
+        The spanning tree.
     closure : Constraints
         Locked rows and rank decisions.
     place : Layout
@@ -52,7 +49,7 @@ def check_mobility(topology: Topology, tree: Tree, closure: Constraints, place: 
     if not groups or len(tree.names) <= len(place.multiplier):
         return
     length = min(group.length for group in groups)
-    moved_tree, moved_rows = _moved(topology, tree, closure, _displacement(tree, place, tableau, length))
+    moved_tree, moved_rows = _moved(tree, closure, _displacement(tree, place, tableau, length))
     entries = [Entries(*path_entries(t, rows, None)[:3], closure.loop, len(closure.names))
                for t, rows in ((tree, closure.rows), (moved_tree, moved_rows))]  # fmt: skip
     for group in groups:
@@ -84,7 +81,7 @@ def _displacement(tree: Tree, place: Layout, tableau: Tableau, length: float) ->
     return result
 
 
-def _moved(topology: Topology, tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Rows]:
+def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Rows]:
     """Joint axes and locked rows after a small motion, to first order."""
     centre = np.concatenate((tree.position, np.zeros((1, 3))))
 
@@ -94,13 +91,12 @@ def _moved(topology: Topology, tree: Tree, closure: Constraints, displacement: A
     def turn(body: Index, vector: Array) -> Array:
         return vector + np.cross(displacement[body, 3:], vector.T).T
 
-    carrier = _carriers(topology)
+    carrier = tree.carrier
     moved = replace(tree, linear=turn(carrier, tree.linear), angular=turn(carrier, tree.angular),
                     point=shift(carrier, tree.point))  # fmt: skip
     rows = closure.rows
     moment = turn(rows.first, rows.moment)
-    cuts = Cuts(rows, closure.names, closure.loop, topology.cut_joints, closure.loop, np.zeros(0, dtype=bool))
-    for row, first_axis, second_axis in _crossed(topology, cuts):
+    for row, first_axis, second_axis in closure.crossing:
         a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
         b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
         moment[:, row] = np.cross(a[:, 0], b[:, 0])

@@ -75,9 +75,12 @@ def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
     missed = None
     for _ in range(SEARCHES):
         missed = _missed(t, theta, k - rigid)
-        if not missed:
+        if missed == 0:
             break
-        more, vectors = _lanczos(t.deflated(h), min(missed, flexible - len(theta) - 1))
+        more, vectors = _lanczos(t.deflated(h), min(missed or GUARDS, flexible - len(theta) - 1))
+        last = np.sort(np.abs(theta))[-min(k - rigid, len(theta))]
+        if missed is None and not (np.abs(more) > last * (1.0 + BEFORE)).any():
+            break  # no count, but a search of its own finds no more either
         theta, h = np.concatenate((theta, more)), np.concatenate((h, vectors), axis=1)
     order = np.argsort(-np.abs(theta), kind="stable")[: max(wanted, k - rigid)]
     theta, h = theta[order], h[:, order]

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # The pivot stays on the diagonal, whose elimination is the articulated-body recursion and fills nothing, unless it is
 # this much smaller than another: joints without springs in loops, and frequencies inside the spectrum.
 THRESHOLD = 1e-3
+# A general ordering takes multipliers before what they hold: it must pivot, and does so safely.
+THRESHOLD_GENERAL = 0.1
 # One step of refinement takes what pivoting by threshold has lost.
 REFINEMENTS = 1
 
@@ -50,7 +52,7 @@ class Tableau:
         return len(self.row_scale)
 
     def factor(
-        self, square: float = 0.0, s: complex = 0.0, lock: Index | None = None, pivot: float = THRESHOLD
+        self, square: float = 0.0, s: complex = 0.0, lock: Index | None = None, pivot: float | None = None
     ) -> Factor:
         """Factor A0 + K + s C + (s^2 - square) M.
 
@@ -62,7 +64,7 @@ class Tableau:
             Where damping counts [1/s].
         lock : array, optional
             Coordinates' places that are held by a spring of their own.
-        pivot : float
+        pivot : float, optional
             Threshold under which the diagonal is given up.
 
         Returns
@@ -85,14 +87,14 @@ class Tableau:
             data[self.diagonal[lock]] += 1.0
         return self.factor_data(data, pivot)
 
-    def factor_data(self, data: NDArray[Any], pivot: float = THRESHOLD) -> Factor:
+    def factor_data(self, data: NDArray[Any], pivot: float | None = None) -> Factor:
         """Factor a matrix on the tableau's pattern, given by its scaled entries.
 
         Parameters
         ----------
         data : array
             The entries.
-        pivot : float
+        pivot : float, optional
             Threshold under which the diagonal is given up.
 
         Returns
@@ -103,6 +105,8 @@ class Tableau:
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
 
+        if pivot is None:
+            pivot = THRESHOLD if self.ordering == "NATURAL" else THRESHOLD_GENERAL
         matrix = csc_matrix((data, self.indices, self.indptr), shape=(self.size, self.size))
         try:
             lu = splu(matrix, permc_spec=self.ordering, diag_pivot_thresh=pivot, options={"SymmetricMode": False})

@@ -34,7 +34,8 @@ class Tree:
     (n,) of the coordinates of the joint it hangs on, ``moves`` (n, 6) the world directions in which it can move.
     ``outward`` (n,) lists bodies, parents before children. Over coordinates: ``names``, ``carried`` (m,) the body whose
     joint it is, ``linear``, ``angular`` and ``point`` (3, m) its twist in the joint, ``sign`` (m,) that of the body
-    against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations.
+    against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations,
+    ``carrier`` (m,) the body in which the twist is fixed.
     """
 
     position: Array
@@ -52,6 +53,7 @@ class Tree:
     sign: Array
     motion: Array
     turns: Mask
+    carrier: Index
 
     @property
     def length(self) -> float:
@@ -84,6 +86,8 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     turns: list[bool] = []
     carried: list[int] = []
     signs: list[int] = []
+    carrier: list[int] = []
+    number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": n}
     parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
     joints = topology.joints
     branches = topology.branches
@@ -92,9 +96,14 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
         body = bodies[branch.body]
         if branch.joint == FLOATS:
             name, freedom, point = body.name, _FREE, body.position
+            carrier += [n] * 6
         else:
             joint = joints[branch.joint]
             name, freedom, point = joint.name, joint.freedom, joint.position or body.position
+            # a joint's twists are fixed in its first body, but the second of two rotations in its second
+            turning = [direction for direction, twist in freedom if any(twist[3:])]
+            second = turning[1] if len(turning) == 2 else None
+            carrier += [number[joint.second if direction == second else joint.first] for direction, _ in freedom]
         parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
         for direction, twist in freedom:
             names.append(f"{name}.{direction}")
@@ -111,7 +120,8 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     outward = np.array([b.body for b in branches], dtype=np.intp)
     depth, moves = _directions(outward, parent, position, body_of, motion)
     return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
-                points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool))  # fmt: skip
+                points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
+                np.array(carrier, dtype=np.intp))  # fmt: skip
 
 
 def _cross(a: Array, b: Array) -> Array:

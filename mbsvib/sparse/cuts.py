@@ -1,0 +1,102 @@
+"""Cuts: a spanning tree whose loops are short.
+
+The shortest paths from ground, by which small mechanisms are cut, make two long rails side by side two branches, and
+every rung between them a loop back to ground: rows as long as the mechanism, which nearly depend on each other.
+Sparse equations have no minimal coordinates to choose, so any tree will do. Where many loops are long this one is
+tried: bodies join their neighbours in stars, the stars join theirs, and so on: most loops close within a star.
+
+Source: Alon, Karp, Peleg & West, SIAM J. Comput. 24 (1995), trees of low average stretch.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.topology import span
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.model import Model
+    from mbsvib.topology import Topology
+
+# A loop over more joints than this is long; a few of them are a matter of course, as in a ring.
+LONG = 64
+FEW = 8
+
+
+def short_span(model: Model, cut: Sequence[str] | None = None) -> Topology:
+    """Return the spanning tree of smallest cumulative degree of freedom, or where its loops are long a better one.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    cut : sequence of str, optional
+        Joints that must not be in the tree; nothing is chosen then.
+
+    Returns
+    -------
+    Topology
+        Tree, cut joints and floating bodies.
+    """
+    topology = span(model, cut)
+    if cut or len(topology.cut) <= FEW:
+        return topology
+    many = _long_loops(topology)
+    if many <= FEW:
+        return topology
+    other = span(model, [topology.joints[k].name for k in _outside_stars(topology)])
+    return other if _long_loops(other) < many else topology
+
+
+def _long_loops(topology: Topology) -> int:
+    """Number of loops over more than LONG joints."""
+    n = len(topology.bodies)
+    parent, depth = [n] * (n + 1), [0] * (n + 1)
+    for branch in topology.branches:
+        parent[branch.body], depth[branch.body] = branch.parent, depth[branch.parent] + 1
+    number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": n}
+    cut = [topology.joints[k] for k in topology.cut]
+    a, b = (np.array([number[getattr(joint, side)] for joint in cut]) for side in ("first", "second"))
+    up, level = np.array(parent), np.array(depth)
+    for _ in range(LONG):
+        apart = a != b
+        deeper = level[a] > level[b]
+        a, b = np.where(apart & deeper, up[a], a), np.where(apart & ~deeper, up[b], b)
+    return int(np.count_nonzero(a != b))
+
+
+def _outside_stars(topology: Topology) -> list[int]:
+    """Joints that are not in the tree of stars."""
+    number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": len(topology.bodies)}
+    joints = topology.joints
+    # joints of few freedoms first: cutting those of many leaves fewer constraints
+    order = sorted(range(len(joints)), key=lambda k: len(joints[k].freedom))
+    edges = [(k, number[joints[k].first], number[joints[k].second]) for k in order]
+    taken = [False] * len(joints)
+    nodes = len(number)
+    while edges:
+        neighbours: list[list[tuple[int, int]]] = [[] for _ in range(nodes)]
+        for k, a, b in edges:
+            neighbours[a].append((k, b))
+            neighbours[b].append((k, a))
+        star, stars = [-1] * nodes, 0
+        for centre in range(nodes):
+            if star[centre] >= 0:
+                continue
+            free = [(k, other) for k, other in neighbours[centre] if star[other] < 0]
+            if free or not neighbours[centre]:
+                star[centre] = stars
+                stars += 1
+                for k, other in free:
+                    if star[other] < 0:
+                        star[other], taken[k] = star[centre], True
+            else:  # all neighbours have their star: join the first one's
+                k, other = neighbours[centre][0]
+                star[centre], taken[k] = star[other], True
+        edges = [(k, star[a], star[b]) for k, a, b in edges if star[a] != star[b]]
+        nodes = stars
+    return [k for k, used in enumerate(taken) if not used]
