@@ -23,9 +23,9 @@ def modes_of(model, rtol=1e-12, accurate=True):
         return system.modes(rtol=rtol)
 
 
-def undamped_errors(model, modes):
+def undamped_errors(model, modes, redundant=None):
     """Relative errors of the frequencies, those of rigid-body modes left out, once they are seen to be exact zeros."""
-    squares = reference.squares(reference.exact(model))
+    squares = reference.squares(reference.exact(model, redundant))
     assert modes.rigid == sum(v == 0 for v in squares)
     assert not modes.eigenvalues.real.any()
     found = modes.eigenvalues[0::2].imag
