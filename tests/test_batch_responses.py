@@ -165,3 +165,20 @@ def test_inaccurate_modes_are_warned_of_by_index():
     batch = model.linearize(values={"*.mass": np.array([1.0, 2.0])})
     with pytest.warns(mv.AccuracyWarning, match=r"2 variants, the first of which is 0"):
         batch.modes(rtol=1e-18)
+
+
+def test_pieces_have_the_modes_of_the_whole(monkeypatch):
+    """Modes are computed piece by piece, whose size is no one's business."""
+    import mbsvib.batch.modes
+
+    batch = library.stewart().linearize(values={"leg1.k.stiffness": np.linspace(1e7, 3e7, 7), "platform.mass": 2.0})
+    whole = batch.modes()
+    monkeypatch.setattr(mbsvib.batch.modes, "PIECE_BYTES", 3 * 64 * 36)
+    pieces = batch_modes(batch)
+    np.testing.assert_allclose(pieces.eigenvalues, whole.eigenvalues, rtol=1e-14)
+    size = np.abs(whole.shapes).max()
+    np.testing.assert_allclose(np.abs(pieces.shapes), np.abs(whole.shapes), rtol=0, atol=1e-10 * size)
+    some = batch.piece(2, 5)
+    assert len(some) == 3
+    np.testing.assert_allclose(some.modes().eigenvalues, whole.eigenvalues[2:5], rtol=1e-14)
+    assert some[0].parameters["leg1.k.stiffness"] == batch[2].parameters["leg1.k.stiffness"]

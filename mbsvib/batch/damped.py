@@ -8,7 +8,7 @@ mended, are told apart, so that they can be solved one by one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,6 +52,17 @@ class DampedBatch:
         gamma = self.gamma[i].diagonal().copy() if reason else self.gamma[i]
         return Damped(self.pairs[i], self.errors[i], self.shapes[i], self.square[i], gamma, reason,
                       None if reason else self.vectors[i], None if reason else self.slopes[i])  # fmt: skip
+
+
+def joined(pieces: list[DampedBatch]) -> DampedBatch:
+    """Return the modes of several pieces of a batch as one."""
+    if len(pieces) == 1:
+        return pieces[0]
+    whole: dict[str, Any] = {
+        key: np.concatenate([getattr(piece, key) for piece in pieces])
+        for key in DampedBatch.__slots__ if key != "classical"
+    }  # fmt: skip
+    return DampedBatch(classical=tuple(reason for piece in pieces for reason in piece.classical), **whole)
 
 
 def damped_batch(batch: Batch, basis: UndampedBatch, rtol: float) -> DampedBatch:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.batch.damped import DampedBatch, damped_batch
+from mbsvib.batch.damped import DampedBatch, damped_batch, joined
 from mbsvib.batch.undamped import undamped_batch
 from mbsvib.modes import RTOL, Modes, modes
 
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
+
+
+# State matrices of one piece of a batch stay in the second-level cache.
+PIECE_BYTES = 2**20
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -112,7 +116,9 @@ def batch_modes(batch: Batch, rtol: float = RTOL) -> BatchModes:
     BatchModes
         Eigenvalues, shapes and error estimates.
     """
-    result = damped_batch(batch, undamped_batch(batch, rtol), rtol)
+    size = max(1, PIECE_BYTES // (64 * max(1, batch.dof) ** 2))
+    pieces = [batch.piece(start, min(start + size, len(batch))) for start in range(0, len(batch), size)]
+    result = joined([damped_batch(piece, undamped_batch(piece, rtol), rtol) for piece in pieces])
     classical = np.array([bool(reason) for reason in result.classical])
     shapes: Array | Complex = result.shapes.copy()
     if not classical.all():

@@ -90,11 +90,16 @@ def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, 
     root = np.sqrt(np.abs(square))[:, None]
     wide = w[:, None]
     brake = np.asarray((1j * w)[:, None, None] * gamma[:, None], dtype=complex)
-    matrix = brake.copy()
-    matrix[..., at, at] += np.where(square[:, None] >= 0.0, (root - wide) * (root + wide), square[:, None] - wide**2)
+    stiff = np.where(square[:, None] >= 0.0, (root - wide) * (root + wide), square[:, None] - wide**2)
     eta: Complex = np.full((len(b), len(w), *b.shape[1:]), np.nan, dtype=complex)
-    with suppress(np.linalg.LinAlgError):  # a pole: not a number says so
-        eta[:] = np.linalg.solve(matrix, np.broadcast_to(b[:, None], eta.shape))
+    if not gamma[:, ~np.eye(len(at), dtype=bool)].any():  # every mode answers alone
+        down = stiff + brake[..., at, at]
+        np.divide(b[:, None], down[..., None], out=eta, where=down[..., None] != 0.0)
+    else:
+        matrix = brake.copy()
+        matrix[..., at, at] += stiff
+        with suppress(np.linalg.LinAlgError):  # a pole: not a number says so
+            eta[:] = np.linalg.solve(matrix, np.broadcast_to(b[:, None], eta.shape))
     low = root < wide
     inverse = np.divide(1.0, w * w, out=np.zeros_like(w), where=w > 0.0)[:, None, None]
     rest = (square[:, None, :, None] * eta + brake @ eta) * inverse

@@ -154,7 +154,12 @@ class Batch:
     @cached_property
     def _modal(self) -> BatchModes:
         """The bases of the responses, as accurate as those of single systems."""
-        return self._modes_within(RESPONSE_RTOL)
+        from mbsvib.batch.modes import batch_modes
+
+        known = self.__dict__.get("_modes")
+        if known is not None and float(known.errors.max(initial=0.0)) <= RESPONSE_RTOL:
+            return self._modes
+        return batch_modes(self, RESPONSE_RTOL)
 
     def modes(self, rtol: float | None = None) -> BatchModes:
         """Return the modes of all variants.
@@ -304,6 +309,25 @@ class Batch:
         arrays = {name: getattr(self, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
         arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "stiffness", "damping")}
         return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
+
+    def piece(self, start: int, stop: int) -> Batch:
+        """Return some of the variants as a batch of their own, without copying anything.
+
+        Parameters
+        ----------
+        start, stop : int
+            The first variant, and the one behind the last.
+
+        Returns
+        -------
+        Batch
+            Variants start .. stop - 1.
+        """
+        if (start, stop) == (0, len(self)):
+            return self
+        arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS)}
+        closure = None if self.closure is None else self.closure[start:stop]
+        return replace(self, values=self.values.slice(start, stop), closure=closure, **arrays)
 
     def _provenance(self, k: int) -> Provenance:
         """That of the pose as given, on which the choice of coordinates rests, with the variant's own numbers."""
