@@ -236,7 +236,7 @@ class Model(Mechanism):
         ModelError
             If a parameter is unknown or a value is refused.
         """
-        from mbsvib.parameters import parts_with
+        from mbsvib.changes import parts_with
 
         changed: dict[str, Any] = parts_with(self.parameters, values)
         model = Model(self.name)

@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib import library
-from mbsvib.parameters import rotations, unit
+from mbsvib.changes import rotations
+from mbsvib.parameters import unit
 from mbsvib.parts import Body, Bushing, Joint, Spring
 from tests.support.random_models import closed_loops, open_trees
 

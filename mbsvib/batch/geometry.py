@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.batch.springs import springs_of, stacked
+from mbsvib.changes import rotations
 from mbsvib.inertia import SpatialInertia, roots
 from mbsvib.kinematics import Rows
-from mbsvib.parameters import rotations
 from mbsvib.parts import Bushing, Input, Joint, Output
 from mbsvib.topology import FLOATS
 

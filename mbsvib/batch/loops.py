@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.batch.geometry import cuts_of, twists_of
+from mbsvib.changes import rotations
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
 from mbsvib.mobility import LIMIT, _crossed, check_mobility, phi_nearby
-from mbsvib.parameters import rotations
 from mbsvib.parts import Joint
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.changes import rotations
 from mbsvib.elements import Elements, eigenrows, stack
 from mbsvib.kinematics import Rows
-from mbsvib.parameters import rotations
 from mbsvib.parts import Bushing, Spring
 
 if TYPE_CHECKING:

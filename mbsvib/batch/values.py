@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib._checks import shown
+from mbsvib.changes import resolved, variant, whole_fields
 from mbsvib.errors import ModelError
-from mbsvib.parameters import resolved, unit, variant, whole_fields
+from mbsvib.parameters import unit
 from mbsvib.parts import Body, Bushing, Spring
 from mbsvib.parts.body import TRIANGLE_SLACK
 
