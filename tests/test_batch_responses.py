@@ -182,3 +182,57 @@ def test_pieces_have_the_modes_of_the_whole(monkeypatch):
     assert len(some) == 3
     np.testing.assert_allclose(some.modes().eigenvalues, whole.eigenvalues[2:5], rtol=1e-14)
     assert some[0].parameters["leg1.k.stiffness"] == batch[2].parameters["leg1.k.stiffness"]
+
+
+def two_masses(stiffness=(4.0, 9.0), mass=(2.0, 3.0), damping=(0.0, 0.0)):
+    """In line on two springs; a force on the first, the place of the second."""
+    model = mv.Model("two masses")
+    for i, m in enumerate(mass):
+        model.add_body(f"b{i}", m, (1, 1, 1), (i, 0, 0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+    model.add_spring("s0", "ground", "b0", (-1, 0, 0), (0, 0, 0), stiffness[0], damping[0])
+    model.add_spring("s1", "b0", "b1", (0, 0, 0), (1, 0, 0), stiffness[1], damping[1])
+    model.add_input("F", "b0", "x")
+    model.add_output("x", "b1", "x")
+    model.add_output("a", "b1", "x", quantity="acceleration")
+    return model
+
+
+def test_what_inertia_does_not_reach_stays_small_far_above_the_modes():
+    """From a force to a mass behind a spring: k / (m1 m2 w^4) and no sum of modes that nearly cancels in 1 / w^2."""
+    k, w = np.array([[9.0], [5.0]]), np.array([1e3, 1e5])
+    found = two_masses().linearize(values={"s1.stiffness": k[:, 0]}).frequency_response(w)
+    exact = k / ((4.0 + k - 2.0 * w**2) * (k - 3.0 * w**2) - k**2)
+    np.testing.assert_allclose(found[:, 0, 0], exact, rtol=1e-11)
+    np.testing.assert_allclose(found[:, 1, 0], -(w**2) * exact, rtol=1e-11)
+
+
+@pytest.mark.parametrize("factor", [1.0, 30.0, 1e3, 1e5, 1e7])
+@given(model=open_trees(), seed=seeds())
+def test_dampers_of_any_strength(factor, model, seed):
+    """Some variants oscillate, in others modes creep, and each is as accurate as by itself."""
+    rng = np.random.default_rng(seed)
+    names = [name for name, value in linearized(model).parameters.items() if ".damping" in name and value]
+    assume(names)
+    values = {name: model.parameters[name] * factor ** rng.uniform(-0.2, 1, size=3) for name in names}
+    try:
+        batch = model.linearize(values=values)
+    except mv.ModelError:
+        assume(False)
+    for system, one in zip(batch, batch.modes(), strict=True):
+        single = system.modes()
+        away = np.abs(one.eigenvalues - single.eigenvalues)
+        assert (away <= (one.errors + single.errors) * np.abs(single.eigenvalues)).all()
+        assert one.errors.max(initial=0.0) <= max(1e-10, 10.0 * single.errors.max(initial=0.0))
+
+
+@pytest.mark.parametrize("rtol", [1e-10, 1e-13])
+@pytest.mark.parametrize("span", [1e2, 1e5, 1e8, 1e12])
+def test_wide_ranges_of_stiffness(span, rtol):
+    """Frequencies far apart: what the common pass leaves short of the accuracy asked for climbs the ladder alone."""
+    model, stiffness = two_masses(), span ** np.linspace(0.0, 1.0, 6)
+    modes = two_masses().linearize(values={"s1.stiffness": stiffness}).modes(rtol=rtol)
+    for i, k in enumerate(stiffness):
+        exact = Exact(model.with_values({"s1.stiffness": k}))
+        assert_same_eigenvalues(modes.eigenvalues[i], exact.eigenvalues, 3e-15 + modes.errors[i].max())
+        assert modes.errors[i].max() <= rtol

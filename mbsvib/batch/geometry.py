@@ -56,7 +56,7 @@ def varied(model: Model, scene: Scene, values: Values) -> Scene:
         for body, array in moved.items():
             position[:, body] = array.T
     return replace(
-        scene, position=position, coordinates=_twists(scene, values, moved), cuts=_cuts(scene, values, moved, number),
+        scene, position=position, coordinates=_twists(scene, values, moved), cuts=_cuts(scene, values),
         springs=springs_of(scene, values, number), port=_ports(model, scene.port, values.count, moved, number),
         inertia=_inertia(scene, values, number),
     )  # fmt: skip
@@ -99,7 +99,7 @@ def _turned(turn: Array, vectors: Array) -> Array:
     return result
 
 
-def _cuts(scene: Scene, values: Values, moved: Mapping[int, Array], number: Mapping[str, int]) -> Cuts | None:
+def _cuts(scene: Scene, values: Values) -> Cuts | None:
     cuts = scene.cuts
     if cuts is None:
         return None
@@ -108,11 +108,9 @@ def _cuts(scene: Scene, values: Values, moved: Mapping[int, Array], number: Mapp
         joint = scene.topology.joints[k]
         whole = values.fields.get(joint.name, {})
         rows = np.flatnonzero(cuts.joint == count)
-        carrier = min(number[joint.first], number[joint.second])
-        place = moved.get(carrier) if joint.position is None else whole.get("position")
-        if place is not None:
+        if "position" in whole:  # where a joint has none, what it locks is the same at every point
             point = stacked(point, values.count)
-            point[:, :, rows] = place[:, :, None]
+            point[:, :, rows] = whole["position"][:, :, None]
         if "pitch" in whole:
             moment = stacked(moment, values.count)
             row = rows[[direction for direction, _ in joint.locked].index("z")]

@@ -38,6 +38,10 @@ WELL_ABOVE = 10.0
 AS_GIVEN = 0.5
 # Redundant rows that leave more than this share of the limit of a decision go through the decision itself.
 WELL_BELOW = 0.1
+HELP = (
+    "All variants of a batch have the same coordinates: leave this one out, linearize it by itself, or pin other "
+    "coordinates with independent=."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +212,12 @@ def _alone(
                 reduction = reduce(coordinates, cuts, phi, names)
             check_mobility(topology, coordinates, cuts, reduction, position)
             _check_freedom(reduction, nominal)
-        except (ModelError, SingularPoseError) as error:
+        except ModelError as error:  # the coordinates, which this variant did not choose, depend on each other
+            raise SingularPoseError(
+                f"variant {first + i}: the loops closed by {', '.join(cuts.joints)} tie the coordinates "
+                f"{', '.join(names)} of the pose as given to each other. {HELP}"
+            ) from error
+        except SingularPoseError as error:
             raise SingularPoseError(f"variant {first + i}: {error}") from error
     for warning in caught:
         warnings.warn(f"variant {first + i}: {warning.message}", warning.category, stacklevel=5)
@@ -220,6 +229,5 @@ def _check_freedom(reduction: Reduction, nominal: Reduction) -> None:
     found, expected = len(reduction.independent), len(nominal.independent)
     if found != expected:
         raise SingularPoseError(
-            f"its loops leave {counted(found, 'degree')} of freedom, those of the pose as given {expected}; all "
-            f"variants of a batch have the same coordinates. Leave this variant out, or linearize it by itself."
+            f"its loops leave {counted(found, 'degree')} of freedom, those of the pose as given {expected}. {HELP}"
         )
