@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,6 +89,30 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
         tableau=tableau, elastic_rows=elastic, loop_rows=loop_rows, inertia_factor=factor, stiffness=springs.stiffness,
         damping=springs.damping, row_owner=springs.owner, input_rows=inputs, output_rows=outputs, D=through,
     )  # fmt: skip
+
+
+def with_stiffness(system: SparseSystem, stiffness: Array) -> SparseSystem:
+    """Return a system with other stiffness in its elastic rows.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The system.
+    stiffness : array, shape (rows,)
+        One value for each elastic row.
+
+    Returns
+    -------
+    SparseSystem
+        The same unknowns and rows.
+    """
+    factor = system.inertia_factor
+    slides = np.asarray(system.constraints.independent.force.any(axis=0))
+    tableau = build(
+        system.structure, system.layout, kinematics(system.structure, system.layout), system.elastic_rows, stiffness,
+        system.damping, (factor.T @ factor).tocsr(), system.loop_rows, slides, system.tableau.ordering,
+    )  # fmt: skip
+    return replace(system, stiffness=stiffness, tableau=tableau)
 
 
 def _ordering(closure: Constraints) -> str:

@@ -76,6 +76,11 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
     _check(system, k, near)
     found = subspace(system, k, near)
     basis, bound = _nearest(system, found, k)
+    wanted = k
+    while basis is None:
+        wanted += max(4, k // 2)
+        found = subspace(system, min(wanted, system.dof), near)
+        basis, bound = _nearest(system, found, k)
     rigid = min(found.rigid, k)
     small = reduced(system, basis, rigid)
     result = dense_modes(small, RTOL)
@@ -83,7 +88,7 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
         chosen = np.arange(k)
     else:
-        small, result, left, chosen = coupled(found, k, near, basis)
+        small, result, left, chosen = coupled(found, k, near)
         errors = result.errors + left + EPS * (1.0 + _accumulated(system)) * (result.eigenvalues != 0.0)
     errors = np.minimum(errors, 1.0)
     pairs = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
@@ -104,12 +109,22 @@ def _check(system: SparseSystem, k: int, near: float) -> None:
         raise ResponseError(f"modes: near = {near!r}; expected a frequency [Hz], or 0 for the lowest modes.")
 
 
-def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array, Array]:
-    """The k modes nearest to the shift out of the subspace, M-orthonormal, and what is unsure of their frequencies."""
+def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | None, Array]:
+    """The k modes nearest to the shift out of the subspace, M-orthonormal, and what is unsure of their frequencies.
+
+    None if the subspace is too small to tell which are nearest.
+    """
     sigma = found.operator.sigma
     small = reduced(system, found.z, found.rigid)
     ritz = undamped(small, RTOL)
-    distance = np.abs(ritz.square - sigma)
+    if sigma > 0.0:
+        centre = np.sqrt(sigma)
+        distance = np.where(ritz.square >= 0.0, np.abs(np.sqrt(np.abs(ritz.square)) - centre), np.inf)
+        last = float(np.sort(distance)[k - 1])
+        if last * (last + 2.0 * centre) > found.reach:
+            return None, np.zeros(0)  # one that was not found may be nearer: all are known by their squares only
+    else:
+        distance = np.abs(ritz.square)
     distance[: found.rigid] = -1.0
     chosen = np.sort(np.argsort(distance, kind="stable")[:k])
     y = ritz.shapes[:, chosen]

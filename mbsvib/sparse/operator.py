@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sparse.rigid import unsprung
+from mbsvib.sparse.rigid import far_rows, unsprung, without_far
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,15 +27,17 @@ if TYPE_CHECKING:
 ENERGY = 1e-6
 # Rigid-body modes do not count as such if their strain, beyond rounding of the displacements, exceeds this many eps.
 NOISE = 64.0 * float(np.finfo(float).eps)
-# First guess of the shift where springs do not say which coordinates are free, and how far it goes down in one step.
-ROUNDS = 12
+# Shifts, as shares of the highest frequency's square, at which modes are counted where springs do not say which
+# coordinates are free. Below the last one rounding of the stiffness takes over.
+SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
 
 
 @dataclass(frozen=True)
 class Operator:
     """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and ``away`` (h, r), vectors that are taken out.
 
-    ``total`` is the number of all rigid-body modes, None where it is not known beforehand.
+    ``total`` is the number of all rigid-body modes, None where it is not known beforehand; at a shift they are not
+    taken out but found like all others.
     """
 
     system: SparseSystem
@@ -112,10 +114,16 @@ def operator(system: SparseSystem, sigma: float | None, wanted: int) -> Operator
         return replace(first, total=0)
     lock = unsprung(system)
     if len(lock):
-        factor = system.tableau.factor(lock=system.layout.coordinate[lock])
-        held = replace(first, factor=factor, total=len(lock))
+        far = far_rows(system)
+        modes = None
+        if far.any():
+            near = system.without_rows(far)
+            held = replace(first, factor=near.tableau.factor(lock=system.layout.coordinate[lock]))
+            lock, modes = without_far(system, lock, _locked_motions(held, lock))
+        held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
         if _holds(held, lock):
-            return _free(held, lock[:wanted])
+            motions = _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted]
+            return _free(held, motions)
     return _shifted(first)
 
 
@@ -144,12 +152,16 @@ def _holds(held: Operator, lock: Index | None = None) -> bool:
     return bool(np.isfinite(work)) and abs(work - strain) <= ENERGY * max(abs(work), size)
 
 
-def _free(held: Operator, lock: Index) -> Operator:
-    """Rigid-body modes: what the locked stiffness does under a unit load on each lock, which only the lock feels."""
+def _locked_motions(held: Operator, lock: Index) -> Array:
+    """Free motions: what the locked stiffness does under a unit load on each lock, which only the lock feels."""
     place = held.system.layout.coordinate[lock]
     right = np.zeros((held.system.layout.size, len(place)))
     right[place, np.arange(len(place))] = 1.0 / held.factor.row_scale[place]
-    modes = held.factor.solve(right)
+    return np.asarray(held.factor.solve(right))
+
+
+def _free(held: Operator, modes: Array) -> Operator:
+    """The operator without rigid-body modes, which are made M-orthonormal."""
     h = held.w @ modes
     for _ in range(2):  # the second time takes out what rounding left of the first
         root = np.linalg.qr(h)[1]
@@ -159,24 +171,13 @@ def _free(held: Operator, lock: Index) -> Operator:
 
 
 def _shifted(first: Operator) -> Operator:
-    """Come down to a shift below zero of the size of the lowest flexible mode, where K - sigma M holds everything."""
+    """A shift below zero, of the size of the lowest flexible mode: where counts of modes begin to grow."""
     system = first.system
-    rng = np.random.default_rng(1)
-    h = rng.standard_normal((first.w.shape[0], 4))
-    stiffness, inertia = np.abs(system.stiffness), system.inertia_factor
-    scale = float(stiffness @ system.elastic_rows.power(2).sum(axis=1).A1) / float(inertia.power(2).sum() or 1.0)
-    sigma = -scale if scale > 0.0 else -1.0
-    for _ in range(ROUNDS):
-        here = replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma))
-        for _ in range(3):
-            h = np.linalg.qr(here.apply(h))[0]
-        z = here.solve(h)
-        e = system.elastic_rows @ z
-        noise = NOISE * (abs(system.elastic_rows) @ np.abs(z))
-        e[np.abs(e) <= noise] = 0.0
-        square = np.einsum("ij,i,ij->j", e, stiffness, e) / np.einsum("ij,ij->j", *([here.w @ z] * 2))
-        flexible = square[square > 0.0]
-        if not len(flexible) or flexible.min() >= -0.01 * sigma:
-            break
-        sigma = -float(flexible.min())
-    return here
+    highest = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
+    highest /= float(system.inertia_factor.power(2).sum()) or 1.0
+    highest = highest or 1.0
+    counts = [system.tableau.factor(square=share * highest, pivot=0.0).negative(system.layout) for share in SHARES]
+    total = counts[-1]
+    grows = [share for share, here in zip(SHARES, counts, strict=True) if here is not None and here != total]
+    sigma = -highest * float(min(grows, default=SHARES[0])) if total is not None else -1e-6 * highest
+    return replace(first, sigma=sigma, factor=system.tableau.factor(square=sigma), total=total)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.loops import pivoted_qr
-from mbsvib.sparse.rows import spread
+from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Index
+    from mbsvib.kinematics import Array, Index
     from mbsvib.sparse.system import SparseSystem
 
 # As in the dense path: unit rows that depend on each other differ by rounding of the geometry, far below this.
@@ -21,11 +21,21 @@ RANK = 1e-11
 PART = 600
 
 
+def far_rows(system: SparseSystem) -> NDArray[np.bool_]:
+    """Tell which stiff rows act on displacements, as the path between their ends is long."""
+    acts = np.zeros(system.layout.size, dtype=bool)
+    acts[system.layout.displacement[system.layout.displacement >= 0]] = True
+    entries = system.elastic_rows.tocoo()
+    result = np.zeros(entries.shape[0], dtype=bool)
+    result[entries.row[acts[entries.col]]] = True
+    return np.asarray(result & (system.stiffness != 0.0))
+
+
 def unsprung(system: SparseSystem) -> Index:
-    """Return coordinates which, locked, leave no motion that meets no spring.
+    """Return coordinates which, locked, leave no motion that meets none of the springs along short paths.
 
     Springs and loops tie coordinates into parts; within each part a pivoted QR of all its rows tells which coordinates
-    are free. Parts that are too large, or held by rows which act on displacements, are taken to be held.
+    are free. What a row of its own holds is held, whatever else acts on it; parts that are too large are taken to be.
 
     Parameters
     ----------
@@ -35,69 +45,88 @@ def unsprung(system: SparseSystem) -> Index:
     Returns
     -------
     array
-        Numbers of the coordinates, one for each rigid-body mode.
+        Numbers of the coordinates, one for each free motion.
     """
-    from scipy.sparse import csr_matrix, vstack
-    from scipy.sparse.csgraph import connected_components
-
     m = len(system.joint_coordinates)
-    place = np.full(system.layout.size, -1)
-    place[system.layout.coordinate] = np.arange(m)
-    stiff = system.elastic_rows[system.stiffness != 0.0]
-    entries = vstack([stiff, system.loop_rows]).tocoo()
-    far = np.zeros(entries.shape[0], dtype=bool)
-    far[entries.row[place[entries.col] < 0]] = True
-    used = place[entries.col] >= 0
-    row, column, value = entries.row[used], place[entries.col[used]], entries.data[used]
-    # unit rows and columns: neither the size of a stiffness nor the unit of a coordinate decides a rank
-    value = value / np.sqrt(np.bincount(row, value * value, minlength=len(far)))[row]
-    size = np.sqrt(np.bincount(column, value * value, minlength=m))
-    value = value / size[column]
-    held = size > 0.0
-    rows = len(far)
-    ends = (row, rows + column)
-    graph = csr_matrix((np.ones(len(row), dtype=bool), ends), shape=(rows + m, rows + m))
-    label = connected_components(graph, directed=False)[1]
-    doubtful = np.zeros(int(label.max(initial=-1)) + 1, dtype=bool)
-    doubtful[label[:rows][far]] = True
-    unheld = ~held
-    if far.any():
-        unheld &= ~_under_far_rows(system)
-    free = np.flatnonzero(unheld).tolist()
-    label_of = label[rows:]
-    matrix = csr_matrix((value, (row, column)), shape=(rows, m)).tocsc()
-    order = np.flatnonzero(held & ~doubtful[label_of])
-    order = order[np.argsort(label_of[order], kind="stable")]
-    sizes = np.bincount(label_of[order], minlength=len(doubtful))
-    start = np.cumsum(sizes) - sizes
-    for part in np.flatnonzero((sizes > 1) & (sizes <= PART)).tolist():
-        columns = order[start[part] : start[part] + sizes[part]]
-        counts = np.diff(matrix.indptr)[columns]
-        of, nth = spread(counts)
-        at = matrix.indptr[columns][of] + nth
-        here, place_of = np.unique(matrix.indices[at], return_inverse=True)
-        block = np.zeros((len(here), len(columns)))
-        block[place_of, of] = matrix.data[at]
-        qr, pivoting, _ = pivoted_qr(block)
+    row, column, value = _entries(system)
+    held = np.zeros(m, dtype=bool)
+    while True:
+        alone = np.bincount(row, minlength=1)[row] == 1
+        if not alone.any():
+            break
+        held[column[alone]] = True
+        left = ~held[column]
+        row, column, value = row[left], column[left], value[left]
+    touched = np.zeros(m, dtype=bool)
+    touched[column] = True
+    free = np.flatnonzero(~held & ~touched).tolist()
+    for rows, columns, values in _parts(row, column, value):
+        names, place = np.unique(columns, return_inverse=True)
+        if len(names) > PART:
+            continue
+        here, at = np.unique(rows, return_inverse=True)
+        block = np.zeros((len(here), len(names)))
+        block[at, place] = values
+        # unit rows and columns: neither the size of a stiffness nor the unit of a coordinate decides a rank
+        block /= np.linalg.norm(block, axis=1)[:, None]
+        block /= np.linalg.norm(block, axis=0)
+        qr, order, _ = pivoted_qr(block)
         pivots = np.abs(qr.diagonal())
-        rank = int(np.count_nonzero(pivots > RANK * pivots[0]))
-        free += columns[pivoting[rank:]].tolist()
+        free += names[order[int(np.count_nonzero(pivots > RANK * pivots[0])) :]].tolist()
     return np.array(sorted(free), dtype=np.intp)
 
 
-def _under_far_rows(system: SparseSystem) -> NDArray[np.bool_]:
-    """Coordinates on the path of a row that acts on displacements: bodies whose subtree holds an end of it."""
-    tree = system.structure
-    n = len(tree.parent)
+def _entries(system: SparseSystem) -> tuple[Index, Index, Array]:
+    """Entries of springs along short paths and of all loops over the joint coordinates."""
+    near = system.elastic_rows[(system.stiffness != 0.0) & ~far_rows(system)].tocoo()
     place = np.full(system.layout.size, -1)
-    body, direction = system.layout.moving
-    place[system.layout.displacement[body, direction]] = body
-    count = np.zeros(n + 1, dtype=np.int64)
-    for rows in (system.elastic_rows[system.stiffness != 0.0], system.loop_rows):
-        entries = rows.tocoo()
-        far = place[entries.col] >= 0
-        count[np.unique(place[entries.col[far]])] += 1
-    total, parent = count.tolist(), tree.parent.tolist()
-    for k in tree.outward[::-1].tolist():
-        total[parent[k]] += total[k]
-    return np.array(total[:n])[tree.carried] > 0
+    place[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
+    row, column, value, _ = path_entries(system.structure, system.constraints.independent, None)
+    used = value != 0.0
+    return (np.concatenate((near.row, near.shape[0] + row[used])), np.concatenate((place[near.col], column[used])),
+            np.concatenate((near.data, value[used])))  # fmt: skip
+
+
+def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, Array]]:
+    """Entries by independent parts."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(row):
+        return []
+    rows, columns = int(row.max()) + 1, int(column.max()) + 1
+    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(rows + columns, rows + columns))
+    label = connected_components(graph, directed=False)[1][row]
+    order = np.argsort(label, kind="stable")
+    cuts = np.flatnonzero(np.diff(label[order])) + 1
+    return [(row[part], column[part], value[part]) for part in np.split(order, cuts)]
+
+
+def without_far(system: SparseSystem, lock: Index, modes: Array) -> tuple[Index, Array]:
+    """Return which locks are left, and the free motions, once springs along long paths hold what they hold.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    lock : array, shape (n,)
+        Coordinates that the other springs leave free.
+    modes : array, shape (size, n)
+        The free motions: each moves its own lock by one, and no other.
+
+    Returns
+    -------
+    tuple
+        The locks, and the motions that meet no spring at all.
+    """
+    rows = system.elastic_rows[far_rows(system)]
+    block = np.asarray(rows @ modes)
+    block /= np.maximum(np.asarray(abs(rows) @ np.abs(modes)).max(axis=1, initial=0.0), 1e-300)[:, None]
+    qr, order, _ = pivoted_qr(block)
+    pivots = np.abs(qr.diagonal())
+    rank = int(np.count_nonzero(pivots > RANK))
+    null = np.zeros((len(lock), len(lock) - rank))
+    null[order[rank:], np.arange(len(lock) - rank)] = 1.0
+    if 0 < rank < len(lock):
+        null[order[:rank]] = -np.linalg.solve(np.triu(qr[:rank, :rank]), qr[:rank, rank:])
+    return lock[order[rank:]], modes @ null

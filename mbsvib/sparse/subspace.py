@@ -64,7 +64,7 @@ def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
     sigma = (2.0 * np.pi * near) ** 2 if near else None
     t = operator(system, sigma, k)
     rigid = t.rigid.shape[1]
-    flexible = system.dof - (t.total or 0)
+    flexible = system.dof - ((t.total or 0) if t.sigma == 0.0 else 0)
     wanted = min(k - rigid + GUARDS, flexible)
     if rigid >= k:
         zero = np.zeros(rigid)
@@ -107,8 +107,6 @@ def _whole(t: Operator, dof: int) -> Array:
 
 def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
     """Number of modes nearer to the shift than the last one wanted that were not found, by counts of eigenvalues."""
-    if t.sigma <= 0.0 and t.total is None:
-        return None
     distance = np.sort(1.0 / np.abs(theta))
     radius = float(distance[min(wanted, len(distance)) - 1]) * (1.0 - BEFORE)
     place, tableau = t.system.layout, t.system.tableau
@@ -116,7 +114,7 @@ def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
         above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(place)
         # without negative springs nothing is below zero, and rigid-body modes are counted already
         if t.sigma - radius <= 0.0 and (t.system.stiffness >= 0.0).all():
-            below: int | None = t.total or 0
+            below: int | None = (t.total or 0) if t.sigma == 0.0 else 0
         else:
             below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(place)
     except np.linalg.LinAlgError:
@@ -146,9 +144,24 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None) -> Subspace
     energy, lost = (np.einsum("ij,i,ij->j", e, k, e) for e in (rows @ z, rows @ correction))
     moved = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
     noise = np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0.0) + moved
-    z = np.concatenate((t.rigid, z / length), axis=1)
+    z /= length
+    if t.sigma < 0.0 and t.total:
+        return _sorted(t, z, residual, noise, reach, missed)
+    z = np.concatenate((t.rigid, z), axis=1)
     zero = np.zeros(t.rigid.shape[1])
     return Subspace(t, z, len(zero), np.concatenate((zero, residual)), np.concatenate((zero, noise)), reach, missed)
+
+
+def _sorted(t: Operator, z: Array, residual: Array, noise: Array, reach: float, missed: int | None) -> Subspace:
+    """Rigid-body modes, of which the count is known, come first: they are those with the least strain energy."""
+    from scipy.linalg import eigh
+
+    rows, h = t.system.elastic_rows @ z, t.w @ z
+    square, shapes = eigh(rows.T @ (t.system.stiffness[:, None] * rows), h.T @ h)
+    shapes = shapes[:, np.argsort(np.abs(square), kind="stable")]
+    share = np.abs(shapes.T) ** 2
+    rigid = min(t.total or 0, z.shape[1])
+    return Subspace(t, z @ shapes, rigid, np.sqrt(share @ residual**2), share @ noise, reach, missed)
 
 
 def strains(system: SparseSystem, z: Array, rigid: int) -> tuple[Array, Array]:

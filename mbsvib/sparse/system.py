@@ -234,6 +234,23 @@ class SparseSystem:
             self._refuse("time_response", "time_response(t, u, modes=k)")
         return self.reduced(modes).time_response(t, u, hold)
 
+    def without_rows(self, gone: NDArray[np.bool_]) -> SparseSystem:
+        """Return the system with the stiffness of some elastic rows taken away.
+
+        Parameters
+        ----------
+        gone : array, shape (rows,)
+            Mask of the rows.
+
+        Returns
+        -------
+        SparseSystem
+            The same unknowns, less stiffness.
+        """
+        from mbsvib.sparse.assembly import with_stiffness
+
+        return with_stiffness(self, self.stiffness * ~gone)
+
     def explain(self) -> str:
         """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
         from mbsvib.sparse.explain import explain
