@@ -56,6 +56,12 @@ class System:
     The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
     with D = ``elastic_rows`` (rows, m), k = ``stiffness`` and c = ``damping`` (rows,); ``row_owner`` (rows,) numbers
     the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are read-only.
+
+    What no such rows can be is None where the mechanism has none: ``gyroscopic`` G (m, m), antisymmetric, is part of C
+    beside D^T diag(c) D, as spinning bodies add it; ``circulatory`` N (m, m), antisymmetric, is part of K beside
+    D^T diag(k) D, as follower loads add it. M is singular if ``massless`` > 0: the motions ``null_inertia``
+    (m, massless) move no mass but dampers (their damping is regular), each has one first-order state in place of two,
+    and there are 2m - massless eigenvalues.
     """
 
     name: str
@@ -81,10 +87,16 @@ class System:
     row_owner: NDArray[np.intp]
     body_motion: Array
     provenance: Provenance = field(repr=False)
+    gyroscopic: Array | None = None
+    circulatory: Array | None = None
+    massless: int = 0
+    null_inertia: Array | None = None
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
-            getattr(self, name).setflags(write=False)
+            array = getattr(self, name)
+            if array is not None:
+                array.setflags(write=False)
 
     @property
     def dof(self) -> int:
