@@ -10,15 +10,16 @@ ones leave of them.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import SingularPoseError
+from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.explain import listed
 from mbsvib.kinematics import Rows
-from mbsvib.loops import EPS, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, pivoted_qr
+from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, pivoted_qr
 from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
@@ -206,6 +207,11 @@ def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
             f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
             f"give the geometry with all its digits."
         )
+    if kept < NEAR_SINGULAR:
+        warnings.warn(
+            f"loops closed by {listed(joints)}: nearly singular pose (smallest pivot {kept:.1e}); modes and responses "
+            f"lose as many digits. Move the pose.", NearSingularWarning, stacklevel=6,
+        )  # fmt: skip
 
 
 def _unit_rows(tree: Tree, rows: Rows, entries: Entries, left: Index, columns: Index) -> csr_matrix:

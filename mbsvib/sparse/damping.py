@@ -59,7 +59,8 @@ def decoupled(found: Subspace, result: Modes, z: Array) -> bool:
     if not system.damping.any():
         return True
     brakes = system.elastic_rows[system.damping != 0.0]
-    felt = np.abs(brakes @ z[:, : found.rigid]) > NOISE * (abs(brakes) @ np.abs(z[:, : found.rigid]))
+    rigid = z[:, : result.rigid]
+    felt = np.abs(brakes @ rigid) > NOISE * (abs(brakes) @ np.abs(rigid))
     if not result.classical or felt.any():
         return False
     # what C does to a shape must be inertia of that same shape, Gamma_ii M phi, which a solve brings to common units

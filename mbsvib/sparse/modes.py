@@ -19,7 +19,7 @@ from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.damping import coupled, decoupled
 from mbsvib.sparse.reduction import reduced
 from mbsvib.sparse.subspace import subspace
-from mbsvib.undamped import undamped
+from mbsvib.undamped import WELL_CLOSED, undamped
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
@@ -75,13 +75,12 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
     """
     _check(system, k, near)
     found = subspace(system, k, near)
-    basis, bound = _nearest(system, found, k)
+    basis, bound, rigid = _nearest(system, found, k)
     wanted = k
     while basis is None:
         wanted += max(4, k // 2)
         found = subspace(system, min(wanted, system.dof), near)
-        basis, bound = _nearest(system, found, k)
-    rigid = min(found.rigid, k)
+        basis, bound, rigid = _nearest(system, found, k)
     small = reduced(system, basis, rigid)
     result = dense_modes(small, RTOL)
     if decoupled(found, result, basis):
@@ -89,7 +88,7 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
         chosen = np.arange(k)
     else:
         small, result, left, chosen = coupled(found, k, near)
-        errors = result.errors + left + EPS * (1.0 + _accumulated(system)) * (result.eigenvalues != 0.0)
+        errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
     errors = np.minimum(errors, 1.0)
     pairs = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
     return SomeModes(
@@ -109,8 +108,9 @@ def _check(system: SparseSystem, k: int, near: float) -> None:
         raise ResponseError(f"modes: near = {near!r}; expected a frequency [Hz], or 0 for the lowest modes.")
 
 
-def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | None, Array]:
-    """The k modes nearest to the shift out of the subspace, M-orthonormal, and what is unsure of their frequencies.
+def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | None, Array, int]:
+    """The k modes nearest to the shift out of the subspace, M-orthonormal, what is unsure of their frequencies, and how
+    many of them are rigid-body modes.
 
     None if the subspace is too small to tell which are nearest.
     """
@@ -119,13 +119,16 @@ def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | Non
     ritz = undamped(small, RTOL)
     if sigma > 0.0:
         centre = np.sqrt(sigma)
-        distance = np.where(ritz.square >= 0.0, np.abs(np.sqrt(np.abs(ritz.square)) - centre), np.inf)
+        distance = np.abs(np.sqrt(np.abs(ritz.square)) - centre)
         last = float(np.sort(distance)[k - 1])
-        if last * (last + 2.0 * centre) > found.reach:
-            return None, np.zeros(0)  # one that was not found may be nearer: all are known by their squares only
+        needed = last * (last + 2.0 * centre)
+        if needed <= found.reach and found.operator.diverging() > int(np.count_nonzero(ritz.square < 0.0)):
+            needed = centre**2 + (centre + last) ** 2
+        if needed > found.reach:
+            return None, np.zeros(0), 0  # one that was not found may be nearer: all are known by their squares only
     else:
         distance = np.abs(ritz.square)
-    distance[: found.rigid] = -1.0
+        distance[: found.rigid] = -1.0
     chosen = np.sort(np.argsort(distance, kind="stable")[:k])
     y = ritz.shapes[:, chosen]
     basis = found.z @ y
@@ -138,11 +141,13 @@ def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | Non
     first = residual * apart / np.where(flexible, square, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         second = np.where(gap > 0.0, residual**2 * apart**2 / (gap * np.where(flexible, square, 1.0)), np.inf)
-    rounding = EPS * (1.0 + _accumulated(system))
+    rounding = _rounding(system)
     bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding, 0.0)
-    return basis, bound
+    return basis, bound, int(np.count_nonzero(chosen < found.rigid))
 
 
-def _accumulated(system: SparseSystem) -> float:
-    """Rounding of sums along the longest path, in units of eps."""
-    return ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))
+def _rounding(system: SparseSystem) -> float:
+    """Relative error of sums along the longest path, and of what nearly singular loops do to the coordinates."""
+    kept = min((group.kept for group in system.constraints.groups), default=1.0)
+    path = ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))
+    return EPS * (1.0 + path + (1.0 / kept if kept < WELL_CLOSED else 0.0))

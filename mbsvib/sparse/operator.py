@@ -82,6 +82,17 @@ class Operator:
     def _without(self, h: NDArray[Any]) -> NDArray[Any]:
         return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
 
+    def diverging(self) -> int:
+        """Return how many modes negative stiffness makes diverge; all of them where they cannot be counted."""
+        if (self.system.stiffness >= 0.0).all():
+            return 0
+        try:
+            factor = self.system.tableau.factor(square=-ENERGY * abs(self.sigma), pivot=0.0)
+        except np.linalg.LinAlgError:
+            return self.system.dof
+        count = factor.negative(self.system.layout)
+        return self.system.dof if count is None else count
+
     def deflated(self, more: Array) -> Operator:
         """Return the operator with more vectors (h, n) taken out."""
         vectors = np.linalg.qr(np.concatenate((self.away, more), axis=1))[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,8 @@ GUARDS = 2
 WHOLE = 24
 # Rounds in which missed modes, equal frequencies of equal parts above all, are looked for.
 SEARCHES = 6
+# Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
+RIGID = 1e-8
 # The count is taken this much (relative to the distance from the shift) before the last mode.
 BEFORE = 1e-6
 
@@ -145,23 +147,51 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None) -> Subspace
     moved = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
     noise = np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0.0) + moved
     z /= length
+    found = Subspace(t, z, 0, residual, noise, reach, missed)
     if t.sigma < 0.0 and t.total:
-        return _sorted(t, z, residual, noise, reach, missed)
-    z = np.concatenate((t.rigid, z), axis=1)
-    zero = np.zeros(t.rigid.shape[1])
-    return Subspace(t, z, len(zero), np.concatenate((zero, residual)), np.concatenate((zero, noise)), reach, missed)
+        return _sorted(found, t.total)
+    return _named(found) if t.sigma > 0.0 else _led(found, t.rigid)
 
 
-def _sorted(t: Operator, z: Array, residual: Array, noise: Array, reach: float, missed: int | None) -> Subspace:
-    """Rigid-body modes, of which the count is known, come first: they are those with the least strain energy."""
+def _led(found: Subspace, rigid: Array) -> Subspace:
+    """Rigid-body modes in front of the others."""
+    zero = np.zeros(rigid.shape[1])
+    return replace(found, z=np.concatenate((rigid, found.z), axis=1), rigid=len(zero),
+                   residual=np.concatenate((zero, found.residual)), noise=np.concatenate((zero, found.noise)))  # fmt: skip
+
+
+def _named(found: Subspace) -> Subspace:
+    """Rigid-body modes that were found around a frequency like all others, by what the springs say about them."""
+    t = found.operator
+    if not np.isfinite(found.reach):
+        found = _sorted(found, 0)  # taken whole, the vectors are no modes yet
+    rows = t.system.elastic_rows @ found.z
+    strain = np.abs(t.system.stiffness) @ rows**2
+    near_zero = int(np.count_nonzero(strain < RIGID * t.sigma))
+    if not near_zero:
+        return found
+    still = operator(t.system, None, near_zero)
+    if not still.total:
+        return found
+    if still.sigma < 0.0:
+        return _sorted(found, min(still.total, near_zero))
+    others = np.sort(np.argsort(strain, kind="stable")[still.rigid.shape[1] :])
+    z = found.z[:, others]
+    z = z - still.rigid @ (still.away.T @ (t.w @ z))
+    return _led(replace(found, z=z, residual=found.residual[others], noise=found.noise[others]), still.rigid)
+
+
+def _sorted(found: Subspace, total: int) -> Subspace:
+    """Rigid-body modes, of which the number is known, come first: they are those with the least strain energy."""
     from scipy.linalg import eigh
 
+    t, z = found.operator, found.z
     rows, h = t.system.elastic_rows @ z, t.w @ z
     square, shapes = eigh(rows.T @ (t.system.stiffness[:, None] * rows), h.T @ h)
     shapes = shapes[:, np.argsort(np.abs(square), kind="stable")]
     share = np.abs(shapes.T) ** 2
-    rigid = min(t.total or 0, z.shape[1])
-    return Subspace(t, z @ shapes, rigid, np.sqrt(share @ residual**2), share @ noise, reach, missed)
+    return replace(found, z=z @ shapes, rigid=min(total, z.shape[1]), residual=np.sqrt(share @ found.residual**2),
+                   noise=share @ found.noise)  # fmt: skip
 
 
 def strains(system: SparseSystem, z: Array, rigid: int) -> tuple[Array, Array]:

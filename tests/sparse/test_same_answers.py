@@ -1,0 +1,157 @@
+"""Small mechanisms of all kinds: the sparse equations give what the dense ones give."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, reject
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from tests.support import overconstrained
+from tests.support.compare import assert_same_eigenvalues, assert_same_response
+from tests.support.random_models import closed_loops, open_trees, planar_loops
+
+ANY = st.one_of(
+    open_trees(), open_trees(negative=st.just(True)), open_trees(floating=st.just(True)), closed_loops(),
+    planar_loops(), open_trees(damped=st.just(False)), closed_loops(damped=st.just(False)),
+)  # fmt: skip
+OMEGA = np.array([0.7, 13.0, 170.0, 3e3])
+
+
+def both(model):
+    """Dense and sparse equations of a pose that neither path doubts; where one doubts, so does the other."""
+    found = []
+    for method in ("dense", "sparse"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", mv.NearSingularWarning)
+            try:
+                found.append(model.linearize(method=method))
+            except (mv.SingularPoseError, mv.NearSingularWarning) as doubt:
+                found.append(type(doubt))
+    dense, sparse = found
+    if isinstance(dense, type) or isinstance(sparse, type):
+        assert dense is sparse
+        reject()
+    assert (dense.dof, dense.tree, dense.cut_joints) == (sparse.dof, sparse.tree, sparse.cut_joints)
+    assert dense.redundant == sparse.redundant
+    return dense, sparse
+
+
+def motion_of(shape):
+    """Displacements of all bodies, one vector a mode, of unit length."""
+    whole = np.concatenate([shape[name] for name in sorted(shape)])
+    return whole / np.linalg.norm(whole, axis=0)
+
+
+@given(ANY)
+def test_modes(model):
+    dense, sparse = both(model)
+    assume(dense.dof)
+    one, other = dense.modes(rtol=None), sparse.modes(sparse.dof)
+    assert one.rigid == other.rigid
+    assert_same_eigenvalues(other.eigenvalues, one.eigenvalues, rtol=2e-11)
+    assert other.missed == 0
+
+
+@given(ANY)
+def test_shapes(model):
+    """Modes that stand apart move the bodies in the same way, but for a (complex) factor."""
+    dense, sparse = both(model)
+    assume(dense.dof)
+    one, other = dense.modes(rtol=1e-12), sparse.modes(sparse.dof)
+    a, b = motion_of(one.body_shapes), motion_of(other.body_shapes)
+    gap = np.abs(one.natural[:, None] - one.natural) + np.diag(np.full(dense.dof, np.inf))
+    for i in np.flatnonzero((gap.min(axis=1) > 1e-4 * one.natural.max()) & (one.natural > 1e-4 * one.natural.max())):
+        if one.eigenvalues[2 * i].imag:  # of a pair that creeps either vector is shown
+            assert abs(abs(np.vdot(a[:, i], b[:, i])) - 1) < 1e-8
+
+
+@given(ANY)
+def test_frequency_response(model):
+    """Displacement, velocity, acceleration and force outputs of forces and base motion."""
+    dense, sparse = both(model)
+    assert sparse.inputs == dense.inputs
+    assert sparse.outputs == dense.outputs
+    assert (sparse.input_units, sparse.output_units) == (dense.input_units, dense.output_units)
+    assume(dense.dof)
+    pivot = min((group.kept for group in sparse.constraints.groups), default=1.0)
+    expected = dense.frequency_response(OMEGA)
+    found = sparse.frequency_response(OMEGA)
+    found[(np.abs(expected) == 0.0).all(axis=2)] = 0.0  # what the dense path knows to be zero: tested by itself
+    assert_same_response(found, expected, rtol=1e-10 / pivot)
+
+
+@given(ANY)
+def test_what_cannot_respond_is_zero_but_for_rounding(model):
+    dense, sparse = both(model)
+    assume(dense.dof)
+    silent = (np.abs(dense.frequency_response(OMEGA)) == 0.0).all(axis=2)
+    assume(silent.any())
+    size = np.abs(sparse.frequency_response(OMEGA))[~silent].max(initial=1.0)
+    assert np.abs(sparse.frequency_response(OMEGA)[silent]).max() <= 1e-9 * size
+
+
+@given(ANY)
+def test_static_compliance(model):
+    dense, sparse = both(model)
+    assume(dense.dof)
+    assume(dense.modes().rigid == 0)
+    assume(dense.modes().natural[0] > 1e-3 * dense.modes().natural[-1])
+    expected = dense.Cq @ np.linalg.solve(dense.K, dense.B) + dense.D
+    assert_allclose(sparse.static_compliance(), expected, rtol=0, atol=1e-8 * np.abs(expected).max(initial=1e-30))
+
+
+@given(ANY, st.data())
+def test_some_modes(model, data):
+    """The lowest ones and those around a frequency are the dense path's."""
+    dense, sparse = both(model)
+    assume(dense.dof)
+    every = dense.modes(rtol=1e-12)
+    k = data.draw(st.integers(1, dense.dof))
+    near = data.draw(st.sampled_from([0.0, *(1.003 * every.frequencies[every.frequencies > 0]).tolist(), 0.3, 1e3]))
+    found, expected = sparse.modes(k, near=near), every.nearest(k, near)
+    assert len(found) == k
+    distance = np.sort(np.abs(every.frequencies - near))
+    if k < dense.dof and distance[k] - distance[k - 1] < 1e-9 * (near + distance[k]):
+        reject()  # equally near: either is right
+    assert found.rigid == expected.rigid
+    assert not found.frequencies[: found.rigid].any()
+    assert_allclose(found.frequencies, expected.frequencies, rtol=2e-11)
+    assert_same_eigenvalues(found.eigenvalues, expected.eigenvalues, rtol=2e-10)
+
+
+@pytest.mark.parametrize("name", overconstrained.ALL)
+def test_overconstrained_mechanisms(name):
+    """What counting constraints gets wrong, redundant rows and dead centres included."""
+    model, redundant = overconstrained.ALL[name]()
+    found = []
+    for method in ("dense", "sparse"):
+        try:
+            found.append(model.linearize(method=method))
+        except mv.SingularPoseError as error:
+            found.append(str(error).split(":")[0])
+    dense, sparse = found
+    if isinstance(dense, str) or isinstance(sparse, str):
+        assert dense == sparse
+        return
+    assert sparse.dof == dense.dof
+    assert len(sparse.redundant) == redundant == len(dense.redundant)
+    assert_same_eigenvalues(sparse.modes(sparse.dof).eigenvalues, dense.modes().eigenvalues, rtol=1e-12)
+
+
+@given(ANY)
+def test_reduced_by_all_modes_is_the_whole(model):
+    """Modal coordinates of every mode: the same responses in time and frequency, from small dense matrices."""
+    dense, sparse = both(model)
+    assume(dense.dof)
+    small = sparse.reduced(sparse.dof)
+    assert_same_response(small.frequency_response(OMEGA), dense.frequency_response(OMEGA), rtol=1e-9)
+    assume(dense.modes().stable)
+    t = np.linspace(0, 0.05, 20)
+    u = np.sin(40 * t + np.arange(len(dense.inputs))[:, None])
+    expected = dense.time_response(t, u)
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    size = np.maximum(size, 1e-6 * size.max(initial=0.0))
+    assert (np.abs(sparse.time_response(t, u, modes=sparse.dof) - expected) <= 1e-8 * size + 1e-30).all()
