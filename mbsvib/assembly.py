@@ -190,7 +190,14 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
     kept = reduction.independent.tolist()
     names = tuple([coordinates.names[i] for i in kept])
     found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
-    check_mass(found["M"], names)
+    separation = None
+    if scene.inertia.whole:
+        check_mass(found["M"], names)
+    else:
+        from mbsvib.massless import separate
+
+        found, stays, separation = separate(scene, reduction, found, names, model, independent)
+        names, kept = tuple([names[i] for i in stays]), [kept[i] for i in stays]
     return System(
         name=model.name, coordinates=names,
         coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
@@ -198,7 +205,7 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(
             scene.topology, reduction, coordinates.names, tuple(model.springs),
-            scene.bodies + scene.topology.joints + scene.elements,
+            scene.bodies + scene.topology.joints + scene.elements, separation,
         ),
     )  # fmt: skip
 

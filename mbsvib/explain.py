@@ -86,6 +86,20 @@ def _coordinates(system: System) -> list[str]:
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
+    return lines + _massless(system)
+
+
+def _massless(system: System) -> list[str]:
+    found = system.provenance.massless
+    if found is None:
+        return []
+    lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; smallest pivot of the mass "
+             f"rows {found.kept:.1e}, largest that is none {found.dropped:.1e}"]  # fmt: skip
+    if found.condensed:
+        lines.append(f"  condensed statically, as no damper acts on them: {listed(found.condensed)}")
+    if found.first_order:
+        lines.append(f"  without mass but damped, one first-order state each: {listed(found.first_order)}; "
+                     f"{2 * system.dof - system.massless} states in all")  # fmt: skip
     return lines
 
 

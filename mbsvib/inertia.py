@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array
     from mbsvib.parts import Body
 
+EPS = float(np.finfo(float).eps)
 # Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
 MASSLESS = 1e-14
 _DIAGONAL = np.arange(3)
@@ -26,11 +27,13 @@ _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx 
 @dataclass(frozen=True, slots=True)
 class SpatialInertia:
     """Square roots of the bodies' inertia: ``linear`` (..., bodies) of the masses, ``angular`` (..., bodies, 3, 3) F of
-    the tensors, F^T F = I about the centre of mass in world axes.
+    the tensors, F^T F = I about the centre of mass in world axes. ``whole`` says that every body has a mass, and
+    a moment about every axis.
     """
 
     linear: Array
     angular: Array
+    whole: bool = True
 
     def factor(self, motion: Array) -> Array:
         """Return the rows W of body motions (..., bodies, 6, m), shape (..., 6 bodies, m)."""
@@ -55,14 +58,16 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
         Factors of the masses and tensors.
     """
     table = np.array([(body.mass, *body.inertia) for body in bodies])
+    whole = float(table[:, :4].min()) > 0.0
     if table[:, 4:].any():
         root = roots(table[:, 1:])
+        whole = whole and bool(root[:, _DIAGONAL, _DIAGONAL].all())
     else:
         root = np.zeros((len(bodies), 3, 3))
         root[:, _DIAGONAL, _DIAGONAL] = np.sqrt(table[:, 1:4])
     if any(body.orientation is not IDENTITY for body in bodies):
         root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
-    return SpatialInertia(np.sqrt(table[:, 0]), root)
+    return SpatialInertia(np.sqrt(table[:, 0]), root, whole)
 
 
 def roots(inertia: Array) -> Array:
@@ -72,6 +77,7 @@ def roots(inertia: Array) -> Array:
     except np.linalg.LinAlgError:
         # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
         values, vectors = np.linalg.eigh(inertia[..., _TENSOR].reshape(*inertia.shape[:-1], 3, 3))
+        values[values <= 4.0 * EPS * values[..., 2:]] = 0.0
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2), dtype=float)
 
 
@@ -104,7 +110,8 @@ def check_mass(mass: Array, names: tuple[str, ...]) -> None:
     else:
         lowest = int(diagonal.argmin())
     raise ModelError(
-        f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass. "
-        f"Massless coordinates are not supported yet: give the bodies it moves an inertia about its axis.",
+        f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass "
+        f"but for rounding. Give the bodies it moves an inertia about its axis, or make what is tiny exactly zero: "
+        f"motions without mass follow from statics where springs and dampers hold them.",
         element=names[lowest],
     )  # fmt: skip

@@ -71,7 +71,7 @@ class Mechanism:
         name : str
             Name, unique among bodies, joints, bushings and springs.
         mass : float
-            Mass [kg], positive.
+            Mass [kg]; 0 for a massless node, which springs and dampers hold (its inertia then is zeros too).
         inertia : array-like, shape (3,), (6,) or (3, 3)
             Inertia about the centre of mass in body axes [kg m^2]: principal moments, the tensor's entries
             xx yy zz xy xz yz (xy = -integral of x y dm), or the tensor.
@@ -88,7 +88,7 @@ class Mechanism:
         Raises
         ------
         ModelError
-            If the name is taken, the mass is not positive, or no body can have this inertia.
+            If the name is taken, the mass is negative, or no body can have this inertia.
         """
         self._check_name(name, "body")
         part = _body.make(name, mass, inertia, position, orientation)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.damped import Damped
     from mbsvib.energy_schur import EnergySchur
     from mbsvib.loops import Reduction
+    from mbsvib.massless import Separation
     from mbsvib.modal_sum import ModalSum
     from mbsvib.modes import Modes
     from mbsvib.parameters import Parameters
@@ -36,7 +37,8 @@ RESPONSE_RTOL = 1e-13
 @dataclass(frozen=True, slots=True)
 class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
-    are the bodies, joints and spring-dampers themselves, for ``parameters``.
+    are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
+    without mass.
     """
 
     topology: Topology
@@ -44,6 +46,7 @@ class Provenance:
     joint_coordinates: tuple[str, ...]
     springs: tuple[str, ...]
     parts: tuple[Part, ...] = ()
+    massless: Separation | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)

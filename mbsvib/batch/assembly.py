@@ -65,6 +65,11 @@ def linearize_batch(
     variants = checked(parameters, values)
     scene = single.scene(model, cut)
     nominal = single.system(model, scene, independent)
+    if nominal.provenance.massless is not None:
+        what = nominal.provenance.massless
+        name = (what.condensed + what.first_order)[0]
+        raise ModelError(f"values: coordinate '{name}' moves no mass, which batches do not support yet; linearize the "
+                         f"variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
     pieces = [

@@ -134,7 +134,10 @@ def _check_part(values: Values, name: str, whole: Mapping[str, Array]) -> None:
     """Send every variant of a part that may be refused through the checks of the part itself."""
     for i in np.flatnonzero(_suspects(values.parameters.parts[name], whole)).tolist():
         try:
-            values.part(name, i)
+            part = values.part(name, i)
+            if isinstance(part, Body) and part.mass == 0.0:
+                raise ModelError("Massless bodies are not supported in a batch; linearize this variant by itself.",
+                                 element=name, field="mass")  # fmt: skip
         except ModelError as error:
             of_part = [p for p in values.by_name if values.parameters.entry(p).part == name]
             blamed = [p for p in of_part if values.parameters.entry(p).field == error.field] or of_part

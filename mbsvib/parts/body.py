@@ -33,10 +33,9 @@ class Body(Part):
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:
     """Check the values of a body and build it."""
     who = f"body '{name}'"
-    mass = check.number(mass, who, "mass", "a positive number [kg]")
-    if mass <= 0.0:
-        hint = "" if mass else "Massless bodies are not supported yet: give it its mass, or leave the body out."
-        raise check.refuse(who, "mass", mass, "a positive number [kg]", hint)
+    mass = check.number(mass, who, "mass", "a positive number [kg], or 0")
+    if mass < 0.0:
+        raise check.refuse(who, "mass", mass, "a positive number [kg], or 0")
     return Body(name, mass, _inertia(inertia, who), check.vector(position, who, "position"),
                 check.orientation(orientation, who))  # fmt: skip
 
