@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import Damped, damped
+from mbsvib.damped import Damped, damped, proportional
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
+from mbsvib.general import General, general, is_general
 from mbsvib.undamped import undamped
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 RTOL = 1e-10
 # Damping near the critical one asks for undamped modes that much better than the damped ones may be.
 TIGHTER = 1e-2
+# A shape of a massless system whose bodies move less than this is not normalised by their motion.
+MOVES = 1e-8
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -36,7 +39,14 @@ class Modes:
     where it creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2n,) estimates the relative error of each.
     ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
     classical (``classical`` says why, and is empty elsewhere); shapes^T M shapes = 1 for these, and a unit vector in
-    the undamped modes for the others. ``rigid`` counts the rigid-body modes.
+    the undamped modes for the others (phi^H M phi = 1 where C or K has no symmetry). ``rigid`` counts the rigid-body
+    modes.
+
+    A massless motion that dampers hold has a mode of ``first_order``: one real eigenvalue in place of two, with natural
+    frequency |lambda|, damped frequency 0 and damping ratio 1 (-1 where it grows). ``first_order`` (n,) marks these
+    modes, and is None where there is none.
+
+    The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most.
     """
 
     name: str
@@ -49,12 +59,30 @@ class Modes:
     rigid: int
     _body_motion: Array = field(repr=False)
     _inertia_factor: Array = field(repr=False)
-    damped: Damped = field(repr=False)
+    damped: Damped | General = field(repr=False)
+    first_order: NDArray[np.bool_] | None = None
+    mixed: float = field(default=0.0, repr=False)
+
+    @cached_property
+    def _starts(self) -> NDArray[np.intp]:
+        """Where each mode's eigenvalues start, and where they end."""
+        size = np.full(len(self), 2) if self.first_order is None else 2 - self.first_order
+        return np.concatenate(([0], np.cumsum(size)))
+
+    @cached_property
+    def pairs(self) -> Complex:
+        """Eigenvalues mode by mode, (n, 2); that of a mode of first order stands twice."""
+        return np.asarray(self._paired(self.eigenvalues))
+
+    def _paired(self, values: Any) -> Any:
+        if self.first_order is None:
+            return values.reshape(-1, 2)
+        return np.stack((values[self._starts[:-1]], values[self._starts[1:] - 1]), axis=1)
 
     @cached_property
     def natural(self) -> Array:
         """Natural angular frequencies [rad/s], shape (m,): |lambda|, of a real pair the geometric mean."""
-        return np.sqrt(np.abs(self.eigenvalues[0::2] * self.eigenvalues[1::2]))
+        return np.sqrt(np.abs(self.pairs[:, 0] * self.pairs[:, 1]))
 
     @cached_property
     def frequencies(self) -> Array:
@@ -64,7 +92,7 @@ class Modes:
     @cached_property
     def damped_frequencies(self) -> Array:
         """Frequencies of the decaying oscillation [Hz], shape (m,): Im(lambda)/2 pi, 0 where nothing oscillates."""
-        return np.abs(self.eigenvalues[0::2].imag) / (2.0 * np.pi)
+        return np.abs(self.pairs[:, 0].imag) / (2.0 * np.pi)
 
     @cached_property
     def damping_ratios(self) -> Array:
@@ -72,7 +100,7 @@ class Modes:
 
         A rigid-body mode has 0, or infinity where a damper brakes it.
         """
-        first, second = self.eigenvalues[0::2], self.eigenvalues[1::2]
+        first, second = self.pairs.T
         total = 0.0 - (first + second).real
         ratio = np.divide(total, 2.0 * self.natural, out=np.where(total > 0.0, np.inf, 0.0), where=self.natural > 0.0)
         return np.where((first * second).real < 0.0, -1.0, ratio)
@@ -110,10 +138,11 @@ class Modes:
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
         chosen = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
+        which = np.concatenate([np.arange(*self._starts[i : i + 2]) for i in chosen])
         return replace(
-            self, eigenvalues=self.eigenvalues.reshape(-1, 2)[chosen].reshape(-1),
-            errors=self.errors.reshape(-1, 2)[chosen].reshape(-1), shapes=self.shapes[:, chosen],
+            self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, chosen],
             rigid=int(np.count_nonzero(chosen < self.rigid)),
+            first_order=None if self.first_order is None else self.first_order[chosen],
         )  # fmt: skip
 
     def check_accuracy(self, rtol: float) -> None:
@@ -124,7 +153,7 @@ class Modes:
         rtol : float
             Relative accuracy asked for.
         """
-        late = np.nonzero(self.errors.reshape(-1, 2).max(axis=1, initial=0.0) > rtol)[0]
+        late = np.nonzero(self._paired(self.errors).max(axis=1, initial=0.0) > rtol)[0]
         if len(late):
             numbers = ", ".join(str(i + 1) for i in late[:8]) + (", ..." if len(late) > 8 else "")
             warnings.warn(
@@ -133,7 +162,7 @@ class Modes:
             )  # fmt: skip
 
     def __len__(self) -> int:
-        return len(self.eigenvalues) // 2
+        return int(self.shapes.shape[1])
 
     def table(self) -> dict[str, Any]:
         """Return the table of modes as arguments of ``mbsvib.tables.text`` and ``show``.
@@ -207,17 +236,20 @@ class Modes:
         result = []
         if self.rigid:
             result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")
-        diverging = np.nonzero(self.eigenvalues.reshape(-1, 2).real.max(axis=1) > 0.0)[0]
+        diverging = np.nonzero(self.pairs.real.max(axis=1) > 0.0)[0]
         if len(diverging):
             result.append(f"Unstable: mode{'s' if len(diverging) > 1 else ''} "
                           f"{', '.join(str(i + 1) for i in diverging)} grow with time.")  # fmt: skip
+        if self.first_order is not None and self.first_order.any():
+            result.append(f"{counted(int(self.first_order.sum()), 'mode')} of first order: massless motions that "
+                          f"dampers hold, one eigenvalue each.")  # fmt: skip
         if self.classical:
             result.append(f"Real modes: {self.classical}.")
         result.append(f"Estimated relative error of the eigenvalues: {self.errors.max():.1e} at most.")
         return tuple(result)
 
 
-def modes(system: System, rtol: float = RTOL) -> Modes:
+def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
     """Return all modes of a system, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
@@ -226,13 +258,17 @@ def modes(system: System, rtol: float = RTOL) -> Modes:
         The equations of motion.
     rtol : float
         Relative accuracy asked of every eigenvalue.
+    clean : bool
+        Whether the shapes have to be as good as the eigenvalues, as responses ask for; eigenvalues need less.
 
     Returns
     -------
     Modes
         Eigenvalues, shapes and error estimates.
     """
-    basis = undamped(system, rtol)
+    if is_general(system):
+        return _without_symmetry(system, rtol)
+    basis = undamped(system, rtol, clean or not proportional(system))
     result = damped(system, basis, rtol)
     if basis.doubt > TIGHTER * rtol and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
@@ -242,7 +278,20 @@ def modes(system: System, rtol: float = RTOL) -> Modes:
         largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(system.dof)]
         shapes = shapes * (np.abs(largest) / largest)
     return Modes(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
-                 shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result)  # fmt: skip
+                 shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result,
+                 mixed=basis.mixed)  # fmt: skip
+
+
+def _without_symmetry(system: System, rtol: float) -> Modes:
+    found = general(system, rtol)
+    columns = np.arange(found.shapes.shape[1])
+    largest = found.shapes[np.argmax(np.abs(found.shapes), axis=0), columns] if system.dof else np.ones(0)
+    moving = np.linalg.norm(system.inertia_factor @ found.shapes, axis=0)
+    size = np.where(moving > MOVES * np.abs(largest) * np.linalg.norm(system.inertia_factor), moving, np.abs(largest))
+    shapes = found.shapes * (np.abs(largest) / largest / size)
+    return Modes(system.name, system.coordinates, system.bodies, found.values, found.value_errors, shapes, "",
+                 found.rigid, system.body_motion, system.inertia_factor, found,
+                 found.single if found.single.any() else None)  # fmt: skip
 
 
 def digits(value: float) -> str:

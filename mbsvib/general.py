@@ -1,0 +1,256 @@
+"""Modes of systems without symmetry: spin, follower loads, massless motions.
+
+Where C has a gyroscopic part or K a circulatory one, each eigenvalue has a right and a left vector; where M is
+singular, massless motions have one eigenvalue each in place of two. The eigenvalues of the state matrix in energy
+coordinates (``energy_state``) start an iteration on the factors themselves (``general_refinement``). A system that
+keeps a sum of squares (spin, but neither dampers nor circulatory forces nor negative stiffness) has a skew-symmetric
+state matrix, a Hermitian one times i: its eigenvalues are imaginary exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.energy_state import EnergyState, energy_state
+from mbsvib.general_refinement import Spectrum, refined
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+# Eigenvalues this many roundings of the matrix apart are one, if their vectors look nearly dependent.
+TOGETHER = 1e3
+DEPENDENT = 0.5
+# A conservative system's eigenvalue off the imaginary axis by less than this many roundings is on it.
+ON_AXIS = 100.0
+# In place of the number of an eigenvalue: 0, the conjugate of the other one, and none.
+STILL, CONJUGATE, ALONE = -1, -2, -3
+
+
+@dataclass(frozen=True, slots=True)
+class General:
+    """Modes of a system without symmetry, in ascending natural frequency.
+
+    ``pairs`` (k, 2) of eigenvalues, one row a mode, with ``errors`` (k, 2) relative; a mode of first order
+    (``single``) has its one eigenvalue twice. ``shapes`` (m, k) are the modes, complex. ``spectrum`` has the
+    eigenvalues but 0 with both vectors, ``state`` what belongs to 0, and the equations in energy coordinates; ``mode``
+    numbers the mode of each eigenvalue of the spectrum.
+    """
+
+    pairs: Complex
+    errors: Array
+    single: NDArray[np.bool_]
+    shapes: Complex
+    rigid: int
+    spectrum: Spectrum
+    mode: NDArray[np.intp]
+    state: EnergyState = field(repr=False)
+
+    @property
+    def values(self) -> Complex:
+        """All eigenvalues, (2m - massless,), pairs together."""
+        keep = np.ones(self.pairs.shape, dtype=bool)
+        keep[:, 1] = ~self.single
+        return self.pairs[keep]
+
+    @property
+    def value_errors(self) -> Array:
+        """Relative errors of ``values``."""
+        keep = np.ones(self.pairs.shape, dtype=bool)
+        keep[:, 1] = ~self.single
+        return self.errors[keep]
+
+
+def is_general(system: System) -> bool:
+    """Tell whether a system's matrices lack what symmetric solvers rely on.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    bool
+        Whether C has a gyroscopic part, K a circulatory one, or M is singular.
+    """
+    return system.gyroscopic is not None or system.circulatory is not None or system.massless > 0
+
+
+def general(system: System, rtol: float) -> General:
+    """Return the modes, (lambda^2 M + lambda C + K) phi = 0, of a system whose matrices need not be symmetric.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    rtol : float
+        Relative accuracy asked of every eigenvalue.
+
+    Returns
+    -------
+    General
+        Eigenvalues, right and left vectors.
+    """
+    state = energy_state(system, rtol)
+    even = system.circulatory is None and not system.damping.any()
+    start = _imaginary(state) if state.conservative else _any(state, even)
+    spectrum = refined(system, state, start)
+    return _in_modes(system, state, spectrum)
+
+
+def _imaginary(state: EnergyState) -> Spectrum:
+    """Eigenvalues of a skew-symmetric A, less those of motions that only drift."""
+    p = len(state.scale)
+    felt = np.concatenate((np.arange(state.still, p), np.arange(p, 2 * p)))
+    a = state.a[np.ix_(felt, felt)]
+    chains = state.right[felt, state.still :]
+    keep = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
+    inner = keep.T @ a @ keep
+    omega, vectors = np.linalg.eigh(-0.5j * (inner - inner.T))
+    chosen = omega > 0.0
+    if 2 * np.count_nonzero(chosen) != len(omega):
+        return _any(state, even=True)
+    omega, found = omega[chosen], keep @ vectors[:, chosen]
+    rate, still, d = found[p - state.still :], state.still, state.scale[state.still :, None]
+    eta = rate / (1j * omega)
+    turned = found[: p - still] * d - 1j * omega * rate[still:]
+    eta[still:] = turned / (d * d + omega**2)
+    x = (state.show[:, :p] * state.scale) @ eta
+    return Spectrum(1j * omega, x, x.conj(), np.ones(len(omega), dtype=bool), "hermitian")
+
+
+def _any(state: EnergyState, even: bool) -> Spectrum:
+    """Eigenvalues of A with right and left vectors, less those that are 0.
+
+    Those of an ``even`` system, without damping, have mirror images: one that is off the imaginary axis by no more than
+    its rounding has none, and is on it.
+    """
+    from scipy.linalg import eig
+
+    keep = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
+    inner = keep.T @ state.a @ keep
+    values, left, right = eig(inner, left=True, right=True)
+    left, right = left.conj().astype(complex), right.astype(complex)
+    half = np.nonzero(values.imag >= 0.0)[0]
+    values, left, right = values[half], left[:, half], right[:, half]
+    values, left, right = _separated(inner, values, left, right)
+    r, w = keep @ right, keep @ left
+    w -= state.left @ (state.right.T @ w)
+    p = len(state.scale)
+    x = state.show @ r
+    # velocities are the better part of a fast motion, displacements that of a slow one
+    d = state.scale[:, None]
+    share = (values.conj() * r[p : 2 * p] - np.abs(values) ** 2 * r[:p] / d) / (d * d + np.abs(values) ** 2)
+    x = x + (state.show[:, :p] * state.scale) @ share
+    y: Complex = state.force.T @ w
+    values, turns = values.astype(complex), values.imag > 0.0
+    if not even:
+        return Spectrum(values, x, y, turns)
+    condition = np.linalg.norm(r, axis=0) * np.linalg.norm(w, axis=0) / np.abs(np.einsum("ij,ij->j", w, r))
+    on = turns & (np.abs(values.real) <= ON_AXIS * EPS * float(np.linalg.norm(state.a, 2)) * condition)
+    values.real[on] = 0.0
+    y[:, on] = x[:, on].conj()
+    return Spectrum(values, x, y, turns, "", on)
+
+
+def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> tuple[Complex, Complex, Complex]:
+    """Give eigenvalues that rounding cannot tell apart independent vectors, if they have them."""
+    size = TOGETHER * EPS * (float(np.abs(a).sum(axis=1).max(initial=0.0)) or 1.0)
+    weak = np.abs(np.einsum("ij,ij->j", left, right)) < DEPENDENT
+    done = np.zeros(len(values), dtype=bool)
+    for i in np.nonzero(weak)[0]:
+        group = np.nonzero((np.abs(values - values[i]) <= size) & ((values.imag > 0.0) == (values[i].imag > 0.0)))[0]
+        if done[i] or len(group) < 2:
+            continue
+        done[group] = True
+        r, w = np.linalg.qr(right[:, group])[0], np.linalg.qr(left[:, group])[0]
+        both = w.T @ r
+        if np.linalg.cond(both) > 1.0 / DEPENDENT**4:
+            continue
+        w = np.linalg.solve(both, w.T).T
+        within = w.T @ a @ r
+        if np.abs(within - np.diag(within.diagonal())).max() <= size:
+            values, left, right = values.copy(), left.copy(), right.copy()
+            values[group], left[:, group], right[:, group] = within.diagonal(), w, r
+    return values, left, right
+
+
+def _in_modes(system: System, state: EnergyState, found: Spectrum) -> General:
+    """Put eigenvalues into modes: conjugates, real ones with 0 or with each other, the rest alone."""
+    rest, drift = (shapes.astype(complex) for shapes in _rigid_shapes(state))
+    momentum, resting = system.inertia_factor @ found.right, system.inertia_factor @ rest
+    zeros, reals = list(range(rest.shape[1])), np.nonzero(~found.turns)[0].tolist()
+    pairs = max(0, (len(reals) + len(zeros) - system.massless) // 2)
+    table: list[tuple[int, int]] = [(STILL, STILL)] * drift.shape[1]  # numbers of eigenvalues
+    shapes: list[Complex] = list(drift.T)
+    while zeros and reals and pairs:
+        i, j = _most_alike(resting[:, zeros], momentum[:, reals])
+        table.append((STILL, reals.pop(j)))
+        shapes.append(rest[:, zeros.pop(i)])
+        pairs -= 1
+    while len(zeros) > 1 and pairs:
+        table.append((STILL, STILL))
+        shapes.append(rest[:, zeros.pop(0)])
+        zeros.pop(0)
+        pairs -= 1
+    while len(reals) > 1 and pairs:
+        i, j = _most_alike(momentum[:, reals], momentum[:, reals])
+        first, second = sorted((reals[i], reals[j]), key=lambda k: abs(found.values[k]))
+        reals = [k for k in reals if k not in (first, second)]
+        table.append((first, second))
+        shapes.append(found.right[:, first])
+        pairs -= 1
+    table += [(STILL, ALONE)] * len(zeros) + [(k, ALONE) for k in reals]
+    shapes += [rest[:, k] for k in zeros] + [found.right[:, k] for k in reals]
+    for k in np.nonzero(found.turns)[0].tolist():
+        table.append((k, CONJUGATE))
+        shapes.append(found.right[:, k])
+    return _sorted(system, state, found, (np.array(table, dtype=np.intp).reshape(-1, 2), shapes))
+
+
+def _sorted(
+    system: System, state: EnergyState, found: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
+) -> General:
+    table, shapes = modes
+    first, second = table.T
+    values, errors = np.append(found.values, 0.0), np.append(found.errors, 0.0)  # STILL is the last one
+    conjugate, single = second == CONJUGATE, second == ALONE
+    second = np.where(conjugate | single, first, second)
+    pairs = np.stack((values[first], np.where(conjugate, values[first].conj(), values[second])), axis=1)
+    order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
+    columns = np.array(shapes, dtype=complex).reshape(len(table), system.dof).T
+    mode = np.zeros(len(values), dtype=np.intp)
+    place = np.argsort(order)
+    mode[first], mode[second] = place, place
+    rigid = int(np.count_nonzero((pairs == 0.0).any(axis=1)))
+    return General(pairs[order], np.stack((errors[first], errors[second]), axis=1)[order], single[order],
+                   columns[:, order], rigid, found, mode[:-1], state)  # fmt: skip
+
+
+def _rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
+    """Motions that stiffness does not feel: those which come to rest, and those in chains, which drift."""
+    null = state.show @ state.right[:, : state.still]
+    free = state.right.shape[1] - state.still
+    if not free:
+        return null, null[:, :0]
+    turn = np.linalg.svd(state.nilpotent[: state.still, state.still :])[0]
+    return null @ turn[:, free:], null @ state.nilpotent[: state.still, state.still :]
+
+
+def _most_alike(one: Complex | Array, other: Complex | Array) -> tuple[int, int]:
+    """Numbers of the two columns that are most nearly parallel; of columns of the same matrix two different ones."""
+    one, other = (a / np.maximum(np.linalg.norm(a, axis=0), np.finfo(float).tiny) for a in (one, other))
+    share = np.abs(one.T @ other)
+    if share.shape[0] == share.shape[1] and one.shape == other.shape and np.array_equal(one, other):
+        np.fill_diagonal(share, -1.0)
+    i, j = np.unravel_index(int(share.argmax()), share.shape)
+    return int(i), int(j)

@@ -1,0 +1,86 @@
+"""Modes without symmetry: every eigenvalue against 60 digits, bounds that hold, exact zeros and exact axes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.unsymmetric import chain, eigenvalues, massless, unsymmetric, worst
+
+FAMILIES = {
+    "spin and dampers": lambda seed: unsymmetric(chain(5, seed), 1.0, 0.0, seed),
+    "spin": lambda seed: unsymmetric(chain(5, seed, damp=0.0), 1.0, 0.0, seed),
+    "fast spin": lambda seed: unsymmetric(chain(5, seed, damp=0.0), 1e3, 0.0, seed),
+    "follower loads": lambda seed: unsymmetric(chain(5, seed), 0.0, 20.0, seed),
+    "all": lambda seed: unsymmetric(chain(5, seed), 3.0, 20.0, seed),
+    "flutter": lambda seed: unsymmetric(chain(5, seed, damp=0.0), 0.0, 1000.0, seed),
+    "wide": lambda seed: unsymmetric(chain(5, seed, span=3.0), 1.0, 0.0, seed),
+    "free": lambda seed: unsymmetric(chain(5, seed, ground=False), 1.0, 0.0, seed),
+    "negative stiffness": lambda seed: unsymmetric(chain(5, seed, damp=0.0, sign=-1.0), 100.0, 0.0, seed),
+    "negative stiffness and dampers": lambda seed: unsymmetric(chain(5, seed, sign=-1.0), 100.0, 0.0, seed),
+    "massless": lambda seed: massless(chain(6, seed, damp=3.0), [2]),
+    "massless ones": lambda seed: massless(chain(6, seed, damp=30.0), [1, 3, 4]),
+    "massless and spin": lambda seed: massless(unsymmetric(chain(6, seed, damp=3.0), 1.0, 0.0, seed), [0, 3]),
+    "massless and all": lambda seed: massless(unsymmetric(chain(6, seed, damp=3.0), 1.0, 9.0, seed), [2, 3, 5]),
+    "massless and free": lambda seed: massless(chain(6, seed, damp=3.0, ground=False), [1, 4]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("family", FAMILIES)
+def test_against_many_digits(family, seed):
+    system = FAMILIES[family](seed)
+    error, ratio = worst(system.modes(), eigenvalues(system))
+    assert error <= 1e-12
+    assert ratio <= 1.0
+    assert system.modes().errors.max() <= 1e-10
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_spin_keeps_energy(size):
+    """Without dampers every eigenvalue is imaginary, to the last bit."""
+    values = unsymmetric(chain(7, 1, damp=0.0), size).modes().eigenvalues
+    assert not values.real.any()
+    np.testing.assert_array_equal(values[0::2], values[1::2].conj())
+
+
+def test_spin_stabilises_negative_stiffness():
+    """m q'' + g J q' - k q = 0: imaginary for g > 2 sqrt(k m), a growing spiral below."""
+    base = chain(2, 0, damp=0.0)
+    w, rows = np.zeros_like(base.inertia_factor[:2]), np.eye(2)
+    w[:, :] = np.eye(2)
+    system = replace(base, inertia_factor=w, M=np.eye(2), elastic_rows=rows, stiffness=np.array([-4.0, -4.0]),
+                     damping=np.zeros(2), K=-4.0 * np.eye(2), row_owner=np.zeros(2, dtype=int))  # fmt: skip
+    for g in (4.1, 40.0, 3.9):
+        spin = np.array([[0.0, g], [-g, 0.0]])
+        values = replace(system, gyroscopic=spin, C=spin).modes().eigenvalues
+        inside = g * g / 4.0 - 4.0
+        if inside > 0.0:
+            exact = np.array([g / 2.0 - np.sqrt(inside), g / 2.0 + np.sqrt(inside)])
+            assert not values.real.any()
+            np.testing.assert_allclose(values.imag[0::2], exact, rtol=1e-12)
+        else:
+            np.testing.assert_allclose(np.sort(values.real), np.sqrt(-inside) * np.array([-1, -1, 1, 1]), rtol=1e-12)
+
+
+def test_zeros_are_exact():
+    """A free chain of sliders drifts where spin does not feel it, and comes to rest where dampers do."""
+    modes = unsymmetric(chain(5, 2, ground=False, damp=0.0), 1.0).modes()
+    assert np.count_nonzero(modes.eigenvalues == 0.0) == 2
+    assert modes.rigid == 1
+    held = massless(chain(6, 0, damp=3.0), [2, 3]).modes()
+    assert len(held.eigenvalues) == 10
+    assert len(held) == 6
+    assert held.first_order.sum() == 2
+    np.testing.assert_array_equal(held.damped_frequencies[held.first_order], 0.0)
+    np.testing.assert_allclose(held.damping_ratios[held.first_order], 1.0, rtol=1e-15)
+    assert "first order" in str(held)
+    assert len(held.nearest(3).eigenvalues) == 6 - held.nearest(3).first_order.sum()
+
+
+def test_shapes_solve_the_equations():
+    system = unsymmetric(chain(6, 4), 2.0, 10.0)
+    modes = system.modes()
+    for value, shape in zip(modes.pairs[:, 0], modes.shapes.T, strict=True):
+        terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
+        assert np.abs(sum(terms)).max() <= 1e-13 * max(np.abs(term).max() for term in terms)
