@@ -26,7 +26,8 @@ _RATE = {"m": "m/s", "rad": "rad/s"}
 class StateSpace:
     """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
 
-    ``transform`` (2m, states) leads back: (q, q') = transform x. Arrays are read-only.
+    ``transform`` (2m, states) leads back: (q, q') = transform x, and ``through`` (2m, inputs) u besides, which is None
+    but where a damped massless motion has a rate that inputs change at once. Arrays are read-only.
     """
 
     name: str
@@ -42,10 +43,12 @@ class StateSpace:
     input_units: tuple[str, ...]
     outputs: tuple[str, ...]
     output_units: tuple[str, ...]
+    through: Array | None = None
 
     def __post_init__(self) -> None:
-        for array in (self.A, self.B, self.C, self.D, self.transform):
-            array.setflags(write=False)
+        for array in (self.A, self.B, self.C, self.D, self.transform, self.through):
+            if array is not None:
+                array.setflags(write=False)
 
     def __repr__(self) -> str:
         return (f"StateSpace({self.name!r}, {self.realization}: {len(self.states)} states, {len(self.inputs)} inputs, "
@@ -82,6 +85,8 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     a, b, transform, names, units = make(system)
     m = system.dof
     q, rate = transform[:m], transform[m:]
+    if system.massless:
+        return _massless(system, realization)
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
     d = system.D + system.Ca @ (rate @ b)
@@ -93,6 +98,25 @@ def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tup
     m = system.dof
     a = np.zeros((2 * m, 2 * m))
     b = np.zeros((2 * m, system.B.shape[1]))
+def _massless(system: System, realization: str) -> StateSpace:
+    from mbsvib.massless import first_order
+
+    if realization == "modal":
+        raise ResponseError(f"state_space: '{system.name}' has motions without mass, whose modal states are not "
+                            f"supported yet; take realization='physical'.")  # fmt: skip
+    found = first_order.physical(system)
+    m = system.dof
+    q, rate = found.transform[:m], found.transform[m:]
+    through = found.through[m:]
+    # q'' = rate x' + through u': the rate of an input reaches no output, which linearize has made sure of
+    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ found.a)
+    d = system.D + system.Cv @ through + system.Ca @ (rate @ found.b)
+    return StateSpace(
+        system.name, realization, found.a, found.b, c, d, found.transform, found.names, found.units, system.inputs,
+        system.input_units, system.outputs, system.output_units, found.through,
+    )  # fmt: skip
+
+
     if m:
         root = triangle(system.inertia_factor)
         right = np.concatenate((system.K, system.C, system.B), axis=1)

@@ -10,7 +10,8 @@ from tests.massless.scenes import along_z
 
 def test_springs_in_series():
     k1, k2, mass = 100.0, 300.0, 2.0
-    system = along_z({"node": 0.0, "b": mass}, {"k1": ("ground", "node", k1, 0), "k2": ("node", "b", k2, 0)}).linearize()
+    springs = {"k1": ("ground", "node", k1, 0), "k2": ("node", "b", k2, 0)}
+    system = along_z({"node": 0.0, "b": mass}, springs).linearize()
     assert system.dof == 1
     assert system.massless == 0
     assert_allclose(system.modes().natural, [np.sqrt(k1 * k2 / (k1 + k2) / mass)], rtol=2e-15)
