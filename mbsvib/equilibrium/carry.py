@@ -1,0 +1,83 @@
+"""Carrying: a model in another pose, with everything that is fixed to a body moved along with it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.equilibrium import joints, springs
+from mbsvib.errors import ModelError
+from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Output, Spring
+from mbsvib.parts.load import Load
+
+if TYPE_CHECKING:
+    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.model import Model
+
+
+def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
+    """Return a model in another pose.
+
+    Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
+    outputs stay as they are.
+
+    Parameters
+    ----------
+    model : Model
+        The model as described.
+    pose : Pose
+        The pose of its bodies.
+    relaxed : bool
+        Whether springs and bushings keep the forces that they have as described; otherwise these follow from the
+        motion.
+
+    Returns
+    -------
+    Model
+        The same mechanism there.
+
+    Raises
+    ------
+    ModelError
+        If a part cannot be described in that pose.
+    """
+    from mbsvib.model import ADDERS
+
+    result = type(model)(model.name, model.gravity)
+    for adder, group in model._groups():
+        for part in group.values():
+            getattr(result, adder or ADDERS[type(part)])(**_words(part, pose, relaxed))
+    return result
+
+
+def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
+    if isinstance(part, Body):
+        return _body(part, pose)
+    if isinstance(part, Joint):
+        return joints.words_at(part, pose)
+    if isinstance(part, (Spring, Bushing)):
+        return springs.words_at(part, pose, relaxed)
+    words: dict[str, Any] = part.words()
+    if isinstance(part, (Load, Input, Output)):
+        if part.position is not None and not pose.stays(part.body):
+            words["position"] = pose.point(part.body, part.position)
+        if isinstance(part, Load) and part.follower and not pose.stays(part.body):
+            words |= {key: pose.turned(part.body, words[key]) for key in ("force", "torque") if key in words}
+        return words
+    if isinstance(part, (BaseMotion, ForceOutput)):
+        return words
+    what = type(part).__name__.lower()
+    raise ModelError(f"{what} '{part.name}': no {what} can be taken to another pose yet; give the model in that pose.",
+                     element=part.name)  # fmt: skip
+
+
+def _body(body: Body, pose: Pose) -> dict[str, Any]:
+    words = body.words()
+    if pose.stays(body.name):
+        return words
+    words["position"] = pose.centre[pose.number[body.name]]
+    turn = pose.turn[pose.number[body.name]]
+    if not (turn == np.eye(3)).all():
+        words["orientation"] = turn @ np.array(body.orientation)
+    return words

@@ -1,0 +1,184 @@
+"""Finite motion along the tree: bodies moved exactly by joint coordinates, and loops closed by Newton's method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lstsq
+
+from mbsvib.assembly import cut_rows
+from mbsvib.equilibrium.carry import carried
+from mbsvib.equilibrium.joints import displacement, opening
+from mbsvib.equilibrium.rotations import exponential
+from mbsvib.kinematics import relative_motion, twists
+from mbsvib.topology import FLOATS, span
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.kinematics import Array, Twists
+    from mbsvib.loops import Cuts
+    from mbsvib.model import Model
+    from mbsvib.topology import Topology
+
+CORRECTIONS = 25
+# Pivots of the scaled loop equations below this share of the largest are redundant rows.
+RANK = 1e-9
+# Loops count as closed when they are open by no more than this share of their size, and get no closer.
+CLOSED = 1e-13
+
+
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """A model in one pose: the model as ``described``, its ``pose``, and what moves it from there.
+
+    ``model`` is the model in that pose with its springs as described; ``size`` [m] is the size of the mechanism.
+    """
+
+    described: Model
+    pose: Pose
+    model: Model
+    cut: tuple[str, ...]
+    topology: Topology
+    coordinates: Twists
+    cuts: Cuts | None
+    size: float
+
+    @property
+    def scale(self) -> Array:
+        """Units (n,) in which all joint coordinates are of like size: 1 rad, or the size of the mechanism."""
+        return np.where(self.coordinates.turns, 1.0, self.size)
+
+    def moved(self, pose: Pose) -> Stance:
+        """Return the same model in another pose."""
+        return stance(self.described, pose, self.cut)
+
+
+def stance(described: Model, pose: Pose, cut: Sequence[str] = ()) -> Stance:
+    """Return a model in one pose with the way to move it.
+
+    Parameters
+    ----------
+    described : Model
+        The model as described.
+    pose : Pose
+        The pose.
+    cut : sequence of str
+        Joints at which loops are to be cut.
+
+    Returns
+    -------
+    Stance
+        Its tree, coordinates and loops there.
+    """
+    model = carried(described, pose, relaxed=True)
+    topology = span(model, cut)
+    bodies = list(model.bodies.values())
+    coordinates = twists(topology, bodies)
+    points = np.concatenate((pose.origin[:-1], coordinates.point.T))
+    size = float(np.ptp(points, axis=0).max()) or 1.0
+    return Stance(described, pose, model, tuple(cut), topology, coordinates,
+                  cut_rows(topology, bodies, dict(pose.number)), size)  # fmt: skip
+
+
+def along_tree(at: Stance, q: Array) -> Pose:
+    """Return the pose after finite joint motions from a stance, one coordinate after the other along the tree.
+
+    Parameters
+    ----------
+    at : Stance
+        Where the motion starts; loops are not looked at.
+    q : array, shape (n,)
+        Joint coordinates of the tree [m, rad].
+
+    Returns
+    -------
+    Pose
+        The pose after it.
+    """
+    centre, turn = at.pose.centre.copy(), np.tile(np.eye(3), (len(at.pose.centre), 1, 1))
+    place = {name: i for i, name in enumerate(at.coordinates.names)}
+    for branch in at.topology.branches:
+        body, parent = branch.body, branch.parent
+        here = at.pose.centre[body]
+        if branch.joint == FLOATS:
+            first = place[f"{at.topology.bodies[body]}.x"]
+            turn[body], centre[body] = exponential(q[first + 3 : first + 6]), here + q[first : first + 3]
+            continue
+        joint = at.topology.joints[branch.joint]
+        values = q[[place[f"{joint.name}.{direction}"] for direction, _ in joint.freedom]]
+        if values.any():
+            rotation, shift = displacement(joint, values)
+            point = here if joint.point is None else np.array(joint.point)
+            if branch.sign < 0:  # the second body is the one nearer to ground
+                rotation = rotation.T
+                relative = point + rotation @ (here - point - shift)
+            else:
+                relative = point + shift + rotation @ (here - point)
+            turn[body] = turn[parent] @ rotation
+        else:
+            relative, turn[body] = here, turn[parent]
+        if (turn[parent] == np.eye(3)).all():
+            centre[body] = relative + (centre[parent] - at.pose.centre[parent])
+        else:
+            centre[body] = centre[parent] + turn[parent] @ (relative - at.pose.centre[parent])
+    return at.pose.moved_to(centre, turn)
+
+
+def openings(at: Stance) -> Array:
+    """Return how far the loops are open, one value for each locked direction of the cut joints [m, rad]."""
+    values = [np.zeros(0)]
+    for here in (at.topology.joints[k] for k in at.topology.cut):
+        joint = at.described.joints[here.name]
+        inner = min(joint.first, joint.second, key=at.pose.number.__getitem__)
+        open_by = opening(joint, at.pose, joint.point or at.described.bodies[inner].position)
+        values.append(np.array([six for _, six in here.locked]).reshape(-1, 6) @ open_by)
+    return np.concatenate(values)
+
+
+def close(at: Stance, pose: Pose, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance, float]:
+    """Close the loops by the smallest joint motions that do it, starting from a pose not far off.
+
+    q <- q - pinv(Phi) e  with the exact openings e of the cut joints
+
+    Parameters
+    ----------
+    at : Stance
+        A stance of the model.
+    pose : Pose
+        Where to start from.
+    may_move : array of bool, shape (n,), optional
+        Joint coordinates that may be used; default: all.
+
+    Returns
+    -------
+    Stance
+        The stance with its loops closed, as far as they could be.
+    float
+        How far they are still open at most, in units of 1 rad and the size of the mechanism.
+    """
+    here = at.moved(pose)
+    if here.cuts is None:
+        return here, 0.0
+    weight = np.where(here.cuts.translates, 1.0 / at.size, 1.0)
+    allowed = slice(None) if may_move is None else may_move
+    best, left = here, np.inf
+    for _ in range(CORRECTIONS):
+        error = openings(here) * weight
+        now = float(np.abs(error).max(initial=0.0))
+        if not now < left:  # it gets no closer
+            break
+        best, gain, left = here, left, now
+        if now < CLOSED and now > 0.1 * gain:
+            break
+        phi = relative_motion(here.coordinates, here.cuts.rows).dense(0, len(weight))
+        scale = here.scale[allowed]
+        step = np.zeros(phi.shape[1])
+        step[allowed] = -scale * lstsq(phi[:, allowed] * weight[:, None] * scale, error, cond=RANK)[0]
+        here = here.moved(along_tree(here, step))
+    return best, left

@@ -1,0 +1,88 @@
+"""Spring-dampers in finite motion: the words of a spring or bushing in another pose.
+
+A line spring keeps the law F + k (L - L0). A bushing has the potential s . k s / 2 - preload . s with s = (d, rho):
+d = A^T (p_b - p_a) in axes A that turn with the first body, rho = log(A^T B). In another pose the same law is expanded
+to second order about that pose, which is all that its preload and its stiffness there can say.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.equilibrium.rotations import inverse_jacobian, logarithm, second_order
+from mbsvib.parts import Spring
+
+if TYPE_CHECKING:
+    from mbsvib.equilibrium.pose import Pose
+    from mbsvib.kinematics import Array
+    from mbsvib.parts import Bushing
+
+
+def words_at(part: Spring | Bushing, pose: Pose, relaxed: bool = False) -> dict[str, Any]:
+    """Return the words of a spring-damper in another pose.
+
+    Parameters
+    ----------
+    part : Spring or Bushing
+        The spring-damper as described.
+    pose : Pose
+        The pose.
+    relaxed : bool
+        Whether its force stays as it is described; otherwise it follows from the motion.
+
+    Returns
+    -------
+    dict
+        Words for ``add_spring`` or ``add_bushing``.
+    """
+    words = part.words()
+    if pose.stays(part.first) and pose.stays(part.second):
+        return words
+    return _spring(part, pose, words, relaxed) if isinstance(part, Spring) else _bushing(part, pose, words, relaxed)
+
+
+def _spring(spring: Spring, pose: Pose, words: dict[str, Any], relaxed: bool) -> dict[str, Any]:
+    start, end = pose.point(spring.first, spring.start), pose.point(spring.second, spring.end)
+    words |= {"start": start, "end": end}
+    if relaxed:
+        if spring.free_length is not None:
+            words["preload"] = spring.tension
+            del words["free_length"]
+    elif spring.free_length is None:
+        tension = spring.tension + spring.stiffness * (float(np.linalg.norm(end - start)) - spring.length)
+        if tension or spring.preload is not None:
+            words["preload"] = tension
+    return words
+
+
+def deflection(bushing: Bushing, pose: Pose) -> tuple[Array, Array]:
+    """Return d [m] and rho [rad] of a bushing since the pose in which it is described, in its axes."""
+    first, second = (pose.turned(body, bushing.orientation) for body in (bushing.first, bushing.second))
+    gap = pose.point(bushing.second, bushing.position) - pose.point(bushing.first, bushing.position)
+    return first.T @ gap, logarithm(first.T @ second)
+
+
+def _bushing(bushing: Bushing, pose: Pose, words: dict[str, Any], relaxed: bool) -> dict[str, Any]:
+    words |= {"position": pose.point(bushing.second, bushing.position),
+              "orientation": pose.turned(bushing.first, bushing.orientation)}  # fmt: skip
+    if relaxed:
+        return words
+    d, rho = deflection(bushing, pose)
+    stiffness, damping = (np.array(value) for value in (bushing.stiffness, bushing.damping))
+    full = np.diag(stiffness) if stiffness.ndim == 1 else stiffness
+    wrench = np.array(bushing.preload or np.zeros(6)) - full @ np.concatenate((d, rho))
+    if rho.any():
+        map_ = np.eye(6)
+        map_[3:, 3:] = inverse_jacobian(rho)
+        if wrench[3:].any() or full[3:].any():
+            tangent = map_.T @ full @ map_
+            tangent[3:, 3:] -= second_order(rho, wrench[3:])
+            words["stiffness"] = 0.5 * (tangent + tangent.T)
+        if damping[3:].any():
+            words["damping"] = map_.T @ (np.diag(damping) if damping.ndim == 1 else damping) @ map_
+        wrench = map_.T @ wrench
+    if wrench.any() or bushing.preload is not None:
+        words["preload"] = wrench
+    return words
