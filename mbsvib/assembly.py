@@ -293,7 +293,7 @@ def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, in
     for count, k in enumerate(topology.cut):
         joint = topology.joints[k]
         a, b = number[joint.first], number[joint.second]
-        point = joint.position or bodies[min(a, b)].position
+        point = joint.point or bodies[min(a, b)].position
         if joint.locked:
             start.append(len(names))
         for direction, six in joint.locked:

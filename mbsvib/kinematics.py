@@ -139,7 +139,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     place: dict[int, slice] = {}
     for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
         joint = joints[branch.joint]
-        at = joint.position or bodies[branch.body].position
+        at = joint.point or bodies[branch.body].position
         start = len(names)
         for direction, twist in joint.freedom:
             names.append(f"{joint.name}.{direction}")

@@ -100,7 +100,7 @@ class Mechanism:
         self, name: str, kind: str | None, first: str | Body, second: str | Body,
         position: ArrayLike | None = None, orientation: ArrayLike | None = None,
         axis: ArrayLike | None = None, axis2: ArrayLike | None = None,
-        pitch: float | None = None, free: Sequence[str] | None = None,
+        pitch: float | None = None, free: Sequence[str] | None = None, end: ArrayLike | None = None,
     ) -> Joint:  # fmt: skip
         """Add an ideal joint; its coordinates are the free displacements of ``second`` relative to ``first``.
 
@@ -110,7 +110,9 @@ class Mechanism:
             Name, unique among bodies, joints, bushings and springs.
         kind : str or None
             revolute, prismatic, cylindrical, screw, universal, spherical, planar, fixed or free (axis: local z);
-            None together with ``free``.
+            point_on_line (axis: the line, which ``first`` carries; the point is that of ``second``), point_on_plane
+            (axis: its normal), distance (a rod without mass from ``position`` on ``first`` to ``end`` on
+            ``second``); None together with ``free``.
         first, second : str or Body
             The two bodies.
         position : array-like, shape (3,)
@@ -131,6 +133,9 @@ class Mechanism:
         Joint
             The part.
 
+        end : array-like, shape (3,), optional
+            Distance only: the rod's point on ``second`` [m], world axes. The joint's z is the rod; its coordinates are
+            those of ``second`` at this point.
         Raises
         ------
         ModelError
@@ -139,7 +144,7 @@ class Mechanism:
         self._check_name(name, "joint")
         a = self._body_name(first, "joint", name, "first")
         b = self._body_name(second, "joint", name, "second")
-        part = _joint.make(name, kind, a, b, position, orientation, axis, axis2, pitch, free)
+        part = _joint.make(name, kind, a, b, position, orientation, axis, axis2, pitch, free, end)
         self._joints[name] = part
         self._topology = None
         return part

@@ -6,7 +6,7 @@ only (a four-bar stretched flat), the count of degrees of freedom jumps and no l
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,9 +14,12 @@ import numpy as np
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics import body_motion, relative_motion
 from mbsvib.loops import pivoted_qr, scaled
+from mbsvib.parts.joint import POINT_IN_SECOND
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index, Twists
@@ -27,6 +30,20 @@ if TYPE_CHECKING:
 # become independent shows as a pivot of the order of STEP. The limit lies between the two.
 STEP = 1e-4
 LIMIT = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Rod:
+    """The rod of a distance joint, which neither body carries: from ``start`` on ``first`` to ``end`` on ``second``,
+    arrays (3, 1) or (3, variants, 1); ``row`` of the constraints and ``column`` of the coordinates follow it.
+    """
+
+    first: Index
+    second: Index
+    start: Array
+    end: Array
+    row: slice
+    column: slice
 
 
 def check_mobility(
@@ -55,7 +72,8 @@ def check_mobility(
     groups = [group for group in reduction.groups if group.redundant]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
         return
-    phi = phi_nearby(topology, coordinates, cuts, reduction, position, _crossed(topology, cuts))
+    phi = phi_nearby(topology, coordinates, cuts, reduction, position, _crossed(topology, cuts),
+                     _rods(topology, coordinates, cuts))  # fmt: skip
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
@@ -71,7 +89,7 @@ def check_mobility(
 
 def phi_nearby(
     topology: Topology, coordinates: Twists, cuts: Cuts, reduction: Reduction, position: Array,
-    crossing: list[tuple[int, Array, Array]],
+    crossing: list[tuple[int, Array, Array]], rods: list[Rod],
 ) -> Array:  # fmt: skip
     """Return the constraints of the loops in a pose nearby, to which the mechanism moves to first order.
 
@@ -89,6 +107,8 @@ def phi_nearby(
         Centres of mass [m], world axes.
     crossing : list of (int, array, array)
         What ``_crossed`` returns; axes (3,) or (3, variants).
+    rods : list of Rod
+        What ``_rods`` returns.
 
     Returns
     -------
@@ -113,15 +133,23 @@ def phi_nearby(
         arm = added(point, -centre[..., body])
         return added(added(point, translation[..., body]), crossed_product(rotation[..., body], arm))
 
-    carrier, rows = _carriers(topology), cuts.rows
-    twists = replace(coordinates, linear=turn(carrier, coordinates.linear), angular=turn(carrier, coordinates.angular),
-                     point=shift(carrier, coordinates.point))  # fmt: skip
+    (carrier, holder), rows = _carriers(topology), cuts.rows
+    linear, force = turn(carrier, coordinates.linear), turn(rows.first, rows.force)
+    for rod in rods:
+        line = added(shift(rod.second, rod.end), -shift(rod.first, rod.start))
+        line = line / np.sqrt((line * line).sum(axis=0))
+        force[..., rod.row] = line
+        across = linear[..., rod.column]
+        linear[..., rod.column] = added(across, -(added(0.0 * line, across) * line).sum(axis=0) * line)
+    twists = replace(coordinates, linear=linear, angular=turn(carrier, coordinates.angular),
+                     point=shift(holder, coordinates.point))  # fmt: skip
     moment = turn(rows.first, rows.moment)
     for row, first, second in crossing:
         at = slice(row, row + 1)
         axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
         moment[..., at] = crossed_product(*axes)
-    moved = replace(rows, point=shift(rows.first, rows.point), force=turn(rows.first, rows.force), moment=moment)
+    point = shift(_holders(topology, cuts), rows.point)
+    moved = replace(rows, point=point, force=force, moment=moment)
     return relative_motion(twists, moved).dense(0, len(cuts.names))
 
 
@@ -138,18 +166,51 @@ def crossed_product(a: Array, b: Array) -> Array:
     return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
 
 
-def _carriers(topology: Topology) -> Index:
-    """The body in which each twist is fixed: a joint's first, but its second for the second of two rotations."""
+def _carriers(topology: Topology) -> tuple[Index, Index]:
+    """The body in which each twist is fixed: a joint's first, but its second for the second of two rotations. And the
+    body that carries the twist's point.
+    """
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(topology.bodies)
     result: list[int] = []
+    holder: list[int] = []
     for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
         joint = topology.joints[branch.joint]
         turning = [name for name, six in joint.freedom if any(six[3:])]
         for name, _ in joint.freedom:
             second = len(turning) == 2 and name == turning[1]
             result.append(number[joint.second if second else joint.first])
-    return np.array(result + [number["ground"]] * (6 * len(topology.floating)), dtype=np.intp)
+            holder.append(number[joint.second] if joint.kind in POINT_IN_SECOND else result[-1])
+    ground = [number["ground"]] * (6 * len(topology.floating))
+    return np.array(result + ground, dtype=np.intp), np.array(holder + ground, dtype=np.intp)
+
+
+def _holders(topology: Topology, cuts: Cuts) -> Index:
+    """The body that carries the point of each locked row."""
+    second = np.array([topology.joints[k].kind in POINT_IN_SECOND for k in topology.cut], dtype=bool)
+    return np.where(second[cuts.joint], cuts.rows.second, cuts.rows.first)
+
+
+def _rods(
+    topology: Topology, coordinates: Twists, cuts: Cuts, given: Mapping[str, Mapping[str, Array]] | None = None
+) -> list[Rod]:
+    """Return the rods of distance joints, in the tree or cut; ``given`` are points of variants by joint and field."""
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number["ground"] = len(topology.bodies)
+    cut = {k: count for count, k in enumerate(topology.cut)}
+    result = []
+    for k, joint in enumerate(topology.joints):
+        if joint.kind == "distance":
+            row = np.flatnonzero(cuts.joint == cut[k]) if k in cut else np.zeros(0, dtype=np.intp)
+            column = 0 if k in cut else coordinates.names.index(f"{joint.name}.x")
+            varied = (given or {}).get(joint.name, {})
+            start, end = (varied.get(field, np.array(value))[..., None]
+                          for field, value in (("position", joint.position), ("end", joint.end)))  # fmt: skip
+            result.append(Rod(
+                np.array([number[joint.first]]), np.array([number[joint.second]]), start, end,
+                slice(row[0], row[0] + 1) if k in cut else slice(0), slice(column, column + (0 if k in cut else 2)),
+            ))  # fmt: skip
+    return result
 
 
 def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Array]]:

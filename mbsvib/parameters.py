@@ -8,6 +8,7 @@ name                                    unit                        what it is
 ``PART.position.x`` (y z)               m                           of a body, joint or bushing, world axes
 ``PART.orientation.rx`` (ry rz)         rad                         see below
 ``JOINT.pitch``                         m/rad                       of a screw
+``JOINT.end.x`` (y z)                   m                           of a distance joint, which has no orientation
 ``SPRING.start.x``, ``SPRING.end.x``    m                           the two points of a line spring
 ``SPRING.stiffness``, ``.damping``      N/m, N s/m                  of a line spring
 ``BUSHING.stiffness.x`` ... ``.rz``     N/m, N m/rad                likewise ``damping``
@@ -218,7 +219,10 @@ def _families(part: Part) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
         yield "stiffness", DIRECTIONS, part.stiffness
         yield "damping", DIRECTIONS, part.damping
         yield "position", DIRECTIONS[:3], part.position
-        yield turn
+        if part.end is not None:  # a rod, which turns with its two points
+            yield "end", DIRECTIONS[:3], part.end
+        else:
+            yield turn
     elif isinstance(part, Spring):
         yield "stiffness", None, part.stiffness
         yield "damping", None, part.damping

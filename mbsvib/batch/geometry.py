@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -70,6 +70,11 @@ def _twists(scene: Scene, values: Values, moved: Mapping[int, Array]) -> Twists:
         at = slice(start, start + (6 if joint is None else len(joint.freedom)))
         start = at.stop
         whole = values.fields.get(joint.name, {}) if joint is not None else {}
+        if joint is not None and joint.kind == "distance" and whole:
+            linear, angular, point = (stacked(array, values.count) for array in (linear, angular, point))
+            six, point[:, :, at] = _of_rods(joint.name, values, "freedom")
+            linear[:, :, at], angular[:, :, at] = six[:3], six[3:]
+            continue
         carried = joint is None or joint.position is None
         place = moved.get(branch.body) if carried else whole.get("position")
         if place is not None:
@@ -85,6 +90,13 @@ def _twists(scene: Scene, values: Values, moved: Mapping[int, Array]) -> Twists:
             linear[:, :, at] = _turned(turn, linear[:, :, at])
             angular[:, :, at] = _turned(turn, angular[:, :, at])
     return replace(twists, linear=linear, angular=angular, point=point)
+
+
+def _of_rods(name: str, values: Values, directions: str) -> tuple[Array, Array]:
+    """Six-vectors (6, variants, n) of a distance joint, whose axes follow its two points, and where they are taken."""
+    joints: list[Any] = [values.part(name, i) for i in range(values.count)]
+    six = np.array([[vector for _, vector in getattr(joint, directions)] for joint in joints])
+    return np.moveaxis(six, -1, 0), np.array([joint.point for joint in joints]).T[:, :, None]
 
 
 def _order(branch: object) -> tuple[bool, int]:
@@ -108,6 +120,11 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
         joint = scene.topology.joints[k]
         whole = values.fields.get(joint.name, {})
         rows = np.flatnonzero(cuts.joint == count)
+        if joint.kind == "distance" and whole:
+            force, point = stacked(force, values.count), stacked(point, values.count)
+            six, point[:, :, rows] = _of_rods(joint.name, values, "locked")
+            force[:, :, rows] = six[:3]
+            continue
         if "position" in whole:  # where a joint has none, what it locks is the same at every point
             point = stacked(point, values.count)
             point[:, :, rows] = whole["position"][:, :, None]

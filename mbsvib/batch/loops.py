@@ -18,7 +18,7 @@ from mbsvib.batch.geometry import cuts_of, twists_of
 from mbsvib.changes import rotations
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
-from mbsvib.mobility import LIMIT, _crossed, check_mobility, phi_nearby
+from mbsvib.mobility import LIMIT, _crossed, _rods, check_mobility, phi_nearby
 from mbsvib.parts import Joint
 
 if TYPE_CHECKING:
@@ -148,7 +148,8 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
             if "orientation" in whole:
                 axes = [(rotations(whole["orientation"]) @ axis).T for axis in axes]
             crossing.append((row, axes[0], axes[1]))
-        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing)
+        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
+                            _rods(scene.topology, scene.coordinates, scene.cuts, values.fields))  # fmt: skip
         for group, dependent, others in zip(reduction.groups, chosen.dependent, chosen.others, strict=True):
             if group.redundant:
                 left = _solved(scene.coordinates, scene.cuts, nearby, group, dependent, others)[2]

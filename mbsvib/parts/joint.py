@@ -4,12 +4,21 @@ A joint's axes Q have the kind's axis along local z (universal: first axis along
 In these axes the free displacements span the columns of S (6 x f) and the locked ones the rows of L (6-f x 6),
 with L S = 0. Displacements are those of the second body relative to the first, at the joint's point. What a joint
 hands on, diag(Q, Q) S and L diag(Q, Q)^T, is in world axes.
+
+Three kinds lock translations of a point only and leave all rotations free. What they demand of any pose, with p_a the
+point as the first body carries it, p_b as the second does, and x, y, z the axes as the first does:
+
+- point_on_line: x . (p_b - p_a) = 0 and y . (p_b - p_a) = 0; the line through p_a along z is the first body's;
+- point_on_plane: z . (p_b - p_a) = 0; the plane through p_a normal to z is the first body's;
+- distance: |p_b - p_a| = L, with p_a = ``position`` on the first, p_b = ``end`` on the second and L from the given
+  pose: a rod without mass on two ball joints. Its z is the rod, which neither body carries; its free directions are
+  x, y (p_b across the rod) and rx, ry, rz (the second body about p_b).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, inf
 from typing import Any
 
 from mbsvib import _checks as check
@@ -30,9 +39,14 @@ KINDS: dict[str, tuple[str, ...]] = {
     "planar": ("x", "y", "rz"),
     "fixed": (),
     "free": DIRECTIONS,
+    "point_on_line": ("z", "rx", "ry", "rz"),
+    "point_on_plane": ("x", "y", "rx", "ry", "rz"),
+    "distance": ("x", "y", "rx", "ry", "rz"),
 }
 # Where no rotation is free, the relative displacement is the same at every point.
 NEEDS_NO_POINT = frozenset({"prismatic", "fixed"})
+# Their second body carries the point: its rotations go about that point wherever it has moved to on the first.
+POINT_IN_SECOND = frozenset({"point_on_line", "point_on_plane", "distance"})
 # sin of the angle between the axes of a universal joint, below which they count as parallel
 PARALLEL = 1e-6
 
@@ -53,7 +67,8 @@ _SUBSPACES = {kind: subspaces(free) for kind, free in KINDS.items()}
 class Joint(Part):
     """An ideal joint between ``first`` and ``second`` at ``position`` [m], axes Q = ``axes`` (columns, world).
 
-    ``freedom`` and ``locked`` pair each direction's name with its six-vector in world axes (twist; row of the
+    ``point`` is where displacements are taken, None where any point will do: ``position``, of a distance joint its
+    ``end``. ``freedom`` and ``locked`` pair each direction's name with its six-vector in world axes (twist; row of the
     relative displacement that is zero).
     """
 
@@ -66,14 +81,16 @@ class Joint(Part):
     axis2: Vector | None = None
     pitch: float | None = None
     free: tuple[str, ...] | None = None
+    end: Vector | None = None
     axes: Matrix3 = derived(check.IDENTITY)
     freedom: Named = derived(())
     locked: Named = derived(())
+    point: Vector | None = derived()
 
 
 def make(
     name: str, kind: Any, first: str, second: str, position: Any, orientation: Any, axis: Any, axis2: Any,
-    pitch: Any, free: Any,
+    pitch: Any, free: Any, end: Any = None,
 ) -> Joint:  # fmt: skip
     """Check the values of a joint and build it."""
     who = f"joint '{name}'"
@@ -94,6 +111,13 @@ def make(
             raise ModelError(f"{who}: both orientation and axis are given; they say the same, give one.",
                              element=who, field="axis")  # fmt: skip
         axis = check.vector(axis, who, "axis")
+    if kind == "distance":
+        for field, given in (("axis", axis), ("orientation", orientation)):
+            if given is not None:
+                raise ModelError(f"{who}: {field} is given, but the axis of a distance joint is the line from position "
+                                 f"to end; leave it out.", element=who, field=field)  # fmt: skip
+    elif end is not None:
+        raise ModelError(f"{who}: end is for distance joints; a {kind} joint has none.", element=who, field="end")
     if kind == "universal":
         axis2 = None if axis2 is None else check.vector(axis2, who, "axis2")
         axes, freedom = _universal(axis, axis2, orientation, who)
@@ -101,8 +125,12 @@ def make(
         if axis2 is not None:
             raise ModelError(f"{who}: axis2 is for universal joints; a {kind} joint has none.",
                              element=who, field="axis2")  # fmt: skip
-        axes = check.orientation(orientation, who) if axis is None else \
-            check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
+        if kind == "distance":
+            end = check.vector(end, who, "end", "the rod's point (x, y, z) on the second body [m] in world axes")
+            axes = check.frame_along(_rod(position, end, who))
+        else:
+            axes = check.orientation(orientation, who) if axis is None else \
+                check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
     if kind == "screw":
         pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
         freedom = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
@@ -111,7 +139,8 @@ def make(
         raise ModelError(f"{who}: pitch is for screw joints; a {kind} joint has none.",
                          element=who, field="pitch")  # fmt: skip
     return Joint(name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
-                 free, axes, in_world(axes, freedom), in_world(axes, locked))  # fmt: skip
+                 free, end, axes, in_world(axes, freedom), in_world(axes, locked),
+                 position if end is None else end)  # fmt: skip
 
 
 def in_world(axes: Matrix3, directions: Named) -> Named:
@@ -151,6 +180,15 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
     if len(set(given)) != len(given):
         raise check.refuse(who, "free", free, "each direction once")
     return "custom", tuple(d for d in DIRECTIONS if d in given)
+
+
+def _rod(position: Vector, end: Vector, who: str) -> Vector:
+    x, y, z = end[0] - position[0], end[1] - position[1], end[2] - position[2]
+    length = hypot(x, y, z)
+    if not 0.0 < length < inf:
+        raise check.refuse(who, "end", end, f"a point other than position = {position}",
+                           "A rod of no length is a spherical joint.")  # fmt: skip
+    return (x / length, y / length, z / length)
 
 
 def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who: str) -> tuple[Matrix3, Named]:

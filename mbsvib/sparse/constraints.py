@@ -20,6 +20,7 @@ from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.explain import listed
 from mbsvib.kinematics import Rows
 from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, pivoted_qr
+from mbsvib.parts.joint import POINT_IN_SECOND
 from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from mbsvib.topology import Topology
 
     Mask = NDArray[np.bool_]
+    Rod = tuple[int, int, int, int, Array, Array]
 
 # Groups up to this many entries (rows times coordinates) are decided whole by a dense QR: 0.1 s.
 WHOLE = 250_000
@@ -49,8 +51,9 @@ DEPENDENT = 1e-10
 class Constraints:
     """Locked rows of the cut joints: all ``rows`` with their ``names``, the number ``loop`` of their cut joint and the
     mask ``kept`` of the independent ones; ``groups`` of loops; ``crossing``, the locked rotations that are normal to an
-    axis of each body (row, axis in first, axis in second); and ``touched``, the row and body of every joint on the
-    path of a kept row (rows counted among the kept ones).
+    axis of each body (row, axis in first, axis in second); ``holder``, the body that carries each row's point; ``rods``
+    of distance joints, cut or in the tree (row or -1, coordinate or -1, first, second, start, end); and ``touched``,
+    the row and body of every joint on the path of a kept row (rows counted among the kept ones).
     """
 
     rows: Rows
@@ -59,6 +62,8 @@ class Constraints:
     kept: Mask
     groups: tuple[LoopGroup, ...]
     crossing: tuple[tuple[int, tuple[float, ...], tuple[float, ...]], ...]
+    holder: Index
+    rods: tuple[Rod, ...]
     touched: tuple[Index, Index]
 
     @property
@@ -94,11 +99,12 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
     tuples: list[tuple[float, ...]] = []
     names: list[str] = []
     loop: list[int] = []
+    holder: list[int] = []
     crossing = []
     for count, k in enumerate(topology.cut):
         joint = topology.joints[k]
         a, b = number[joint.first], number[joint.second]
-        point = joint.position or bodies[min(a, b)].position
+        point = joint.point or bodies[min(a, b)].position
         turning = [six[3:] for _, six in joint.freedom if any(six[3:])]
         if len(turning) == 2:
             row = next(i for i, (_, six) in enumerate(joint.locked) if any(six[3:]))
@@ -107,6 +113,7 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
             tuples.append((a, b, *point, *six))
             names.append(f"{joint.name}.{direction}")
             loop.append(count)
+            holder.append(b if joint.kind in POINT_IN_SECOND else a)
     rows = Rows.stack(tuples)
     entries = Entries(*path_entries(tree, rows, None)[:3], np.array(loop, dtype=np.intp), len(names))
     cut = [topology.joints[k].name for k in topology.cut]
@@ -120,7 +127,18 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
     place = np.cumsum(kept) - 1
     used = kept[entries.row]
     return Constraints(rows, tuple(names), entries.loop, kept, tuple(found), tuple(crossing),
+                       np.array(holder, dtype=np.intp), _rods(topology, number, tree, names),
                        (place[entries.row[used]], tree.carried[entries.column[used]]))  # fmt: skip
+
+
+def _rods(topology: Topology, number: Mapping[str, int], tree: Tree, names: list[str]) -> tuple[Rod, ...]:
+    rods = [joint for joint in topology.joints if joint.kind == "distance"]
+    if not rods:
+        return ()
+    row = {name: i for i, name in enumerate(names)}
+    column = {name: i for i, name in enumerate(tree.names)}
+    return tuple((row.get(f"{joint.name}.z", -1), column.get(f"{joint.name}.x", -1), number[joint.first],
+                  number[joint.second], np.array(joint.position), np.array(joint.end)) for joint in rods)  # fmt: skip
 
 
 class Entries:

@@ -15,7 +15,7 @@ from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics import Rows
 from mbsvib.loops import pivoted_qr
 from mbsvib.mobility import LIMIT, STEP
-from mbsvib.sparse.constraints import WHOLE, Entries
+from mbsvib.sparse.constraints import DEPENDENT, WHOLE, Entries
 from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
@@ -57,7 +57,10 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
         if len(group.rows) * len(group.columns) > WHOLE:
             members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
         for rows in members:
-            here, nearby = (_rank(tree, closure.rows, part, rows, group.length) for part in entries)
+            # a loop by itself may be nearly singular, which is no reason to refuse it
+            here, nearby = (_rank(tree, closure.rows, part, rows, group.length, limit)
+                            for part, limit in zip(entries, (DEPENDENT, LIMIT), strict=True))  # fmt: skip
+            here = group.rank if rows is group.rows else here
             if nearby > here:
                 raise SingularPoseError(
                     f"loops closed by {', '.join(group.joints[:8])}: singular pose. {here} of {len(rows)} constraint "
@@ -91,19 +94,25 @@ def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree,
     def turn(body: Index, vector: Array) -> Array:
         return vector + np.cross(displacement[body, 3:], vector.T).T
 
-    carrier = tree.carrier
-    moved = replace(tree, linear=turn(carrier, tree.linear), angular=turn(carrier, tree.angular),
-                    point=shift(carrier, tree.point))  # fmt: skip
-    rows = closure.rows
+    carrier, rows = tree.carrier, closure.rows
+    linear, force = turn(carrier, tree.linear), turn(rows.first, rows.force)
+    for row, column, first, second, start, end in closure.rods:
+        line = shift(np.array([second]), end[:, None])[:, 0] - shift(np.array([first]), start[:, None])[:, 0]
+        line /= np.sqrt(line @ line)
+        if row >= 0:
+            force[:, row] = line
+        else:
+            linear[:, column : column + 2] -= np.outer(line, line @ linear[:, column : column + 2])
+    moved = replace(tree, linear=linear, angular=turn(carrier, tree.angular), point=shift(tree.holder, tree.point))
     moment = turn(rows.first, rows.moment)
     for row, first_axis, second_axis in closure.crossing:
         a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
         b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
         moment[:, row] = np.cross(a[:, 0], b[:, 0])
-    return moved, replace(rows, point=shift(rows.first, rows.point), force=turn(rows.first, rows.force), moment=moment)
+    return moved, replace(rows, point=shift(closure.holder, rows.point), force=force, moment=moment)
 
 
-def _rank(tree: Tree, rows: Rows, entries: Entries, members: Index, length: float) -> int:
+def _rank(tree: Tree, rows: Rows, entries: Entries, members: Index, length: float, limit: float) -> int:
     row, column, value = entries.of(members)
     columns, at = np.unique(column, return_inverse=True)
     a = np.zeros((len(members), len(columns)))
@@ -111,4 +120,4 @@ def _rank(tree: Tree, rows: Rows, entries: Entries, members: Index, length: floa
     a *= np.where(tree.turns[columns], 1.0, length)
     a *= np.where(rows.force[:, members].any(axis=0), 1.0 / length, 1.0)[:, None]
     pivots = np.abs(pivoted_qr(a)[0].diagonal())
-    return int(np.count_nonzero(pivots > LIMIT * max(1.0, float(pivots.max(initial=0.0)))))
+    return int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))

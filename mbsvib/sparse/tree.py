@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics import columns
+from mbsvib.parts.joint import POINT_IN_SECOND
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class Tree:
     ``outward`` (n,) lists bodies, parents before children. Over coordinates: ``names``, ``carried`` (m,) the body whose
     joint it is, ``linear``, ``angular`` and ``point`` (3, m) its twist in the joint, ``sign`` (m,) that of the body
     against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations,
-    ``carrier`` (m,) the body in which the twist is fixed.
+    ``carrier`` (m,) the body in which the twist is fixed, ``holder`` (m,) the one that carries its point.
     """
 
     position: Array
@@ -54,6 +55,7 @@ class Tree:
     motion: Array
     turns: Mask
     carrier: Index
+    holder: Index
 
     @property
     def length(self) -> float:
@@ -87,6 +89,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     carried: list[int] = []
     signs: list[int] = []
     carrier: list[int] = []
+    holder: list[int] = []
     number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": n}
     parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
     joints = topology.joints
@@ -97,13 +100,16 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
         if branch.joint == FLOATS:
             name, freedom, point = body.name, _FREE, body.position
             carrier += [n] * 6
+            holder += [n] * 6
         else:
             joint = joints[branch.joint]
-            name, freedom, point = joint.name, joint.freedom, joint.position or body.position
+            name, freedom, point = joint.name, joint.freedom, joint.point or body.position
             # a joint's twists are fixed in its first body, but the second of two rotations in its second
             turning = [direction for direction, twist in freedom if any(twist[3:])]
             second = turning[1] if len(turning) == 2 else None
             carrier += [number[joint.second if direction == second else joint.first] for direction, _ in freedom]
+            held = joint.kind in POINT_IN_SECOND
+            holder += [number[joint.second]] * len(freedom) if held else carrier[len(holder) :]
         parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
         for direction, twist in freedom:
             names.append(f"{name}.{direction}")
@@ -121,7 +127,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     depth, moves = _directions(outward, parent, position, body_of, motion)
     return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
                 points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
-                np.array(carrier, dtype=np.intp))  # fmt: skip
+                np.array(carrier, dtype=np.intp), np.array(holder, dtype=np.intp))  # fmt: skip
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -62,6 +62,10 @@ def joint_words(draw):
         words["free"] = draw(st.lists(st.sampled_from(DIRECTIONS), unique=True))
     if kind == "screw":
         words["pitch"] = draw(any_float)
+    if kind == "distance":
+        x, y, z = words["position"]
+        words["end"] = (x, y, 2.0 * z + 1.0)
+        return words
     if kind == "universal" and draw(st.booleans()):
         x, y, z = words["axis"] = draw(axes)
         words["axis2"] = (y - z + 1.0, -x, x - 1.0) if abs(x) < 0.5 else (-y, x, z)

@@ -15,7 +15,8 @@ from tests.support.random_models import rotation
 FREEDOM = {
     "revolute": ["rz"], "prismatic": ["z"], "cylindrical": ["z", "rz"], "screw": ["rz"], "universal": ["rx", "ry"],
     "spherical": ["rx", "ry", "rz"], "planar": ["x", "y", "rz"], "fixed": [],
-    "free": ["x", "y", "z", "rx", "ry", "rz"],
+    "free": ["x", "y", "z", "rx", "ry", "rz"], "point_on_line": ["z", "rx", "ry", "rz"],
+    "point_on_plane": ["x", "y", "rx", "ry", "rz"], "distance": ["x", "y", "rx", "ry", "rz"],
 }  # fmt: skip
 TURNED = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 ALL = ("x", "y", "z", "rx", "ry", "rz")
@@ -28,6 +29,8 @@ def make(kind="revolute", **words):
     given = {"name": "j", "first": "a", "second": "b", "position": (0, 0, 0)} | words
     if kind == "screw":
         given.setdefault("pitch", 0.01)
+    if kind == "distance":
+        given.setdefault("end", (0.3, 0.2, 0.6))
     return model.add_joint(kind=kind, **given)
 
 
@@ -48,7 +51,8 @@ def test_no_kind_is_left_out():
 
 @given(st.sampled_from(sorted(FREEDOM)), st.integers(0, 2**31))
 def test_locked_rows_do_no_work_on_free_motion(kind, seed):
-    joint = make(kind, orientation=rotation(np.random.default_rng(seed)))
+    turn = rotation(np.random.default_rng(seed))
+    joint = make(kind, **({"end": turn[:, 0]} if kind == "distance" else {"orientation": turn}))
     free, locked = vectors(joint.freedom), vectors(joint.locked)
     assert_allclose(locked @ free.T, 0, atol=1e-15)
     assert np.linalg.matrix_rank(np.vstack([free, locked])) == 6
@@ -66,6 +70,36 @@ def test_the_axis_is_local_z(seed, size):
         assert np.linalg.det(axes) > 0
     assert_allclose(vectors(make("revolute", axis=axis).freedom), [[0, 0, 0, *unit]], atol=3e-16)
     assert_allclose(vectors(make("prismatic", axis=axis).freedom), [[*unit, 0, 0, 0]], atol=3e-16)
+
+
+@given(st.integers(0, 2**31), st.floats(-3, 3))
+def test_a_distance_joint_has_its_rod_along_z(seed, size):
+    start, line = np.random.default_rng(seed).normal(size=(2, 3))
+    joint = make("distance", position=start, end=start + 10.0**size * line)
+    gap = np.subtract(joint.end, joint.position)
+    assert_allclose(np.array(joint.axes)[:, 2], gap / np.linalg.norm(gap), atol=3e-16)
+    assert_allclose(vectors(joint.locked), [[*np.array(joint.axes)[:, 2], 0, 0, 0]], atol=0)
+    assert joint.point == joint.end
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ({"end": None}, r"joint 'j': end = None; expected the rod's point \(x, y, z\) on the second body"),
+    ({"end": (0, 0, 0)}, r"end = \(0\.0, 0\.0, 0\.0\); expected a point other than position .*spherical"),
+    ({"end": (0, 0)}, r"end = \(0, 0\); expected the rod's point"),
+    ({"end": (1, 0, np.nan)}, "NaN"),
+    ({"end": (1.7e308, 1.7e308, 1.7e308)}, "a point other than position"),
+    ({"axis": (0, 0, 1)}, r"axis is given, but the axis of a distance joint is the line .* leave it out"),
+    ({"orientation": np.eye(3)}, "orientation is given, but the axis of a distance joint"),
+    ({"axis2": (0, 0, 1)}, "axis2 is for universal joints; a distance joint has none"),
+    ({"pitch": 0.1}, "pitch is for screw joints"),
+    ({"kind": "point_on_line", "end": (1, 0, 0)}, r"end is for distance joints; a point_on_line joint has none"),
+    ({"kind": "point_on_plain"}, "Did you mean 'point_on_plane'"),
+    ({"kind": "point_on_line", "axis": (0, 0, 0)}, r"axis = \(0\.0, 0\.0, 0\.0\); expected a direction"),
+    ({"kind": "point_on_plane", "position": None}, "position = None; expected the joint's point"),
+])  # fmt: skip
+def test_wrong_points_and_rods_are_named(words, said):
+    with pytest.raises(mv.ModelError, match=said):
+        make(**({"kind": "distance"} | words))
 
 
 @pytest.mark.parametrize("pitch", [0.01, -0.3, 0.0, 25.0])
@@ -132,6 +166,8 @@ def test_bodies_by_name_or_by_object():
     {"kind": "fixed"},
     {"kind": "planar", "position": (0.0, 0.0, 0.0), "orientation": TURNED},
     {"kind": "custom", "position": (0.0, 0.0, 0.0), "free": ("x", "rz")},
+    {"kind": "distance", "position": (0.0, 0.0, 0.0), "end": (1.0, 0.0, 2.0)},
+    {"kind": "point_on_line", "position": (0.0, 1.0, 0.0), "axis": (1.0, 1.0, 0.0)},
 ])  # fmt: skip
 def test_words_give_the_call_back(words):
     words = {"name": "j", "first": "a", "second": "b"} | words

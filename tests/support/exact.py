@@ -29,7 +29,8 @@ from tests.support.digits import (
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 FREE = {
     "revolute": ("rz",), "prismatic": ("z",), "cylindrical": ("z", "rz"), "spherical": ("rx", "ry", "rz"),
-    "planar": ("x", "y", "rz"), "fixed": (), "free": DIRECTIONS,
+    "planar": ("x", "y", "rz"), "fixed": (), "free": DIRECTIONS, "point_on_line": ("z", "rx", "ry", "rz"),
+    "point_on_plane": ("x", "y", "rx", "ry", "rz"), "distance": ("x", "y", "rx", "ry", "rz"),
 }  # fmt: skip
 
 
@@ -84,7 +85,7 @@ class Exact:
         return [q - p for p, q in zip(a, b, strict=True)]
 
     def _joint(self, joint):
-        position = joint.position
+        position = joint.end or joint.position
         if position is None:  # no rotation is free: every point does
             position = next(self.model.bodies[b].position for b in (joint.second, joint.first) if b in self.number)
         free, locked = covectors(joint)

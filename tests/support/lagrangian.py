@@ -72,8 +72,8 @@ def constraints(joint, a, b, point):
     q = np.array(joint.axes)
     first, second = a.turn @ q, b.turn @ q
     if joint.kind == "distance":
-        gap = b.point(joint.end) - a.point(joint.start)
-        return [(ca.dot(gap, gap) - np.sum(np.subtract(joint.end, joint.start) ** 2)) / 2]
+        gap = b.point(joint.end) - a.point(joint.position)
+        return [(ca.dot(gap, gap) - np.sum(np.subtract(joint.end, joint.position) ** 2)) / 2]
     d, e = first.T @ (b.point(point) - a.point(point)), first.T @ second
     free = dict(joint.freedom)
     rows = [d[i] for i in range(3) if DIRECTIONS[i] not in free]

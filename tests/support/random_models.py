@@ -9,6 +9,7 @@ from tests.support.exact import FREE
 
 KINDS = (
     "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "free", "custom",
+    "point_on_line", "point_on_plane", "distance",
 )  # fmt: skip
 VECTORS = ("position", "start", "end")
 
@@ -36,7 +37,9 @@ def add_random_body(model, rng, name, centre):
 
 def add_random_joint(model, rng, name, kind, first, second, centre):
     words = {"position": centre + rng.uniform(-0.3, 0.3, size=3)}
-    if kind == "universal" and rng.random() < 0.6:
+    if kind == "distance":
+        words["end"] = centre + rng.uniform(-0.3, 0.3, size=3)
+    elif kind == "universal" and rng.random() < 0.6:
         words["axis"], words["axis2"] = rng.normal(size=(2, 3)) * rng.choice([1.0, 20.0])
     elif rng.random() < 0.5 and kind != "universal":
         words["axis"] = rng.normal(size=3)
@@ -186,7 +189,8 @@ def open_trees(**words):
 
 def closed_loops(**words):
     """Spatial loops whose joints are free enough that something moves, most of the time."""
-    kinds = ("cylindrical", "universal", "spherical", "planar", "custom", "free", "screw", "revolute")
+    kinds = ("cylindrical", "universal", "spherical", "planar", "custom", "free", "screw", "revolute",
+             "point_on_line", "point_on_plane", "distance")  # fmt: skip
     return st.builds(spatial, seeds(), bodies=st.integers(2, 4), loops=st.integers(1, 2), kinds=st.just(kinds),
                      **words)  # fmt: skip
 
@@ -232,6 +236,8 @@ def turned(model, by):
             if key in words:
                 words[key] = by @ np.array(words[key])
         adder = ADDERS[type(part)]
+        if adder == "add_joint" and part.kind == "distance":
+            return words
         if adder == "add_joint" and "axis2" not in words:  # the axis leaves the frame about it open: say all of it
             words.pop("axis", None)
             words["orientation"] = by @ np.array(part.axes)
@@ -253,6 +259,8 @@ def swapped(model):
             words["first"], words["second"] = words["second"], words["first"]
         if adder == "add_spring":
             words["start"], words["end"] = words["end"], words["start"]
+        if adder == "add_joint" and part.kind == "distance":
+            words["position"], words["end"] = words["end"], words["position"]
         if adder == "add_joint" and part.kind == "universal":
             x, y = np.array(part.axes)[:, :2].T
             first, second = (part.axis, part.axis2) if part.axis is not None else (x, y)
