@@ -14,6 +14,7 @@ import numpy as np
 from mbsvib import elements as _elements
 from mbsvib.inertia import check_mass, spatial_inertia
 from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, twists
+from mbsvib.loads.wrenches import is_loaded
 from mbsvib.loops import Cuts, Reduction, reduce
 from mbsvib.mobility import check_mobility
 from mbsvib.ports import Ports, port_matrices, ports
@@ -26,9 +27,12 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.batch import Batch
+    from mbsvib.composite import Shared
     from mbsvib.elements import Elements
     from mbsvib.inertia import SpatialInertia
     from mbsvib.kinematics import Array
+    from mbsvib.loads.felt import Felt
+    from mbsvib.loads.wrenches import Applied
     from mbsvib.model import Model
     from mbsvib.parts import Body, Bushing, Spring
     from mbsvib.sparse import SparseSystem
@@ -51,15 +55,25 @@ class Scene:
     springs: Elements
     port: Ports
     inertia: SpatialInertia
+    shared: Shared | None = None
+    loads: tuple[Applied, Felt] | None = None
 
     @property
     def locked(self) -> int:
         """Number of locked rows of cut joints, which come first among the rows."""
         return len(self.cuts.names) if self.cuts else 0
 
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """Names of what owns elastic rows, in the order of their numbers."""
+        names = tuple([part.name for part in self.elements])
+        return names if self.shared is None else names + self.shared.names
+
     def relative(self) -> Triplets:
         """Return what cut joints lock, what springs feel and what ports see, in one pass."""
         rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
+        if self.shared is not None:
+            rows += self.shared.base
         return relative_motion(self.coordinates, Rows.join(rows))
 
 
@@ -125,6 +139,10 @@ def linearize(
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
+    if model._composed:
+        if values is not None:
+            model._refuse_composed("linearize(values=...)", "linearize variants one by one, with model.with_values.")
+        model = model._expanded()
     if method is not None or len(model.bodies) + len(model.joints) > FEW:
         from mbsvib.sparse.choice import wants_sparse
 
@@ -154,6 +172,8 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
     Scene
         Everything that its matrices are made of.
     """
+    if model._composed:
+        model = model._expanded()
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
@@ -162,8 +182,19 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
     return Scene(
         topology, tuple(bodies), elements, np.array([body.position for body in bodies]), twists(topology, bodies),
         cut_rows(topology, bodies, number), _elements.stack(elements, number), ports(model, bodies, number),
-        spatial_inertia(bodies),
+        spatial_inertia(bodies), None if model._pieces is None else model._pieces.numbered(number, len(elements)),
+        _loads(model, topology, number) if is_loaded(model) else None,
     )  # fmt: skip
+
+
+def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple[Applied, Felt]:
+    from mbsvib.loads.felt import felt
+    from mbsvib.loads.wrenches import applied, refuse_loaded
+
+    if model._pieces is not None:
+        refuse_loaded(model, "beams and superelements under load are not supported yet; leave the load out.")
+    acting = applied(model, number)
+    return acting, felt(acting, topology.joints, number)
 
 
 def system(model: Model, scene: Scene, independent: Sequence[str] | None = None) -> System:
@@ -190,7 +221,11 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
     kept = reduction.independent.tolist()
     names = tuple([coordinates.names[i] for i in kept])
     found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
-    separation = None
+    separation = statics = None
+    if scene.loads is not None:
+        from mbsvib.loads.loaded import load
+
+        statics = load(scene, relative, reduction, found, model.name)
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:
@@ -204,8 +239,8 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(
-            scene.topology, reduction, coordinates.names, tuple(model.springs),
-            scene.bodies + scene.topology.joints + scene.elements, separation,
+            scene.topology, reduction, coordinates.names, scene.owners,
+            scene.bodies + scene.topology.joints + scene.elements, separation, statics,
         ),
     )  # fmt: skip
 
@@ -241,13 +276,19 @@ def matrices(
     if reduction.matrix is not None and acting is not None:
         moves = np.asarray(elastic.any(axis=1))
         springs, elastic = springs.only(moves), elastic[moves]
-    seen = reduction.apply(relative.dense(felt, relative.shape[0]))
+    ports_end = felt + len(scene.port.rows.first)
+    seen = reduction.apply(relative.dense(felt, ports_end))
+    rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
+    if scene.shared is not None:
+        base = reduction.apply(relative.dense(ports_end, relative.shape[0]))
+        factor = scene.shared.inertia_rows(factor, base)
+        rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
     return {
         "M": factor.swapaxes(-1, -2) @ factor,
-        "C": product(elastic, springs.damping), "K": product(elastic, springs.stiffness),
-        **port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position),
-        "inertia_factor": factor, "elastic_rows": elastic, "stiffness": springs.stiffness,
-        "damping": springs.damping, "row_owner": springs.owner, "body_motion": motion,
+        "C": product(rows, c), "K": product(rows, k),
+        **port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position, scene.shared),
+        "inertia_factor": factor, "elastic_rows": rows, "stiffness": k, "damping": c, "row_owner": owner,
+        "body_motion": motion,
     }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from mbsvib.parts.ports import QUANTITIES
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mbsvib.composite import Shared
     from mbsvib.elements import Elements
     from mbsvib.inertia import SpatialInertia
     from mbsvib.kinematics import Array, Index
@@ -123,7 +124,8 @@ def unit(wrench: tuple[float, ...], units: tuple[str, str]) -> str:
 
 
 def port_matrices(
-    port: Ports, seen: Array, springs: Elements, elastic: Array, inertia: SpatialInertia, factor: Array, position: Array
+    port: Ports, seen: Array, springs: Elements, elastic: Array, inertia: SpatialInertia, factor: Array,
+    position: Array, shared: Shared | None = None,
 ) -> dict[str, Array]:
     """Return B, Cq, Cv, Ca and D of q'' M + ... = B u, y = Cq q + Cv q' + Ca q'' + D u, by name.
 
@@ -143,6 +145,8 @@ def port_matrices(
         W of M = W^T W.
     position : array, shape (..., bodies, 3)
         Centres of mass [m], world axes.
+    shared : Shared, optional
+        Mass that more than one body carries.
 
     Returns
     -------
@@ -161,7 +165,10 @@ def port_matrices(
         carried = np.empty((*position.shape[:-1], 6, 1))
         carried[..., :3, 0] = np.cross(angular, position - motion.position) + linear
         carried[..., 3:, 0] = angular
-        b[..., column] = -(inertia.factor(carried).swapaxes(-1, -2) @ factor)[..., 0, :]
+        moved = inertia.factor(carried)
+        if shared is not None:
+            moved = shared.carried(moved, linear, angular, np.array(motion.position))
+        b[..., column] = -(moved.swapaxes(-1, -2) @ factor)[..., 0, :]
         for row, output, point in port.inertial_outputs:
             at = np.cross(angular, np.subtract(point, motion.position)) + linear
             d[..., row, column] = at @ output.wrench[:3] + angular @ output.wrench[3:]

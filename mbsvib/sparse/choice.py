@@ -49,6 +49,12 @@ def wants_sparse(
     if method not in (None, *METHODS):
         raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
                          f"{nearest(str(method), METHODS)}", field="method")  # fmt: skip
+    if model._pieces is not None:
+        if method == "sparse":
+            owner = model._pieces.mass[0].owner
+            raise ModelError(f"linearize: '{owner}' is flexible, which method='sparse' does not support yet; use "
+                             f"method='dense'.", element=owner, field="method")  # fmt: skip
+        return False
     if method == "sparse":
         for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
                                   ("values", values, "linearizes one variant at a time")):  # fmt: skip

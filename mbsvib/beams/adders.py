@@ -1,0 +1,118 @@
+"""Flexible mechanisms: the calls that add beams and reduced models, and what these become."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from copy import copy
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Self
+
+from mbsvib.beams import beam as _beam
+from mbsvib.beams.beam import Beam
+from mbsvib.errors import ModelError
+from mbsvib.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.beams.material import Material
+    from mbsvib.beams.sections import Circle, Rectangle, Section, Tube
+    from mbsvib.parts import Body
+
+
+class FlexibleMechanism(Mechanism):
+    """A mechanism whose bodies may bend."""
+
+    @property
+    def beams(self) -> Mapping[str, Beam]:
+        """Beams by name, in the order in which they were added."""
+        return MappingProxyType({name: part for name, part in self._composed.items() if isinstance(part, Beam)})
+
+    def add_beam(
+        self, name: str, a: str | Body | None, b: str | Body | None,
+        section: Tube | Circle | Rectangle | Section | Mapping[str, Any],
+        material: Material | Mapping[str, Any], start: ArrayLike | None = None, end: ArrayLike | None = None,
+        nodes: ArrayLike | None = None, elements: int | None = None, shear: bool = False,
+        y_axis: ArrayLike | None = None, alpha: float = 0.0, beta: float = 0.0, damping_ratio: float = 0.0,
+    ) -> Beam:  # fmt: skip
+        """Add a beam: straight elements that stretch, twist and bend in two planes, with consistent mass.
+
+        Its nodes are called ``"NAME.0"``, ``"NAME.1"``, ...; they are bodies, which joints, springs, inputs and outputs
+        may name, but for an end that a body holds. Its elements ``"NAME.e1"``, ... have deformations as coordinates.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        a, b : str, Body or None
+            The bodies that hold its ends clamped, wherever their centres of mass are; None: a free end.
+        section : Tube, Circle, Rectangle, Section or mapping
+            The cross section, or its words: ``{"type": "tube", "radius": 0.1, "wall": 0.01}``.
+        material : Material or mapping
+            The material, or its words: ``{"E": 2.1e11, "nu": 0.3, "rho": 7800}``.
+        start, end : array-like, shape (3,), optional
+            Its ends [m], world axes, with ``elements`` equal elements between them.
+        nodes : array-like, shape (n, 3), optional
+            Instead of these: its nodes [m], world axes, with a straight element from each to the next.
+        elements : int, optional
+            How many elements; default: 8.
+        shear : bool
+            False: Euler-Bernoulli. True: Timoshenko, with shear deformation and rotary inertia.
+        y_axis : array-like, shape (3,), optional
+            Direction towards which the section's y axis points; default: horizontal, of a vertical beam world y.
+        alpha, beta : float
+            Rayleigh damping, C = alpha M + beta K of the beam [1/s, s].
+        damping_ratio : float
+            Damping ratio of every elastic mode of the beam left to itself, C = sum of 2 zeta omega M phi phi^T M.
+
+        Returns
+        -------
+        Beam
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, a length is zero, or a number of section or material is refused.
+        """
+        self._check_name(name, "beam")
+        first = None if a is None else self._body_name(a, "beam", name, "a")
+        second = None if b is None else self._body_name(b, "beam", name, "b")
+        part = _beam.make(name, first, second, section, material, start, end, nodes, elements, shear, y_axis, alpha,
+                          beta, damping_ratio)  # fmt: skip
+        self._compose(part, part.node_names, part.element_names)
+        return part
+
+    def _compose(self, part: Any, nodes: Iterable[str], elements: Iterable[str]) -> None:
+        for name in (*nodes, *elements):
+            self._check_name(name, f"{type(part).__name__.lower()} '{part.name}': part")
+        self._composed[part.name] = part
+        self._nodes |= dict.fromkeys(nodes, part)
+        self._elements |= dict.fromkeys(elements, part)
+        self._topology = None
+
+    def _expanded(self) -> Self:
+        """Return the same mechanism in plain parts: nodes as bodies, elements as free joints and bushings."""
+        from mbsvib.beams.expansion import dampers, elements, masses, node_bodies
+        from mbsvib.composite import Pieces
+
+        if getattr(self, "gravity", None) is not None:
+            self._refuse_composed("gravity", "leave gravity out (Model(gravity=None)), or make it of rigid bodies.")
+        plain = copy(self)
+        plain._bodies, plain._joints, plain._springs = dict(self._bodies), dict(self._joints), dict(self._springs)
+        plain._composed, plain._topology = {}, None
+        mass, elastic = [], []
+        for beam in self.beams.values():
+            plain._bodies |= {body.name: body for body in node_bodies(beam)}
+            for joint, spring in elements(beam):
+                plain._joints[joint.name], plain._springs[spring.name] = joint, spring
+            mass += masses(beam)
+            elastic += dampers(beam)
+        plain._pieces = Pieces(tuple(mass), tuple(elastic), frozenset(plain._bodies) - frozenset(self._bodies))
+        return plain
+
+    def _refuse_composed(self, what: str, hint: str) -> None:
+        """Refuse what beams and reduced models are not made for, naming the first of them."""
+        for name, part in self._composed.items():
+            kind = type(part).__name__.lower()
+            raise ModelError(f"{kind} '{name}': {what} does not support a {kind} yet; {hint}", element=name)
