@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.damped import Damped
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.operator import NOISE
 from mbsvib.sparse.reduction import reduced
@@ -117,8 +118,9 @@ def _flexible(result: Modes, chosen: Index) -> tuple[Complex, Complex, Index]:
     values = result.eigenvalues[number]
     used = (values != 0.0) & (values.imag >= 0.0)
     number = number[used]
-    vectors = result.damped.vectors
-    shapes = result.damped.shapes.astype(complex)
+    modal = result.damped
+    assert isinstance(modal, Damped)  # symmetric matrices, as dampers and springs make them
+    vectors, shapes = modal.vectors, modal.shapes.astype(complex)
     if vectors is None:
         return result.eigenvalues[number], shapes[:, number // 2], number
     return result.eigenvalues[number], shapes @ vectors[:, number // 2, number % 2], number

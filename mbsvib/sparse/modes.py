@@ -43,9 +43,9 @@ class SomeModes(Modes):
     (0; None where rows were exchanged so that they could not be counted).
     """
 
-    reduced: System = field(repr=False)
-    dof: int
-    missed: int | None
+    reduced: System = field(repr=False, kw_only=True)
+    dof: int = field(kw_only=True)
+    missed: int | None = field(kw_only=True)
 
     def _shown(self) -> str:
         return f"{len(self)} of {self.dof} DOF"
@@ -94,7 +94,7 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
     return SomeModes(
         result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
         result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
-        result._body_motion, result._inertia_factor, result.damped, small, system.dof, found.missed,
+        result._body_motion, result._inertia_factor, result.damped, reduced=small, dof=system.dof, missed=found.missed,
     )  # fmt: skip
 
 
@@ -118,12 +118,12 @@ def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | Non
     small = reduced(system, found.z, found.rigid)
     ritz = undamped(small, RTOL)
     if sigma > 0.0:
-        centre = np.sqrt(sigma)
+        centre = found.centre
         distance = np.abs(np.sqrt(np.abs(ritz.square)) - centre)
         last = float(np.sort(distance)[k - 1])
-        needed = last * (last + 2.0 * centre)
+        needed = max((centre + last) ** 2 - sigma, sigma - max(0.0, centre - last) ** 2)
         if needed <= found.reach and found.operator.diverging() > int(np.count_nonzero(ritz.square < 0.0)):
-            needed = centre**2 + (centre + last) ** 2
+            needed = sigma + (centre + last) ** 2
         if needed > found.reach:
             return None, np.zeros(0), 0  # one that was not found may be nearer: all are known by their squares only
     else:

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
-# A solution whose residual, refined, is not below this share of the right side comes from a singular matrix.
-SINGULAR = 1e-6
+# A step of refinement larger than this share of the solution says that the next residual wants more digits ...
+FINE = 1e-11
+# ... and that the matrix is singular, to rounding, if it is still larger than this once it had them.
+SINGULAR = 1e-3
 
 
 def forces(place: Layout, rows: Any) -> Array:
@@ -116,10 +118,5 @@ def _answer(system: SparseSystem, right: Array, s: complex, damped: bool) -> NDA
         factor = system.tableau.factor(s=s) if damped and s else system.tableau.factor(square=-(s * s).real)
     except np.linalg.LinAlgError:
         return None
-    answer = factor.solve(right)
-    scaled = answer / factor.column_scale[:, None]
-    rest = factor.matrix @ scaled - right * factor.row_scale[:, None]
-    size = np.abs(right * factor.row_scale[:, None]).max(axis=0, initial=0.0)
-    if not np.isfinite(answer).all() or (np.abs(rest).max(axis=0, initial=0.0) > SINGULAR * size).any():
-        return None
-    return answer
+    answer, change = factor.solve_closely(right, FINE)
+    return answer if change <= SINGULAR else None

@@ -24,6 +24,9 @@ WHOLE = 24
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
+# A shift within this share of the square of a frequency is on it, and moved aside by one of the shares that follow.
+ON = 1e-6
+ASIDE = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
 # The count is taken this much (relative to the distance from the shift) before the last mode.
 BEFORE = 1e-6
 
@@ -34,7 +37,7 @@ class Subspace:
 
     ``residual`` (n,) is that of T h = theta h relative to theta h, ``noise`` (n,) the share of the energy that is
     rounding of the solve, ``reach`` the distance |omega^2 - sigma| up to which all modes are in it. ``missed`` counts
-    modes that were not found.
+    modes that were not found. Modes nearest to ``centre`` [rad/s] are wanted.
     """
 
     operator: Operator
@@ -44,6 +47,7 @@ class Subspace:
     noise: Array
     reach: float
     missed: int | None
+    centre: float
 
 
 def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
@@ -63,16 +67,15 @@ def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
     Subspace
         The vectors and what is known of their accuracy.
     """
-    sigma = (2.0 * np.pi * near) ** 2 if near else None
-    t = operator(system, sigma, k)
+    t, centre = _placed(system, near, k)
     rigid = t.rigid.shape[1]
     flexible = system.dof - ((t.total or 0) if t.sigma == 0.0 else 0)
     wanted = min(k - rigid + GUARDS, flexible)
     if rigid >= k:
         zero = np.zeros(rigid)
-        return Subspace(t, t.rigid, rigid, zero, zero, 0.0, 0)
+        return Subspace(t, t.rigid, rigid, zero, zero, 0.0, 0, centre)
     if flexible <= max(WHOLE, 3 * wanted):
-        return _solved(t, _whole(t, flexible), np.inf, 0)
+        return _solved(t, _whole(t, flexible), np.inf, 0, centre)
     theta, h = _lanczos(t, wanted)
     missed = None
     for _ in range(SEARCHES):
@@ -86,7 +89,35 @@ def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
         theta, h = np.concatenate((theta, more)), np.concatenate((h, vectors), axis=1)
     order = np.argsort(-np.abs(theta), kind="stable")[: max(wanted, k - rigid)]
     theta, h = theta[order], h[:, order]
-    return _solved(t, h, 1.0 / float(np.abs(theta).min()), missed)
+    return _solved(t, h, 1.0 / float(np.abs(theta).min()), missed, centre)
+
+
+def _placed(system: SparseSystem, near: float, k: int) -> tuple[Operator, float]:
+    """The operator around a frequency, and the angular frequency from which modes are nearest.
+
+    Far above all modes that comes down to them, where they are told apart: which are nearest stays the same. On a mode
+    the shift gives way, as that mode alone would be left of every solve.
+    """
+    if not near:
+        return operator(system, None, k), 0.0
+    centre = 2.0 * np.pi * near
+    try:
+        while system.tableau.factor(square=0.25 * centre**2, pivot=0.0).negative(system.layout) == system.dof:
+            centre *= 0.5
+    except np.linalg.LinAlgError:
+        pass
+    for share in ASIDE:
+        sigma = (1.0 + share) * centre**2
+        try:
+            t = operator(system, sigma, k)
+        except np.linalg.LinAlgError:
+            continue
+        h = np.random.default_rng(1).standard_normal(t.w.shape[0])
+        for _ in range(2):
+            h = t.apply(h / np.linalg.norm(h))
+        if float(np.linalg.norm(h)) * sigma * ON < 1.0:
+            break
+    return t, centre
 
 
 def _lanczos(t: Operator, wanted: int) -> tuple[Array, Array]:
@@ -126,7 +157,7 @@ def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
     return max(0, above - below - int(np.count_nonzero(distance < radius)))
 
 
-def _solved(t: Operator, h: Array, reach: float, missed: int | None) -> Subspace:
+def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: float) -> Subspace:
     """One more solve from the Lanczos vectors, refined, with what it tells of their errors."""
     rough = t.solve(h)
     right = t.right(t.wt @ t._without(h))
@@ -147,7 +178,7 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None) -> Subspace
     moved = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
     noise = np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0.0) + moved
     z /= length
-    found = Subspace(t, z, 0, residual, noise, reach, missed)
+    found = Subspace(t, z, 0, residual, noise, reach, missed, centre)
     if t.sigma < 0.0 and t.total:
         return _sorted(found, t.total)
     return _named(found) if t.sigma > 0.0 else _led(found, t.rigid)
@@ -156,8 +187,8 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None) -> Subspace
 def _led(found: Subspace, rigid: Array) -> Subspace:
     """Rigid-body modes in front of the others."""
     zero = np.zeros(rigid.shape[1])
-    return replace(found, z=np.concatenate((rigid, found.z), axis=1), rigid=len(zero),
-                   residual=np.concatenate((zero, found.residual)), noise=np.concatenate((zero, found.noise)))  # fmt: skip
+    residual, noise = (np.concatenate((zero, errors)) for errors in (found.residual, found.noise))
+    return replace(found, z=np.concatenate((rigid, found.z), axis=1), rigid=len(zero), residual=residual, noise=noise)
 
 
 def _named(found: Subspace) -> Subspace:

@@ -1,0 +1,119 @@
+"""Motions that no spring resists: exactly zero, counted where springs touch, and named."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from tests.sparse import scenes
+from tests.support.compare import assert_same_eigenvalues
+
+SCENES = {
+    "floating": (lambda n: scenes.floating(n), 6),
+    # a line spring holds one direction of the free motion, or only what is between the ends
+    "tied to ground": (lambda n: scenes.floating(n, "ground"), 5),
+    "tied to itself": (lambda n: scenes.floating(n, "self"), 6),
+    "leapfrog": (lambda n: scenes.leapfrog(n), 1),
+    "shaft without ground": (lambda n: unsprung(n), 1),
+}
+
+
+def unsprung(n):
+    """A revolute chain on a bearing: nothing resists the first joint."""
+    model = mv.Model(f"unsprung{n}")
+    for i in range(n):
+        below, name = f"b{i - 1}" if i else "ground", f"b{i}"
+        model.add_body(name, 1.0, scenes.INERTIA, (i + 0.5, 0.0, 0.0))
+        model.add_joint(f"j{i}", "revolute", below, name, (float(i), 0.0, 0.0))
+        if i:
+            model.add_bushing(f"s{i}", below, name, (float(i), 0.0, 0.0), (0, 0, 0, 0, 0, 100.0))
+    return model
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("n", [20, 1500])
+def test_zero_exactly_and_named(name, n):
+    make, rigid = SCENES[name]
+    system = make(n).linearize(method="sparse")
+    modes = system.modes(rigid + 4)
+    assert modes.rigid == rigid
+    assert not modes.eigenvalues[: 2 * rigid].any() or not modes.classical
+    assert not modes.frequencies[:rigid].any()
+    assert (modes.frequencies[rigid:] > 0).all()
+    word = "1 rigid-body mode, exactly 0 Hz." if rigid == 1 else f"{rigid} rigid-body modes, exactly 0 Hz."
+    assert word in modes.remarks()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_as_the_dense_path_has_them(name):
+    make, _ = SCENES[name]
+    model = make(24)
+    every = model.linearize(method="dense").modes(rtol=1e-12)
+    some = model.linearize(method="sparse").modes(12)
+    assert_same_eigenvalues(some.eigenvalues, every.nearest(12).eigenvalues, rtol=1e-11)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_around_a_frequency(name):
+    """They are exact zeros, too, where they are found because they are the nearest."""
+    make, rigid = SCENES[name]
+    model = make(24)
+    every = model.linearize(method="dense").modes(rtol=1e-12)
+    near = 0.45 * every.frequencies[rigid]
+    some = model.linearize(method="sparse").modes(rigid + 3, near=near)
+    assert some.rigid == rigid
+    assert not some.frequencies[:rigid].any()
+    assert_allclose(some.frequencies, every.nearest(rigid + 3, near).frequencies, rtol=1e-10)
+    high = model.linearize(method="sparse").modes(3, near=every.frequencies[-1])
+    assert high.rigid == 0
+
+
+def test_fewer_than_there_are():
+    """Two of six: still zeros, and motions that meet no spring."""
+    system = scenes.floating(800).linearize()
+    modes = system.modes(2)
+    assert modes.rigid == 2
+    assert not modes.eigenvalues.any()
+    assert system.modes(2).remarks()[0].startswith("2 rigid-body modes")
+
+
+def test_free_motion_is_that_of_a_rigid_body():
+    """The six zeros of a floating chain move all bodies as one."""
+    model = scenes.floating(300)
+    modes = model.linearize(method="sparse").modes(6)
+    first = modes.body_shapes["b0"]
+    for name in ("b1", "b150", "b299"):
+        arm = np.subtract(model.bodies[name].position, model.bodies["b0"].position)
+        shape = modes.body_shapes[name]
+        assert_allclose(shape[3:], first[3:], atol=1e-11)
+        assert_allclose(shape[:3], first[:3] + np.cross(first[3:].T, arm).T, atol=1e-9)
+
+
+def test_equal_frequencies_of_equal_parts():
+    """One frequency 2000 times: Lanczos alone sees it once, the count finds the others."""
+    modes = scenes.pendulums(2000).linearize().modes(20)
+    assert_allclose(modes.natural, np.sqrt(100.0 / (0.15 + 1.0)), rtol=1e-14)
+    assert modes.missed == 0
+    shapes = np.array([modes.body_shapes[f"b{i}"][5] for i in range(2000)])
+    assert np.linalg.matrix_rank(shapes) == 20
+
+
+def test_static_compliance_without_a_hold_is_refused():
+    model = scenes.floating(300)
+    model.add_input("F", "b10", "x")
+    model.add_output("x", "b10", "x")
+    system = model.linearize(method="sparse")
+    with pytest.raises(mv.ResponseError, match="stiffness of 'floating300' is singular"):
+        system.static_compliance()
+    with pytest.raises(mv.ResponseError, match="a rigid-body mode"):
+        system.frequency_response([0.0])
+    assert np.isfinite(system.frequency_response([1e-3])).all()
+
+
+def test_an_undamped_pole_is_refused():
+    model = mv.library.chain(700, damping=(0,) * 6)
+    system = model.linearize()
+    omega = 2 * np.pi * system.modes(3).frequencies
+    with pytest.raises(mv.ResponseError, match=r"omega\[1\] = .* \(an undamped mode\)"):
+        system.frequency_response([0.5 * omega[0], omega[0]])
+    assert np.isfinite(system.frequency_response(omega * (1 + 1e-9))).all()
