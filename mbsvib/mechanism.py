@@ -127,15 +127,15 @@ class Mechanism:
             Screw only: advance per radian [m/rad].
         free : sequence of str, optional
             For any other joint: the free directions out of x y z rx ry rz, in the joint's axes.
+        end : array-like, shape (3,), optional
+            Distance only: the rod's point on ``second`` [m], world axes. The joint's z is the rod; its coordinates are
+            those of ``second`` at this point.
 
         Returns
         -------
         Joint
             The part.
 
-        end : array-like, shape (3,), optional
-            Distance only: the rod's point on ``second`` [m], world axes. The joint's z is the rod; its coordinates are
-            those of ``second`` at this point.
         Raises
         ------
         ModelError

@@ -212,17 +212,17 @@ def _families(part: Part) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
     elif isinstance(part, Joint):
         if part.position is not None:
             yield "position", DIRECTIONS[:3], part.position
-        yield turn
+        if part.end is not None:  # a rod, which turns with its two points
+            yield "end", DIRECTIONS[:3], part.end
+        else:
+            yield turn
         if part.pitch is not None:
             yield "pitch", None, part.pitch
     elif isinstance(part, Bushing):
         yield "stiffness", DIRECTIONS, part.stiffness
         yield "damping", DIRECTIONS, part.damping
         yield "position", DIRECTIONS[:3], part.position
-        if part.end is not None:  # a rod, which turns with its two points
-            yield "end", DIRECTIONS[:3], part.end
-        else:
-            yield turn
+        yield turn
     elif isinstance(part, Spring):
         yield "stiffness", None, part.stiffness
         yield "damping", None, part.damping
