@@ -98,10 +98,8 @@ def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
     c, k = system.damping, system.stiffness
     if not c.any():
         return "no damper", np.zeros(system.dof)
-    if k.all():
-        ratio = c / k
-        if np.ptp(ratio) <= 4.0 * EPS * abs(ratio[0]):
-            return "damping proportional to stiffness", float(ratio.mean()) * basis.square
+    if proportional(system):
+        return "damping proportional to stiffness", float((c / k).mean()) * basis.square
     used = c != 0.0
     half = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(np.abs(c[used]))[:, None]
     gamma = half.T @ half if (c >= 0.0).all() else half.T @ (half * np.sign(c[used])[:, None])
@@ -111,6 +109,17 @@ def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
     if (np.abs(gamma) <= limit).all():
         return "damping commutes with mass and stiffness", gamma.diagonal().copy()
     return "", gamma
+
+
+def proportional(system: System) -> bool:
+    """Return whether every damping is the same multiple of its stiffness, none included: known without the modes."""
+    c, k = system.damping, system.stiffness
+    if not c.any():
+        return True
+    if not k.all():
+        return False
+    ratio = c / k
+    return bool(np.ptp(ratio) <= 4.0 * EPS * abs(ratio[0]))
 
 
 def quadratic_roots(square: Array, gamma: Array) -> Complex:

@@ -61,6 +61,10 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
     [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2
 
+    The equations are proper, and as few as there are eigenvalues: where motions move no mass, those that nothing damps
+    are condensed in the system already, and of the damped ones there is no rate among the states: physical states are
+    then q and the rates that move mass (``"d(node.z + body.z)/dt"`` where a rate is a sum).
+
     Parameters
     ----------
     system : System
@@ -81,12 +85,12 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     if realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
+    if system.massless:
+        return _massless(system, realization)
     make = _physical if realization == "physical" else _modal
     a, b, transform, names, units = make(system)
     m = system.dof
     q, rate = transform[:m], transform[m:]
-    if system.massless:
-        return _massless(system, realization)
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
     c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
     d = system.D + system.Ca @ (rate @ b)
@@ -94,10 +98,6 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
                       system.outputs, system.output_units)  # fmt: skip
 
 
-def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
-    m = system.dof
-    a = np.zeros((2 * m, 2 * m))
-    b = np.zeros((2 * m, system.B.shape[1]))
 def _massless(system: System, realization: str) -> StateSpace:
     from mbsvib.massless import first_order
 
@@ -117,6 +117,10 @@ def _massless(system: System, realization: str) -> StateSpace:
     )  # fmt: skip
 
 
+def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+    m = system.dof
+    a = np.zeros((2 * m, 2 * m))
+    b = np.zeros((2 * m, system.B.shape[1]))
     if m:
         root = triangle(system.inertia_factor)
         right = np.concatenate((system.K, system.C, system.B), axis=1)
@@ -130,7 +134,7 @@ def _massless(system: System, realization: str) -> StateSpace:
 
 
 def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
-    modes = system._modes
+    modes = system._clean_modes
     m = system.dof
     product = (modes.eigenvalues[0::2] * modes.eigenvalues[1::2]).real
     total = (modes.eigenvalues[0::2] + modes.eigenvalues[1::2]).real

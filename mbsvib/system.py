@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from mbsvib.damped import Damped
     from mbsvib.energy_schur import EnergySchur
+    from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
     from mbsvib.massless import Separation
     from mbsvib.modal_sum import ModalSum
@@ -38,7 +39,7 @@ RESPONSE_RTOL = 1e-13
 class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
-    without mass.
+    without mass, ``statics`` what the loads do at the pose.
     """
 
     topology: Topology
@@ -47,6 +48,7 @@ class Provenance:
     springs: tuple[str, ...]
     parts: tuple[Part, ...] = ()
     massless: Separation | None = None
+    statics: Statics | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -158,17 +160,29 @@ class System:
     def _modes(self) -> Modes:
         from mbsvib.modes import RTOL, modes
 
-        return modes(self, RTOL)
+        return modes(self, RTOL, clean=False)
 
     def _modes_within(self, rtol: float) -> Modes:
         from mbsvib.modes import modes
 
-        return self._modes if float(self._modes.errors.max(initial=0.0)) <= rtol else modes(self, rtol)
+        good = float(self._modes.errors.max(initial=0.0)) <= rtol
+        return self._modes if good else modes(self, rtol, clean=False)
+
+    @cached_property
+    def _clean_modes(self) -> Modes:
+        """For responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times, one of a shape at
+        once.
+        """
+        from mbsvib.modes import modes
+
+        result = self._modes
+        good = max(result.mixed, float(result.errors.max(initial=0.0))) <= RESPONSE_RTOL
+        return result if good else modes(self, RESPONSE_RTOL)
 
     @cached_property
     def _modal(self) -> Damped:
-        """The basis of the responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times."""
-        return self._modes_within(RESPONSE_RTOL).damped
+        """The basis of the responses."""
+        return self._clean_modes.damped
 
     @cached_property
     def _modal_sum(self) -> ModalSum:

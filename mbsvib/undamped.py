@@ -12,12 +12,15 @@ jacobi    one-sided Jacobi (LAPACK gejsv) on the factors in the basis found so f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib._memory import keep_freed_memory
 from mbsvib.loops import pivoted_qr
 
 if TYPE_CHECKING:
@@ -38,8 +41,13 @@ RANK = 1e-11
 SEPARATE = 0.1
 # Rotations by an angle a are orthonormal to a^4 when they are taken to second order.
 SMALL_ANGLE = 1e-4
-# Rounding of |H|^2 counts half in |H|. Calibrated in the tests.
-ROUNDING = 0.5
+# Errors of the first rung over what its perturbation bound says, more where there are more modes. Calibrated on chains,
+# trees, loops and networks of 2 to 400 coordinates.
+PERTURBED, PERTURBED_MORE = 0.5, 0.25
+# Share of the accuracy asked for that is certain enough from bounds that take rounding errors for random.
+CERTAIN = 0.1
+# A cheap bound of rounding that is larger than this is worth a closer look, row by row.
+CLOSER = 1e-14
 # Loops whose smallest pivot p is above this lose nothing that counts; others lose eps / p of every frequency at most.
 WELL_CLOSED = 0.1
 
@@ -49,6 +57,7 @@ class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and
     negative where stiffness is; ``shapes`` (m, m) with shapes^T M shapes = 1; ``errors`` (m,) of omega, relative;
     ``method`` is the rung of the ladder that was enough, ``doubt`` the largest error that a higher one could mend.
+    The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most.
     """
 
     square: Array
@@ -57,6 +66,7 @@ class Undamped:
     rigid: int
     method: str
     doubt: float
+    mixed: float = 0.0
 
     @property
     def omega(self) -> Array:
@@ -64,19 +74,55 @@ class Undamped:
         return np.sqrt(np.abs(self.square))
 
 
-@dataclass(frozen=True, slots=True)
 class _Scene:
-    """What the rungs work on: ``mass`` and ``stiffness``, rows ``w`` and ``e`` = diag(sqrt |k|) D, ``sign`` of k."""
+    """What the rungs work on: ``mass`` and ``stiffness``, rows ``w`` and ``e`` = diag(sqrt |k|) D, ``sign`` of k.
 
-    mass: Array
-    stiffness: Array
-    w: Array
-    e: Array
-    sign: Array | None
-    null: Array | None = None
+    The rows are made when first asked for; ``rows`` of D has those with stiffness, ``w`` those that move.
+    """
+
+    def __init__(self, system: System) -> None:
+        used = system.stiffness != 0.0
+        every = bool(used.all())
+        self.k = system.stiffness if every else system.stiffness[used]
+        self.rows = system.elastic_rows if every else system.elastic_rows[used]
+        self.mass = system.M
+        self.stiffness = system.K if system.circulatory is None else system.K - system.circulatory
+        self.sign = np.sign(self.k) if float(self.k.min(initial=0.0)) < 0.0 else None
+        self.null: Array | None = None
+        self._factor = system.inertia_factor
+
+    @cached_property
+    def w(self) -> Array:
+        return self._factor[self._factor.any(axis=1)]
+
+    @cached_property
+    def e(self) -> Array:
+        result: Array = self.rows * np.sqrt(np.abs(self.k))[:, None]
+        return result
+
+    @cached_property
+    def spread(self) -> Array:
+        """Sum of |k| D^2 over the rows, (m,)."""
+        result: Array = self.stiffness.diagonal() if self.sign is None else np.einsum("ij,ij->j", self.e, self.e)
+        return result
+
+    @cached_property
+    def single(self) -> NDArray[np.intp] | None:
+        """The column of the only entry of each row of D, None where a row has more."""
+        if np.count_nonzero(self.rows) != len(self.rows):
+            return None
+        row, column = np.divmod(np.flatnonzero(self.rows), self.rows.shape[1])
+        return column if np.array_equal(row, np.arange(len(self.rows))) else None
+
+    def stretch(self, shapes: Array) -> Array:
+        """Return e shapes, without a product where springs feel one coordinate each."""
+        if self.single is None:
+            result: Array = self.e @ shapes
+            return result
+        return shapes[self.single] * self.e[np.arange(len(self.e)), self.single][:, None]
 
 
-def undamped(system: System, rtol: float) -> Undamped:
+def undamped(system: System, rtol: float, clean: bool = True) -> Undamped:
     """Return the undamped modes, K phi = omega^2 M phi.
 
     Parameters
@@ -85,6 +131,8 @@ def undamped(system: System, rtol: float) -> Undamped:
         The equations of motion.
     rtol : float
         Relative accuracy asked of every frequency.
+    clean : bool
+        Whether the shapes have to be as good as the frequencies, as responses ask for; frequencies need less.
 
     Returns
     -------
@@ -94,19 +142,18 @@ def undamped(system: System, rtol: float) -> Undamped:
     m = system.dof
     if m == 0:
         return Undamped(np.zeros(0), np.zeros((0, 0)), np.zeros(0), 0, "no degree of freedom", 0.0)
-    used = system.stiffness != 0.0
-    k = system.stiffness if used.all() else system.stiffness[used]
-    rows = system.elastic_rows if used.all() else system.elastic_rows[used]
-    negative = bool((k < 0.0).any())
-    w = system.inertia_factor
-    scene = _Scene(system.M, system.K, w[w.any(axis=1)], rows * np.sqrt(np.abs(k))[:, None],
-                   np.sign(k) if negative else None)  # fmt: skip
+    keep_freed_memory(m)
+    scene = _Scene(system)
     shapes, square = by_products(scene)
     if float(np.abs(square).min()) <= SUSPECT**2 * float(np.abs(square).max()):
-        scene = replace(scene, null=_null_space(scene, rows))
-    result = _accepted(scene, shapes, square, rtol)
+        scene.null = _null_space(scene, scene.rows)
+    if scene.null is None and scene.sign is None:
+        result = _as_it_is(scene, shapes, square, rtol, clean)
+        if result is not None:
+            return _with_loops(result, system)
+    result = refined(scene, shapes, "products", rtol)
     rungs: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
-    for method, rung in rungs if not negative else ():
+    for method, rung in rungs if scene.sign is None else ():
         if result.doubt <= rtol:
             break
         better = refined(scene, rung(scene, result.shapes), method, rtol)
@@ -124,25 +171,48 @@ def _with_loops(result: Undamped, system: System) -> Undamped:
     return replace(result, errors=result.errors + flexible * (EPS / kept))
 
 
-def _accepted(scene: _Scene, shapes: Array, square: Array, rtol: float) -> Undamped:
-    """The first rung as it is where its a-priori bound will do, which spares the look at the factors; else refined."""
-    if scene.null is None and scene.sign is None:
-        # forming M, and K in its Cholesky factor's coordinates, rounds by eps times the cancellation in phi
-        growth = (np.sqrt(scene.mass.diagonal()) @ np.abs(shapes)) ** 2
-        bound = 2.0 * EPS * float(growth.max()) * float(square[-1]) / square
-        if float(bound[0]) <= rtol:
-            return Undamped(square, shapes, bound, 0, "products", 0.0)
-    return refined(scene, shapes, "products", rtol)
+def _as_it_is(scene: _Scene, shapes: Array, square: Array, rtol: float, clean: bool) -> Undamped | None:
+    """The first rung where its a-priori bound will do, frequencies in doubt taken from the factors; None elsewhere.
+
+    Rounding of M, of K, of A = L^-1 K L^-T and of its eigenvalues is a perturbation of A whose size in each mode is
+    known beforehand. It moves a frequency by as much, and the quotient |E| / |H| by the square of it only.
+    """
+    power = shapes * shapes
+    inertia, elastic = scene.mass.diagonal() @ power, (scene.stiffness.diagonal() @ power) / square
+    cancel = np.sqrt(inertia)
+    bound = (square[-1] / square) * (1.0 + cancel) + inertia + elastic
+    bound *= EPS * (PERTURBED + PERTURBED_MORE * math.sqrt(len(square)))
+    mixed = float(bound.max())
+    if mixed <= (rtol if clean else CERTAIN * rtol):
+        return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
+    if clean:
+        return None
+    late = np.flatnonzero(bound > CERTAIN * rtol)
+    moved, gap = bound * square, square[1:] - square[:-1]
+    crossed = np.zeros(len(square) + 1)
+    crossed[1:-1] = np.divide(
+        np.maximum(moved[1:], moved[:-1]) ** 2, gap, out=np.full_like(gap, np.inf), where=gap > 0.0
+    )  # fmt: skip
+    bound[late] = (np.maximum(crossed[1:], crossed[:-1])[late]) / square[late] + 2.0 * EPS
+    if float(bound[late].max()) > rtol:
+        return None
+    phi = shapes[:, late]
+    h, e = scene.w @ phi, scene.stretch(phi)
+    mass, energy = np.einsum("ij,ij->j", h, h), np.einsum("ij,ij->j", e, e)
+    bound[late] += _rounding(scene.e, phi, e, EPS * np.sqrt(elastic[late]) * energy, energy, rtol) / energy
+    bound[late] += _rounding(scene.w, phi, h, EPS * cancel[late], mass, rtol)
+    square[late] = energy / mass
+    shapes[:, late] = phi / np.sqrt(mass)
+    if float(bound.max()) > rtol or float((square[1:] - square[:-1]).min(initial=0.0)) < 0.0:
+        return None
+    return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
 
 
 def by_products(scene: _Scene) -> tuple[Array, Array]:
-    """Return shapes and squared frequencies from M and K, brought to a unit diagonal of M."""
-    scale = 1.0 / np.sqrt(scene.mass.diagonal())
-    k = scene.stiffness * scale[:, None] * scale
-    square, vectors, failed = lapack.dsygvd(k, scene.mass * scale[:, None] * scale)
+    """Return shapes and squared frequencies from M and K."""
+    square, vectors, failed = lapack.dsygvd(scene.stiffness.T, scene.mass.T)
     if failed:
         raise np.linalg.LinAlgError("the eigenvalues of M and K did not converge")
-    vectors *= scale[:, None]
     return vectors, square
 
 
@@ -196,7 +266,7 @@ def refined(scene: _Scene, shapes: Array, method: str, rtol: float) -> Undamped:
     method : str
         Name of the rung that they come from.
     rtol : float
-        Relative accuracy asked of every frequency; decides how closely errors are looked at.
+        Relative accuracy asked of every frequency; decides how closely rounding is looked at.
 
     Returns
     -------
@@ -211,40 +281,48 @@ def refined(scene: _Scene, shapes: Array, method: str, rtol: float) -> Undamped:
         rigid = scene.null.shape[1]
         phi = _without_rigid(scene, shapes)
     h = scene.w @ phi
-    length = np.sqrt(np.einsum("ij,ij->j", h, h))
-    h /= length
-    phi = phi / length
-    e = scene.e @ phi
+    inertia = h.T @ h
+    length = 1.0 / np.sqrt(inertia.diagonal())
+    inertia *= length[:, None] * length
+    phi = phi * length
+    e = scene.stretch(phi)
     elastic = e.T @ (e if scene.sign is None else scene.sign[:, None] * e)
     elastic[:rigid] = elastic[:, :rigid] = 0.0
     square = elastic.diagonal().copy()
-    inertia = h.T @ h
     # row j, column i: what mode j sees of the residual of mode i, and from it how much of mode j is in mode i
     shared = _off_diagonal(np.subtract(elastic, inertia * square, out=elastic))
     mixing, unresolved = _mixing(shared, square)
     taken = np.multiply(mixing, shared, out=shared)
     value = square + taken.sum(axis=0)
-    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved + _rounding(scene.e, phi, e)
-    # the sum of column lengths bounds that of the rows, which costs a product more
-    rounding = EPS * (np.sqrt(scene.mass.diagonal()) @ np.abs(phi))
-    if ROUNDING * float(rounding.max()) > rtol:
-        rounding = _rounding(scene.w, phi, h)
     size = np.abs(value)
+    power = phi * phi
+    doubt = np.abs(taken, out=taken).sum(axis=0) + unresolved
+    doubt += 2.0 * _rounding(scene.e, phi, e, EPS * np.sqrt(np.abs(square) * (scene.spread @ power)), size, rtol)
     flexible = np.arange(len(value)) >= rigid
     errors = np.divide(0.5 * doubt, size, out=np.where(flexible, np.inf, 0.0), where=flexible & (size > 0.0))
     left = float(errors.max(initial=0.0))
-    errors += flexible * (2.0 * EPS + ROUNDING * rounding)
+    cheap = EPS * np.sqrt(scene.mass.diagonal() @ power)
+    errors += flexible * (2.0 * EPS + _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol))
     value[:rigid] = 0.0
     phi = _cleaned(phi, inertia, mixing)
-    order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
-    return Undamped(value[order], phi[:, order], errors[order], rigid, method, left)
+    if (value[1:] < value[:-1]).any():
+        order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
+        value, phi, errors = value[order], phi[:, order], errors[order]
+    return Undamped(value, phi, errors, rigid, method, left)
 
 
-def _rounding(rows: Array, phi: Array, moved: Array) -> Array:
-    """Bound of what rounding of the rows and of ``moved`` = rows phi does to the sum of squares of each column."""
-    cancel = np.abs(rows) @ np.abs(phi)
-    first, second = np.einsum("ij,ij->j", np.abs(moved), cancel), np.einsum("ij,ij->j", cancel, cancel)
-    return np.asarray(EPS * first + EPS**2 * second)
+def _rounding(rows: Array, phi: Array, moved: Array, least: Array, size: Array, rtol: float) -> Array:
+    """Half of what rounding of ``moved`` = rows phi does to the sum of squares of each column: ``least`` knows what, or
+    row by row where that is no small share of ``size``.
+    """
+    late = np.flatnonzero(least > max(CLOSER, CERTAIN * rtol) * size)
+    if len(late):
+        every = len(late) == len(size)
+        phi, moved = (phi, moved) if every else (phi[:, late], moved[:, late])
+        cancel = np.abs(rows) @ np.abs(phi)
+        first, second = np.einsum("ij,ij->j", np.abs(moved), cancel), np.einsum("ij,ij->j", cancel, cancel)
+        least[late] = 0.5 * EPS * (first + EPS * second)
+    return least
 
 
 def _off_diagonal(a: Array) -> Array:
@@ -273,7 +351,7 @@ def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
     lack = _off_diagonal(inertia)
     lack *= 0.5
     one = np.eye(len(angle))
-    size = max(float(angle.max(initial=0.0)), -float(angle.min(initial=0.0))) * len(angle)
+    size = float(np.linalg.norm(angle))
     if size < SMALL_ANGLE:
         one += angle
         one -= lack

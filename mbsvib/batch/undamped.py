@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.undamped import EPS, ROUNDING, SEPARATE, SMALL_ANGLE, SUSPECT
+from mbsvib.undamped import EPS, SEPARATE, SMALL_ANGLE, SUSPECT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # A mass matrix of unit diagonal with a smaller pivot than this has an inverse factor that costs digits of its own.
 PIVOT = 1e-8
+# Rounding of |H|^2 counts half in |H|.
+ROUNDING = 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ def spin_chain(kind, n=300):
 @pytest.mark.parametrize("kind", ["prismatic", "revolute"])
 def test_three_hundred_joints_in_line(kind):
     n = 300
-    modes = modes_of(spin_chain(kind))
+    modes = modes_of(spin_chain(kind), rtol=1e-14, accurate=False)
     omega = 200.0 * np.sin((2 * np.arange(1, n + 1) - 1) * np.pi / (2 * (2 * n + 1)))
     assert np.abs(modes.natural / omega - 1).max() <= 2e-15
     assert np.abs(modes.damping_ratios / (omega * 10.0 / 2e4) - 1).max() <= 1e-14

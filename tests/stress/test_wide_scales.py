@@ -34,14 +34,14 @@ def check_undamped(family, seeds):
 def test_undamped(family):
     """Twelve digits of every frequency, exact zeros of rigid-body modes, no false alarm, and no bound thrown away."""
     bounds = check_undamped(family, range(3))
-    assert np.median(bounds) <= 1e-14
+    assert np.median(bounds) <= 1e-13
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", UNDAMPED)
 def test_undamped_at_length(family):
     bounds = check_undamped(family, range(3, 30))
-    assert np.median(bounds) <= 1e-14
+    assert np.median(bounds) <= 1e-13
 
 
 FLOATING = ("revolute", "prismatic", "universal")
