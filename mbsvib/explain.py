@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from mbsvib.system import System
 
 SHOWN = 12  # names in one list
+_ENOUGH = {
+    "products": "eigenvalues of M and K were accurate enough: no singular values of the factors, no Jacobi rotations",
+    "factors": "singular values of the factors were accurate enough: no Jacobi rotations",
+}
 
 
 def explain(system: System) -> str:
@@ -32,6 +36,10 @@ def explain(system: System) -> str:
     if system.dof == 0:
         lines.append("  The mechanism is fully locked: its joints leave no motion.")
     lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
+    if system.provenance.statics is not None:
+        from mbsvib.loads.explain import explain_loads
+
+        lines += ["loads", *explain_loads(system)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system))]
     return "\n".join(lines)
 
@@ -125,5 +133,25 @@ def skipped(system: System) -> list[str]:
         result.append("no damper acts: C is zero and modes are real")
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
         result.append("every body hangs on ground by joints: no free joint was added")
-    result.append("no load, preload or spin: no statics, no geometric stiffness, no gyroscopic terms")
+    if system.dof:
+        result += _modal_skips(system)
+    if system.provenance.statics is None:
+        result.append("no gravity, load or preload: no statics, no geometric stiffness")
+    if system.gyroscopic is None:
+        result.append("nothing spins: no gyroscopic terms")
+    return result
+
+
+def _modal_skips(system: System) -> list[str]:
+    """What the modes that were computed so far, if any, did without."""
+    modes = vars(system).get("_modes")
+    if modes is None:
+        return ["modes and responses were not asked for yet: no eigenvalue was computed"]
+    result = []
+    if modes.classical:
+        result.append(f"{modes.classical}: modes are real, and no eigenvalue problem of twice the size was solved")
+    if modes.rung in _ENOUGH:
+        result.append(_ENOUGH[modes.rung])
+    if "_modal_sum" in vars(system) and "_schur" not in vars(system):
+        result.append("responses are sums over modes: no equations were solved frequency by frequency")
     return result

@@ -46,7 +46,8 @@ class Modes:
     frequency |lambda|, damped frequency 0 and damping ratio 1 (-1 where it grows). ``first_order`` (n,) marks these
     modes, and is None where there is none.
 
-    The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most.
+    The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most. ``rung`` names the
+    solver of undamped modes that was accurate enough.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Modes:
     damped: Damped | General = field(repr=False)
     first_order: NDArray[np.bool_] | None = None
     mixed: float = field(default=0.0, repr=False)
+    rung: str = field(default="", repr=False)
 
     @cached_property
     def _starts(self) -> NDArray[np.intp]:
@@ -279,7 +281,7 @@ def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
         shapes = shapes * (np.abs(largest) / largest)
     return Modes(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
                  shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result,
-                 mixed=basis.mixed)  # fmt: skip
+                 mixed=basis.mixed, rung=basis.method)  # fmt: skip
 
 
 def _without_symmetry(system: System, rtol: float) -> Modes:
