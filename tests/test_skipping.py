@@ -1,0 +1,262 @@
+"""What a scene does not need is not computed, and would change nothing if it were."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import mbsvib as mv
+from mbsvib import assembly, damped, frequency_response, loops, mobility, undamped
+from mbsvib import modes as modal
+from tests.stress.families import wide
+from tests.support.compare import assert_same_eigenvalues
+from tests.support.random_models import planar, spatial
+
+MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+OMEGA = np.array([1.0, 30.0, 900.0])
+
+
+def never(monkeypatch, module, *names):
+    """Make a step fail where it is taken."""
+
+    def taken(*_, **__):
+        raise AssertionError("a step that this scene does not need was taken")
+
+    for name in names:
+        monkeypatch.setattr(module, name, taken)
+
+
+def counting(monkeypatch, module, name):
+    calls, step = [], getattr(module, name)
+
+    def counted(*args, **words):
+        calls.append(name)
+        return step(*args, **words)
+
+    monkeypatch.setattr(module, name, counted)
+    return calls
+
+
+def assert_same(one, other, rtol=0.0):
+    for key in MATRICES:
+        a, b = getattr(one, key), getattr(other, key)
+        assert_allclose(a, b, rtol=0, atol=rtol * np.abs(b).max(initial=0.0), err_msg=key)
+
+
+def test_no_loop_no_second_transformation(monkeypatch):
+    """B'' of an open tree is not formed; formed as the identity it changes no bit."""
+    model = spatial(4, bodies=4)
+    reduced = assembly.reduce
+
+    def forced(*args):
+        found = reduced(*args)
+        assert found.matrix is None
+        return replace(found, matrix=np.eye(len(found.independent)))
+
+    with monkeypatch.context() as patch:
+        never(patch, loops, "_solve", "pivoted_qr")
+        plain = model.linearize()
+    with monkeypatch.context() as patch:
+        patch.setattr(assembly, "reduce", forced)
+        whole = model.linearize()
+    for key in MATRICES:
+        assert_array_equal(getattr(plain, key), getattr(whole, key), err_msg=key)
+    assert "no loop that locks anything: B'' was not formed" in plain.explain()
+
+
+def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
+    """Forced, the look finds the same rank and lets the pose pass."""
+    model = mv.library.stewart()
+    with monkeypatch.context() as patch:
+        never(patch, mobility, "phi_nearby")
+        plain = model.linearize()
+    assert "the poses nearby were not looked at" in plain.explain()
+    check, looked = mobility.check_mobility, counting(monkeypatch, mobility, "phi_nearby")
+
+    def forced(topology, coordinates, cuts, reduction, position):
+        groups = tuple(replace(group, redundant=("any",)) for group in reduction.groups)
+        check(topology, coordinates, cuts, replace(reduction, groups=groups), position)
+
+    monkeypatch.setattr(assembly, "check_mobility", forced)
+    whole = model.linearize()
+    assert looked
+    for key in MATRICES:
+        assert_array_equal(getattr(plain, key), getattr(whole, key), err_msg=key)
+
+
+def test_redundant_rows_are_looked_at(monkeypatch):
+    looked = counting(monkeypatch, mobility, "phi_nearby")
+    system = mv.library.ladder(2).linearize()
+    assert looked
+    assert "were not looked at" not in system.explain()
+
+
+def test_loops_of_fixed_joints_change_nothing():
+    """Welds beside welds: every row redundant, the same equations as without them."""
+
+    def welded(spare):
+        model = mv.Model("welded")
+        for i in range(4):
+            model.add_body(f"b{i}", 1.0 + i, (0.1, 0.2, 0.25), (i, 0.1 * i, 0.0))
+        model.add_joint("hinge", "revolute", "ground", "b0", (-0.5, 0, 0))
+        for i in range(3):
+            model.add_joint(f"weld{i}", "fixed", f"b{i}", f"b{i + 1}")
+        if spare:
+            model.add_joint("spare", "fixed", "b0", "b2")
+            model.add_joint("another", "fixed", "b3", "b1")
+        model.add_bushing("k", "ground", "b3", (2, 0, 0), (100.0,) * 6, (0.1,) * 6)
+        model.add_input("F", "b2", "y")
+        model.add_output("y", "b3", "y")
+        return model
+
+    plain, whole = welded(False).linearize(), welded(True).linearize()
+    assert whole.redundant == tuple(f"{w}.{d}" for w in whole.cut_joints for d in ("x", "y", "z", "rx", "ry", "rz"))
+    assert_same(plain, whole, 1e-15)
+
+
+def test_springs_that_nothing_moves_are_left_out():
+    """A bushing between welded bodies, and rows across a hinge: kept, they are rows of zeros."""
+    model = mv.Model("idle")
+    model.add_body("a", 1.0, (0.1, 0.1, 0.1), (1, 0, 0))
+    model.add_body("b", 1.0, (0.1, 0.1, 0.1), (2, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "a", (0, 0, 0))
+    model.add_joint("weld", "fixed", "a", "b")
+    model.add_bushing("idle", "a", "b", (1.5, 0, 0), (1e9,) * 6, (1e3,) * 6)
+    model.add_bushing("k", "ground", "a", (0, 0, 0), (1e9, 1e9, 1e9, 1e9, 1e9, 50.0))
+    system = model.linearize()
+    assert len(system.stiffness) == 1
+    assert "as no motion of the mechanism acts on them: idle" in system.explain()
+    scene = assembly.scene(model)
+    relative = scene.relative()
+    reduction = assembly.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
+    whole = assembly.matrices(scene, relative, reduction)
+    assert len(whole["stiffness"]) == 12
+    for key in MATRICES:
+        assert_array_equal(getattr(system, key), whole[key], err_msg=key)
+
+
+@pytest.mark.parametrize("kind", ["undamped", "proportional", "commuting"])
+def test_classical_damping_takes_no_problem_of_twice_the_size(monkeypatch, kind):
+    """The coupled solver, forced on the same scene, gives the same eigenvalues to rounding."""
+    model = mv.library.chain(8, damping=(0,) * 6) if kind == "undamped" else mv.library.chain(8)
+    if kind == "commuting":  # two equal pendulums: what couples them commutes, though not in proportion to stiffness
+        model = mv.Model("twins")
+        for i in range(2):
+            model.add_body(f"b{i}", 1.0, (0.1, 0.1, 0.1), (i, 0, 0))
+            model.add_joint(f"j{i}", "revolute", "ground", f"b{i}", (i, 1, 0))
+            model.add_bushing(f"s{i}", "ground", f"b{i}", (i, 1, 0), (0, 0, 0, 0, 0, 90.0), (0, 0, 0, 0, 0, 0.25))
+        model.add_bushing("link", "b0", "b1", (0.5, 1, 0), (0, 0, 0, 0, 0, 40.0), (0, 0, 0, 0, 0, 0.5))
+    with monkeypatch.context() as patch:
+        never(patch, damped, "_coupled")
+        plain = model.linearize()
+        values = plain.modes(rtol=1e-12).eigenvalues
+        response = plain.frequency_response(OMEGA) if plain.inputs else None
+    assert "no eigenvalue problem of twice the size was solved" in plain.explain()
+    calls = counting(monkeypatch, damped, "_coupled")
+
+    def forced(system, basis):
+        rows = system.elastic_rows @ basis.shapes
+        return "", rows.T @ (system.damping[:, None] * rows)
+
+    monkeypatch.setattr(damped, "classical_damping", forced)
+    monkeypatch.setattr(modal, "proportional", lambda system: False, raising=False)
+    whole = model.linearize()
+    assert_same_eigenvalues(whole.modes(rtol=1e-12).eigenvalues, values, rtol=4e-15 if kind != "commuting" else 1e-14)
+    assert calls
+    if response is not None:
+        assert_allclose(whole.frequency_response(OMEGA), response, rtol=1e-12)
+
+
+def test_a_damper_that_couples_takes_it(monkeypatch):
+    calls = counting(monkeypatch, damped, "_coupled")
+    system = spatial(11, bodies=3).linearize()
+    assert not system.modes().classical
+    assert calls
+    assert "twice the size" not in system.explain()
+
+
+@pytest.mark.parametrize("name", ["chain", "stewart", "ladder"])
+def test_higher_rungs_of_the_ladder_are_not_climbed(monkeypatch, name):
+    """Singular values and Jacobi rotations, forced, give the same frequencies within the errors that are promised."""
+    model = getattr(mv.library, name)()
+    with monkeypatch.context() as patch:
+        never(patch, undamped, "by_factors", "by_jacobi")
+        plain = model.linearize()
+        plain.modes()
+    assert "no singular values of the factors, no Jacobi rotations" in plain.explain()
+    whole = model.linearize()
+    calls = counting(monkeypatch, undamped, "by_factors") + counting(monkeypatch, undamped, "by_jacobi")
+    climbed = undamped.undamped(whole, 0.0)
+    del calls
+    assert climbed.method in ("products", "factors", "jacobi")
+    found = plain.modes()
+    assert_allclose(climbed.omega, np.sort(found.natural), rtol=float(found.errors.max() + climbed.errors.max()))
+
+
+def test_the_ladder_is_climbed_where_it_has_to_be():
+    """Stiffness over twelve and mass over eight decades."""
+    rungs = {wide(seed, bodies=8).linearize().modes(rtol=1e-13).rung for seed in range(4)}
+    assert rungs - {"products"}
+
+
+def test_responses_of_separate_modes_solve_nothing_frequency_by_frequency(monkeypatch):
+    never(monkeypatch, frequency_response, "_solved", "_direct")
+    system = spatial(11, bodies=3).linearize()
+    system.frequency_response(OMEGA)
+    assert "responses are sums over modes" in system.explain()
+
+
+def test_modes_are_computed_once(monkeypatch):
+    system = mv.library.stewart().linearize()
+    assert "modes and responses were not asked for yet" in system.explain()
+    system.modes()
+    system.frequency_response(OMEGA)
+    never(monkeypatch, modal, "modes")
+    assert system.modes() is system.modes()
+    system.frequency_response(2 * OMEGA)
+    system.poles()
+
+
+LEAN = """
+import sys
+import mbsvib as mv
+model = mv.Model("lean")
+model.add_body("a", 1.0, (0.1, 0.1, 0.1), (1, 0, 0))
+model.add_joint("hinge", "revolute", "ground", "a", (0, 0, 0))
+model.add_bushing("k", "ground", "a", (0, 0, 0), (0, 0, 0, 0, 0, 50.0))
+system = model.linearize()
+print(" ".join(sorted(name for name in sys.modules if name.startswith(("mbsvib", "scipy.sparse")))))
+"""
+
+
+def test_parts_of_the_program_that_a_scene_does_not_need_are_not_loaded():
+    """Neither batches, sparse factors nor anything of modes and responses."""
+    answer = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=True)
+    loaded = answer.stdout.split()
+    for name in ("mbsvib.sparse", "mbsvib.batch", "mbsvib.modes", "mbsvib.damped", "mbsvib.undamped",
+                 "mbsvib.general", "mbsvib.frequency_response", "mbsvib.time_response", "mbsvib.state_space",
+                 "scipy.sparse.linalg"):  # fmt: skip
+        assert name not in loaded
+
+
+@pytest.mark.parametrize("model", [spatial(3, bodies=4), planar(5, bodies=4, loops=1)], ids=["tree", "loop"])
+def test_outputs_that_are_not_asked_for_change_nothing(model):
+    """Of a model with fewer ports the same rows and columns come out, bit for bit."""
+    lean = mv.Model(model.name)
+    for part in (*model.bodies.values(), *model.joints.values(), *model.springs.values(), *model.inputs.values()):
+        getattr(lean, mv.model.ADDERS[type(part)])(**part.words())
+    kept = [name for i, name in enumerate(model.outputs) if i % 3 == 0]
+    for name in kept:
+        part = model.outputs[name]
+        getattr(lean, mv.model.ADDERS[type(part)])(**part.words())
+    whole, part = model.linearize(), lean.linearize()
+    rows = [whole.outputs.index(name) for name in kept]
+    for key in ("M", "C", "K", "B"):
+        assert_array_equal(getattr(part, key), getattr(whole, key))
+    for key in ("Cq", "Cv", "Ca", "D"):
+        assert_array_equal(getattr(part, key), getattr(whole, key)[rows])
+    assert_allclose(part.frequency_response(OMEGA), whole.frequency_response(OMEGA)[rows], rtol=1e-13,
+                    atol=1e-15 * np.abs(whole.frequency_response(OMEGA)).max())  # fmt: skip
