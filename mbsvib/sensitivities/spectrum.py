@@ -1,0 +1,119 @@
+"""Eigenvalues with right and left vectors, whatever solver they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.damped import Damped
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.general import General
+    from mbsvib.kinematics import Index
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+    Field = NDArray[Any]
+
+# Vectors of eigenvalues that are closer than this (relative) are known to eps over it, and no better: they are taken
+# for one eigenvalue with a subspace.
+TOGETHER = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Eigenvalues ``lead`` (h,) of which conjugates are left out, with ``right`` and ``left`` vectors (m, h), left None
+    where they are the same. ``place`` (h,) are their places among all, and the eigenvalues at ``mirror`` are conjugate
+    to the lead ones ``mirrored``.
+    """
+
+    lead: Complex
+    right: Field
+    left: Field | None
+    place: Index
+    mirror: Index
+    mirrored: Index
+    count: int
+
+    def slopes(self, system: System) -> Complex:
+        """Return y^T (2 lambda M + C) x from the factors, (h,)."""
+        return self.gram(system, np.arange(len(self.lead)), np.arange(len(self.lead)))
+
+    def gram(self, system: System, left: Index, right: Index) -> Complex:
+        """Return y_i^T ((lambda_i + lambda_j) M + C) x_j for pairs (i, j), (pairs,)."""
+        y = self.right if self.left is None else self.left
+        w, d = system.inertia_factor, system.elastic_rows
+        inertia = np.einsum("ij,ij->j", (w @ y)[:, left], (w @ self.right)[:, right])
+        result: Complex = (self.lead[left] + self.lead[right]) * inertia
+        if system.damping.any():
+            result += np.einsum("ij,i,ij->j", (d @ y)[:, left], system.damping, (d @ self.right)[:, right])
+        if system.gyroscopic is not None:
+            result += np.einsum("ij,ij->j", y[:, left], system.gyroscopic @ self.right[:, right])
+        return result
+
+    def clusters(self) -> list[Index]:
+        """Return groups of eigenvalues that coincide, those at 0 left out."""
+        distance = np.abs(self.lead[:, None] - self.lead)
+        near = distance <= TOGETHER * np.abs(self.lead)
+        groups, seen = [], np.zeros(len(self.lead), dtype=bool)
+        for i in np.flatnonzero((near.sum(axis=1) > 1) & (self.lead != 0.0)):
+            if not seen[i]:
+                group = np.flatnonzero(near[i] & ~seen)
+                seen[group] = True
+                if len(group) > 1:
+                    groups.append(group)
+        return groups
+
+
+def spectrum(system: System) -> Spectrum:
+    """Return the eigenvalues of a system with their vectors.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    Spectrum
+        Eigenvalues in the order of ``modes().eigenvalues``.
+    """
+    modes = system._clean_modes
+    found = modes.damped
+    if isinstance(found, Damped):
+        return _symmetric(found)
+    return _general(modes.eigenvalues, found)
+
+
+def _symmetric(found: Damped) -> Spectrum:
+    values = found.pairs.reshape(-1)
+    turns = found.pairs[:, 0].imag != 0.0
+    keep = np.ones(found.pairs.shape, dtype=bool)
+    keep[turns, 1] = False
+    place = np.flatnonzero(keep)
+    mirror = np.flatnonzero(~keep)
+    position = np.cumsum(keep) - 1
+    right: Field
+    if found.vectors is None:
+        right = found.shapes[:, place // 2]
+    else:
+        right = found.shapes @ found.vectors.reshape(len(found.pairs), -1)[:, place]
+    return Spectrum(values[place], right, None, place, mirror, position[mirror - 1], len(values))
+
+
+def _general(values: Complex, found: General) -> Spectrum:
+    known, right, left, _ = found.spectrum.whole()
+    m = len(right)
+    x, y = np.zeros((m, len(values)), dtype=complex), np.zeros((m, len(values)), dtype=complex)
+    free = np.ones(len(known), dtype=bool)
+    for i in np.flatnonzero(values != 0.0):
+        nearest = int(np.argmin(np.where(free, np.abs(known - values[i]), np.inf)))
+        free[nearest] = False
+        x[:, i], y[:, i] = right[:, nearest], left[:, nearest]
+    place = np.arange(len(values))
+    none = np.zeros(0, dtype=np.intp)
+    return Spectrum(values, x, y, place, none, none, len(values))
