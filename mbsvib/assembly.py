@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from mbsvib import elements as _elements
+from mbsvib._memory import MANY, keep_freed_memory
 from mbsvib.inertia import check_mass, spatial_inertia
-from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, twists
+from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, single_entries, twists
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.loops import Cuts, Reduction, reduce
 from mbsvib.mobility import check_mobility
@@ -154,6 +155,7 @@ def linearize(
         from mbsvib.batch import linearize_batch
 
         return linearize_batch(model, values, independent, cut)
+    keep_freed_memory(len(model.joints))
     return system(model, scene(model, cut), independent)
 
 
@@ -284,12 +286,21 @@ def matrices(
         factor = scene.shared.inertia_rows(factor, base)
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
     return {
-        "M": factor.swapaxes(-1, -2) @ factor,
-        "C": product(rows, c), "K": product(rows, k),
+        "M": _gram(factor), "C": product(rows, c), "K": product(rows, k),
         **port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position, scene.shared),
         "inertia_factor": factor, "elastic_rows": rows, "stiffness": k, "damping": c, "row_owner": owner,
         "body_motion": motion,
     }  # fmt: skip
+
+
+def _gram(factor: Array) -> Array:
+    """Return W^T W; rows that don't move, as all but two or three of a body in a plane, are left out where many."""
+    if factor.ndim == 2 and factor.shape[1] >= MANY:
+        moves = factor.any(axis=1)
+        if 2 * np.count_nonzero(moves) < len(moves):
+            factor = factor[moves]
+    result: Array = factor.swapaxes(-1, -2) @ factor
+    return result
 
 
 def product(rows: Array, value: Array) -> Array:
@@ -298,6 +309,10 @@ def product(rows: Array, value: Array) -> Array:
         used = value != 0.0
         if not used.all():
             rows, value = rows[used], value[used]
+        if rows.shape[1] >= MANY:
+            column = single_entries(rows)
+            if column is not None:
+                return np.diag(np.bincount(column, value * rows[np.arange(len(rows)), column] ** 2, rows.shape[1]))
     elif rows.ndim == 2:
         return _combined(rows, value)
     half: Array = rows * np.sqrt(np.abs(value))[..., None]

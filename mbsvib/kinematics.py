@@ -116,6 +116,14 @@ def columns(tuples: Sequence[tuple[float, ...]], width: int) -> Array:
     return np.ascontiguousarray(np.array(tuples, dtype=float).reshape(-1, width).T)
 
 
+def single_entries(rows: Array) -> Index | None:
+    """Return the column of each row's only entry (rows,), None where a row has more or none."""
+    entry = rows != 0.0
+    if np.count_nonzero(entry) != len(entry) or not entry.any(axis=1).all():
+        return None
+    return np.asarray(entry.argmax(axis=1))
+
+
 def twists(topology: Topology, bodies: list[Body]) -> Twists:
     """Return the twists of all joint coordinates of the tree.
 

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib._memory import keep_freed_memory
+from mbsvib.kinematics import single_entries
 from mbsvib.loops import pivoted_qr
 
 if TYPE_CHECKING:
@@ -109,10 +110,7 @@ class _Scene:
     @cached_property
     def single(self) -> NDArray[np.intp] | None:
         """The column of the only entry of each row of D, None where a row has more."""
-        if np.count_nonzero(self.rows) != len(self.rows):
-            return None
-        row, column = np.divmod(np.flatnonzero(self.rows), self.rows.shape[1])
-        return column if np.array_equal(row, np.arange(len(self.rows))) else None
+        return single_entries(self.rows)
 
     def stretch(self, shapes: Array) -> Array:
         """Return e shapes, without a product where springs feel one coordinate each."""
