@@ -10,6 +10,7 @@ from mbsvib.topology import FLOATS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.reachable import Dropped
     from mbsvib.system import System
 
 SHOWN = 12  # names in one list
@@ -33,7 +34,9 @@ def explain(system: System) -> str:
         A few lines of text.
     """
     lines = [f"{system.name}: {system.dof} DOF"]
-    if system.dof == 0:
+    if system.dof == 0 and system.provenance.dropped is not None:
+        lines.append("  No part is reached by an input asked for and seen by an output: y = D u.")
+    elif system.dof == 0:
         lines.append("  The mechanism is fully locked: its joints leave no motion.")
     lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
     if system.provenance.statics is not None:
@@ -63,7 +66,8 @@ def _topology(system: System) -> list[str]:
     acting = set(system.row_owner.tolist())
     idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting]
     if idle:
-        lines.append(f"  without effect, as no motion of the mechanism acts on them: {listed(idle)}")
+        left = "the mechanism" if system.provenance.dropped is None else "what is left"
+        lines.append(f"  without effect, as no motion of {left} acts on them: {listed(idle)}")
     return lines
 
 
@@ -90,11 +94,23 @@ def _coordinates(system: System) -> list[str]:
     if not everything:
         return ["  none"]
     kept = set(system.coordinates)
+    gone = system.provenance.dropped
+    kept |= set(gone.names) if gone else set()
     dependent = [name for name in everything if name not in kept]
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
-    return lines + _massless(system)
+    return lines + _massless(system) + ([] if gone is None else [f"  {text}" for text in dropped(gone)])
+
+
+def dropped(gone: Dropped) -> list[str]:
+    """Return what is out of reach of the ports asked for, one sentence each."""
+    result = []
+    if gone.unreached:
+        result.append(f"dropped, as no input out of {listed(gone.inputs)} reaches them: {listed(gone.unreached)}")
+    if gone.unseen:
+        result.append(f"dropped, as no output out of {listed(gone.outputs)} sees them: {listed(gone.unseen)}")
+    return result or ["nothing was dropped: the inputs reach, and the outputs see, everything"]
 
 
 def _massless(system: System) -> list[str]:

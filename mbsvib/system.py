@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.modes import Modes
     from mbsvib.parameters import Parameters
     from mbsvib.parts._part import Part
+    from mbsvib.reachable import Dropped
     from mbsvib.state_space import StateSpace
     from mbsvib.topology import Topology
 
@@ -39,7 +40,8 @@ RESPONSE_RTOL = 1e-13
 class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
-    without mass, ``statics`` what the loads do at the pose.
+    without mass, ``statics`` what the loads do at the pose, ``dropped`` what
+    ``reachable`` left out.
     """
 
     topology: Topology
@@ -49,6 +51,7 @@ class Provenance:
     parts: tuple[Part, ...] = ()
     massless: Separation | None = None
     statics: Statics | None = None
+    dropped: Dropped | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -354,13 +357,42 @@ class System:
 
         return frequency_grid(self, inputs, outputs, n, f_min=f_min, f_max=f_max)
 
-    def state_space(self, realization: str = "physical") -> StateSpace:
+    def reachable(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> System:
+        """Return the system of what asked inputs reach and asked outputs see, with these ports only.
+
+        Coordinates that no entry of M, C or K joins to the others move by themselves; parts that no asked input acts
+        on, or no asked output sees, have no share in the transfer function, which stays the same exactly.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        System
+            The same equations without the other coordinates; ``explain`` names them.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or there is none.
+        """
+        from mbsvib.reachable import reachable
+
+        return reachable(self, inputs, outputs)
+
+    def state_space(self, realization: str = "physical", reachable: bool = False) -> StateSpace:
         """Return first-order equations x' = A x + B u, y = C x + D u.
 
         Parameters
         ----------
         realization : str
             "physical": x = (q, q'); "modal": one 2x2 block for each mode.
+        reachable : bool
+            Whether to leave out states of parts that no input reaches or no output sees.
 
         Returns
         -------
@@ -374,7 +406,7 @@ class System:
         """
         from mbsvib.state_space import state_space
 
-        return state_space(self, realization)
+        return state_space(self.reachable() if reachable else self, realization)
 
     def explain(self) -> str:
         """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
