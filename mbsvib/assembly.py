@@ -18,6 +18,7 @@ from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_moti
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.loops import Cuts, Reduction, reduce
 from mbsvib.mobility import check_mobility
+from mbsvib.parts import Maxwell
 from mbsvib.ports import Ports, port_matrices, ports
 from mbsvib.system import Provenance, System
 from mbsvib.topology import span
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from mbsvib.loads.wrenches import Applied
     from mbsvib.model import Model
     from mbsvib.parts import Body, Bushing, Spring
+    from mbsvib.parts._part import Part
+    from mbsvib.parts.coupler import Coupling
     from mbsvib.sparse import SparseSystem
     from mbsvib.topology import Topology
 
@@ -58,11 +61,12 @@ class Scene:
     inertia: SpatialInertia
     shared: Shared | None = None
     loads: tuple[Applied, Felt] | None = None
+    couplers: tuple[Coupling, ...] = ()
 
     @property
     def locked(self) -> int:
         """Number of locked rows of cut joints, which come first among the rows."""
-        return len(self.cuts.names) if self.cuts else 0
+        return len(self.cuts.rows.first) if self.cuts else 0
 
     @property
     def owners(self) -> tuple[str, ...]:
@@ -76,6 +80,15 @@ class Scene:
         if self.shared is not None:
             rows += self.shared.base
         return relative_motion(self.coordinates, Rows.join(rows))
+
+    def closure(self, relative: Triplets) -> Array:
+        """Return Phi (..., locked rows, n): what cut joints lock, out of ``relative()``, and behind it the couplers."""
+        phi = relative.dense(0, self.locked)
+        if self.cuts is None or self.cuts.couplings is None:
+            return phi
+        coupled = self.cuts.couplings.dense(self.coordinates)
+        lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
+        return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in (phi, coupled)], axis=-2)
 
 
 # So few bodies and joints have fewer coordinates than the sparse equations are taken for.
@@ -176,16 +189,26 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
     """
     if model._composed:
         model = model._expanded()
+    if any(isinstance(spring, Maxwell) for spring in model._springs.values()):
+        from mbsvib.massless.maxwell import with_nodes
+
+        model = with_nodes(model)
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(bodies)
     elements = tuple(model.springs.values())
+    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
+    couplers = tuple(model._couplers.values())
+    if couplers:
+        from mbsvib.couplers.rows import with_couplers
+
+        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
     return Scene(
-        topology, tuple(bodies), elements, np.array([body.position for body in bodies]), twists(topology, bodies),
-        cut_rows(topology, bodies, number), _elements.stack(elements, number), ports(model, bodies, number),
+        topology, tuple(bodies), elements, np.array([body.position for body in bodies]), coordinates, cuts,
+        _elements.stack(elements, number), ports(model, bodies, number),
         spatial_inertia(bodies), None if model._pieces is None else model._pieces.numbered(number, len(elements)),
-        _loads(model, topology, number) if is_loaded(model) else None,
+        _loads(model, topology, number) if is_loaded(model) else None, couplers,
     )  # fmt: skip
 
 
@@ -195,6 +218,9 @@ def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple
 
     if model._pieces is not None:
         refuse_loaded(model, "beams and superelements under load are not supported yet; leave the load out.")
+    for coupler in model._couplers:
+        refuse_loaded(model, f"loads of a mechanism with couplers ('{coupler}') are not supported yet; leave the load "
+                             f"out.")  # fmt: skip
     acting = applied(model, number)
     return acting, felt(acting, topology.joints, number)
 
@@ -218,12 +244,13 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
     """
     relative = scene.relative()
     locked, coordinates, felt = scene.locked, scene.coordinates, len(scene.springs.owner)
-    reduction = reduce(coordinates, scene.cuts, relative.dense(0, locked), independent)
+    reduction = reduce(coordinates, scene.cuts, scene.closure(relative), independent)
     check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
     kept = reduction.independent.tolist()
     names = tuple([coordinates.names[i] for i in kept])
     found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
     separation = statics = None
+    parts: tuple[Part, ...] = scene.bodies + scene.topology.joints + scene.elements + scene.couplers
     if scene.loads is not None:
         from mbsvib.loads.loaded import load
 
@@ -231,18 +258,20 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:
-        from mbsvib.massless import separate
+        from mbsvib.massless import given, separate
 
+        parts = given(parts)
         found, stays, separation = separate(scene, reduction, found, names, model, independent)
         names, kept = tuple([names[i] for i in stays]), [kept[i] for i in stays]
+    if model._pieces is not None:
+        parts = model._pieces.said(parts)
     return System(
         name=model.name, coordinates=names,
         coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(
-            scene.topology, reduction, coordinates.names, scene.owners,
-            scene.bodies + scene.topology.joints + scene.elements, separation, statics,
+            scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
         ),
     )  # fmt: skip
 

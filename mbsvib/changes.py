@@ -10,11 +10,14 @@ import numpy as np
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError
 from mbsvib.parameters import unit
-from mbsvib.parts import Body, Bushing, Joint, Spring
+from mbsvib.parts import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.parts import body as _body
 from mbsvib.parts import bushing as _bushing
 from mbsvib.parts import joint as _joint
+from mbsvib.parts import load as _load
+from mbsvib.parts import maxwell as _maxwell
 from mbsvib.parts import spring as _spring
+from mbsvib.parts._part import Numbered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +29,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_MAKERS: dict[type, Any] = {Body: _body.make, Joint: _joint.make, Bushing: _bushing.make, Spring: _spring.make}
+_MAKERS: dict[type, Any] = {
+    Body: _body.make, Joint: _joint.make, Bushing: _bushing.make, Spring: _spring.make, Load: _load.make,
+    Maxwell: _maxwell.make,
+}  # fmt: skip
 
 
 def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
@@ -113,7 +119,7 @@ def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[st
         entry = parameters.entry(name)
         whole = result.setdefault(entry.part, {})
         if entry.field not in whole:
-            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else getattr(
+            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else _value(
                 parameters.parts[entry.part], entry.field)  # fmt: skip
             start = np.array(given, dtype=float)
             whole[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
@@ -145,6 +151,8 @@ def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
     ModelError
         If a value is refused.
     """
+    if isinstance(part, Numbered):
+        return part.with_numbers({field: array[..., i].tolist() for field, array in whole.items()})
     words = {item.name: getattr(part, item.name) for item in fields(part) if not item.metadata.get("derived")}
     for field, array in whole.items():
         if field != "orientation":
@@ -159,6 +167,10 @@ def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
             words["axis"], words[field] = None, turn @ np.array(part.axes)
     result: Part = _MAKERS[type(part)](**words)
     return result
+
+
+def _value(part: Part, field: str) -> Any:
+    return part.number(field) if isinstance(part, Numbered) else getattr(part, field)
 
 
 def rotations(w: Array) -> Array:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
+    from mbsvib.parts._part import Composed, Part
 
 # Six rows: the displacement of a body at a point, in world axes
 _SIX = np.eye(6)
@@ -204,6 +205,12 @@ class Pieces:
     mass: tuple[Piece, ...]
     elastic: tuple[Piece, ...]
     nodes: frozenset[str]
+    owners: tuple[Composed, ...] = ()
+
+    def said(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+        """Return parts as the user knows them: the owners in place of what they have become."""
+        made = {name for owner in self.owners for name in owner.made}
+        return (*[part for part in parts if part.name not in made], *self.owners)
 
     def numbered(self, number: Mapping[str, int], first: int) -> Shared:
         """Return them in numbers; there are ``first`` owners of elastic rows already."""

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.composite import Pieces
+    from mbsvib.parts._part import Composed, Part
     from mbsvib.topology import Topology
 
 GROUND = "ground"
@@ -43,6 +45,11 @@ class Mechanism:
         self._bodies: dict[str, Body] = {}
         self._joints: dict[str, Joint] = {}
         self._springs: dict[str, Bushing | Spring] = {}
+        self._nodes: dict[str, Part] = {}  # bodies that beams and superelements bring, and whose they are
+        self._elements: dict[str, Part] = {}  # likewise their elements
+        self._composed: dict[str, Composed] = {}  # beams and superelements
+        self._couplers: dict[str, Coupling] = {}
+        self._pieces: Pieces | None = None  # what these have become in an expanded model
         self._topology: Topology | None = None  # what bodies and joints imply, until one more is added
 
     @property
@@ -168,8 +175,8 @@ class Mechanism:
             Along and about the bushing's axes, x y z rx ry rz: N/m and N m/rad; N s/m and N m s/rad.
         orientation : array-like, shape (3, 3) or (3,), optional
             Axes as columns, or a rotation vector [rad]; default: world axes.
-        preload : None
-            Not supported yet; any value but None raises.
+        preload : array-like, shape (6,), optional
+            Wrench on ``second`` in the given pose, in the bushing's axes [N, N m]; ``first`` takes its reaction.
 
         Returns
         -------
@@ -179,14 +186,12 @@ class Mechanism:
         Raises
         ------
         ModelError
-            If a body is unknown, the shape is wrong, or neither stiffness nor damping is given.
+            If a body is unknown, the shape is wrong, or neither stiffness, damping nor preload is given.
         """
         self._check_name(name, "bushing")
         a = self._body_name(first, "bushing", name, "first")
         b = self._body_name(second, "bushing", name, "second")
-        if preload is not None:
-            refuse_load(f"bushing '{name}'", "preload", preload, "Preload")
-        part = _bushing.make(name, a, b, position, stiffness, damping, orientation)
+        part = _bushing.make(name, a, b, position, stiffness, damping, orientation, preload)
         self._springs[name] = part
         return part
 
@@ -207,8 +212,10 @@ class Mechanism:
             The point on ``first`` and the one on ``second`` [m], world axes.
         stiffness, damping : float
             N/m and N s/m.
-        preload, free_length : None
-            Not supported yet; any value but None raises.
+        preload : float, optional
+            Tension in the given pose [N]; negative where it pushes.
+        free_length : float, optional
+            Instead of ``preload``: the length without load [m]; the tension is stiffness (length - free_length).
 
         Returns
         -------
@@ -218,30 +225,27 @@ class Mechanism:
         Raises
         ------
         ModelError
-            If a body is unknown, the points coincide, or neither stiffness nor damping is given.
+            If a body is unknown, the points coincide, or neither stiffness, damping nor preload is given.
         """
         self._check_name(name, "spring")
         a = self._body_name(first, "spring", name, "first")
         b = self._body_name(second, "spring", name, "second")
-        if preload is not None:
-            refuse_load(f"spring '{name}'", "preload", preload, "Preload")
-        if free_length is not None:
-            refuse_load(f"spring '{name}'", "free_length", free_length, "A free length")
-        part = _spring.make(name, a, b, start, end, stiffness, damping)
+        part = _spring.make(name, a, b, start, end, stiffness, damping, preload, free_length)
         self._springs[name] = part
         return part
 
     def _check_name(self, name: str, what: str) -> None:
-        check_name(name, what, self._bodies, self._joints, self._springs)
+        check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._nodes, self._elements,
+                   self._couplers)  # fmt: skip
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")
 
     def _body_name(self, body: str | Body, what: str, name: str, field: str) -> str:
         key = body if type(body) is str else getattr(body, "name", body)
-        if isinstance(key, str) and (key in self._bodies or key == GROUND):
+        if isinstance(key, str) and (key in self._bodies or key == GROUND or key in self._nodes):
             return key
         who = f"{what} '{name}'"
-        hint = nearest(str(key), [*self._bodies, GROUND])
+        hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
         raise ModelError(f"{who}: {field} = {key!r} is no body of model '{self.name}'.{hint} "
                          f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
 
@@ -256,12 +260,3 @@ def check_name(name: str, what: str, *groups: Mapping[str, Any]) -> None:
                 f"{what} '{name}': the name is taken by a {type(group[name]).__name__.lower()}; choose another.",
                 element=name, field="name",
             )  # fmt: skip
-
-
-def refuse_load(who: str, field: str, value: Any, what: str) -> None:
-    """Refuse a load by name."""
-    raise ModelError(
-        f"{who}: {field} = {check.shown(value)}; {what} is not supported yet, and leaving its stiffness out would "
-        f"give wrong frequencies in silence. Leave it out only if the load is negligible.",
-        element=who, field=field,
-    )  # fmt: skip

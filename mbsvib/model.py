@@ -8,10 +8,17 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from mbsvib import _checks as check
+from mbsvib.equilibrium.methods import Posed
 from mbsvib.errors import ModelError, nearest
-from mbsvib.mechanism import GROUND, Mechanism, check_name, refuse_load
-from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Output, Spring
+from mbsvib.beams import Beam
+from mbsvib.beams.adders import FlexibleMechanism
+from mbsvib.couplers.adders import CoupledMechanism
+from mbsvib.loads.adders import LoadedMechanism
+from mbsvib.massless.adders import RelaxingMechanism
+from mbsvib.mechanism import GROUND, check_name
+from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.parts import ports as _ports
+from mbsvib.parts.coupler import Coupler, Gear, Rack, Worm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,30 +30,28 @@ if TYPE_CHECKING:
     from mbsvib.sparse import SparseSystem
     from mbsvib.system import System
 
-class Model(Mechanism):
+class Model(LoadedMechanism, FlexibleMechanism, CoupledMechanism, RelaxingMechanism, Posed):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 
     SI units and radians; positions and axes in world coordinates. Where a body is asked for, its name or the
     object that ``add_body`` returned will do; ``"ground"`` exists from the start. The pose given is the one about
-    which the mechanism vibrates, and it carries no load: gravity and preloads are refused for now.
+    which the mechanism vibrates; where gravity, loads or preloads act, it must be in balance.
 
     Parameters
     ----------
     name : str
         Name of the model, used in titles and files.
-    gravity : None
-        Not supported yet; any value but None raises.
+    gravity : array-like, shape (3,), optional
+        Acceleration of free fall [m/s^2], world axes, such as (0, 0, -9.81); default: none.
 
     Raises
     ------
     ModelError
-        If the name is no text or gravity is asked for.
+        If the name is no text or gravity no vector.
     """
 
     def __init__(self, name: str = "model", gravity: ArrayLike | None = None) -> None:
-        super().__init__(name)
-        if gravity is not None:
-            refuse_load("model", "gravity", gravity, "Gravity")
+        super().__init__(name, gravity)
         self._inputs: dict[str, Input | BaseMotion] = {}
         self._outputs: dict[str, Output | ForceOutput] = {}
 
@@ -173,7 +178,7 @@ class Model(Mechanism):
         return part
 
     def add_force_output(
-        self, name: str, element: str | Bushing | Spring, direction: str | ArrayLike = "z"
+        self, name: str, element: str | Bushing | Spring | Maxwell, direction: str | ArrayLike = "z"
     ) -> ForceOutput:
         """Add the force or moment in a bushing or spring as an output, positive where it pulls the bodies together.
 
@@ -181,8 +186,8 @@ class Model(Mechanism):
         ----------
         name : str
             Name, unique among outputs.
-        element : str, Bushing or Spring
-            The element; joints are not supported yet.
+        element : str, Bushing, Spring or Maxwell
+            The element, or one of a beam (``"tube.e1"``: at its midpoint); joints are not supported yet.
         direction : str or array-like, shape (3,) or (6,)
             x y z (N), rx ry rz (N m) in the bushing's axes; a line spring has its line along z.
 
@@ -199,24 +204,25 @@ class Model(Mechanism):
         check_name(name, "output", self._outputs)
         key = element if isinstance(element, str) else element.name
         who = f"force output '{name}'"
-        part = self._springs.get(key)
+        part = self._springs.get(key) or self._elements.get(key)
         if part is None:
-            hint = nearest(key, self._springs).strip()
+            hint = nearest(key, [*self._springs, *self._elements]).strip()
             if key in self._joints:
                 hint = "Forces in joints are not supported yet."
             raise check.refuse(who, "element", key, "a bushing or spring of this model", hint)
         output = _ports.make_force_output(name, key, direction)
-        if isinstance(part, Spring) and any(w for i, w in enumerate(output.wrench) if i != 2):
+        if isinstance(part, (Spring, Maxwell)) and any(w for i, w in enumerate(output.wrench) if i != 2):
             raise check.refuse(who, "direction", direction, "'z', the line of a spring")
         self._outputs[name] = output
         return output
 
     @property
     def parameters(self) -> Parameters:
-        """Every number of bodies, joints, bushings and springs by its name (``"leg1.k.stiffness"``); read-only."""
+        """Every number of bodies, joints, springs and loads by its name (``"leg1.k.stiffness"``); read-only."""
         from mbsvib.parameters import Parameters
 
-        return Parameters([*self._bodies.values(), *self._joints.values(), *self._springs.values()])
+        parts = (self._bodies, self._composed, self._joints, self._springs, self._couplers, self._loads)
+        return Parameters([part for group in parts for part in group.values()])
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """Return a new model in which some parameters have other values.
@@ -239,10 +245,14 @@ class Model(Mechanism):
         from mbsvib.changes import parts_with
 
         changed: dict[str, Any] = parts_with(self.parameters, values)
-        model = Model(self.name)
+        model = Model(self.name, self.gravity)
         model._bodies = {name: changed.get(name, part) for name, part in self._bodies.items()}
         model._joints = {name: changed.get(name, part) for name, part in self._joints.items()}
         model._springs = {name: changed.get(name, part) for name, part in self._springs.items()}
+        for name, part in self._composed.items():
+            model._compose(changed.get(name, part))
+        model._couplers = {name: changed.get(name, part) for name, part in self._couplers.items()}
+        model._loads = {name: changed.get(name, part) for name, part in self._loads.items()}
         model._inputs, model._outputs = dict(self._inputs), dict(self._outputs)
         return model
 
@@ -309,7 +319,7 @@ class Model(Mechanism):
         Parameters
         ----------
         element : str
-            Name of a body, joint, bushing, spring, input or output.
+            Name of a body, joint, bushing, spring, load, input or output.
         **changes
             The new values, as in the call that adds such a part.
 
@@ -327,7 +337,7 @@ class Model(Mechanism):
             known = [name for _, group in self._groups() for name in group]
             raise ModelError(f"replace: there is no element '{element}' in model '{self.name}'."
                              f"{nearest(element, known)}", element=element)  # fmt: skip
-        model = Model(self.name)
+        model = Model(self.name, self.gravity)
         for adder, group in self._groups():
             for part in group.values():
                 add = getattr(model, adder or ADDERS[type(part)])
@@ -343,8 +353,8 @@ class Model(Mechanism):
         return model
 
     def _groups(self) -> tuple[tuple[str, Mapping[str, Any]], ...]:
-        return (("add_body", self._bodies), ("add_joint", self._joints), ("", self._springs),
-                ("", self._inputs), ("", self._outputs))  # fmt: skip
+        return (("add_body", self._bodies), ("", self._composed), ("add_joint", self._joints), ("", self._springs),
+                ("", self._couplers), ("add_load", self._loads), ("", self._inputs), ("", self._outputs))  # fmt: skip
 
     def __repr__(self) -> str:
         counts = ((self._bodies, "bodies"), (self._joints, "joints"), (self._springs, "springs"),
@@ -354,9 +364,16 @@ class Model(Mechanism):
 
 ADDERS: dict[type, str] = {
     Body: "add_body",
+    Beam: "add_beam",
     Joint: "add_joint",
     Bushing: "add_bushing",
     Spring: "add_spring",
+    Maxwell: "add_maxwell",
+    Coupler: "add_coupler",
+    Gear: "add_gear",
+    Worm: "add_worm",
+    Rack: "add_rack",
+    Load: "add_load",
     Input: "add_input",
     BaseMotion: "add_base_motion",
     Output: "add_output",

@@ -11,8 +11,18 @@ name                                    unit                        what it is
 ``JOINT.end.x`` (y z)                   m                           of a distance joint, which has no orientation
 ``SPRING.start.x``, ``SPRING.end.x``    m                           the two points of a line spring
 ``SPRING.stiffness``, ``.damping``      N/m, N s/m                  of a line spring
+``MAXWELL.stiffness``, ``.damping``     N/m, N s/m                  of a spring and a damper in series
+``MAXWELL.static_stiffness``            N/m                         of the spring beside both
+``SPRING.preload``                      N                           where given; likewise ``SPRING.free_length``, m
 ``BUSHING.stiffness.x`` ... ``.rz``     N/m, N m/rad                likewise ``damping``
 ``BUSHING.stiffness.x.rz``              N/m, N/rad, N m/rad         off the diagonal of a 6x6 matrix, each pair once
+``BUSHING.preload.x`` ... ``.rz``       N, N m                      where given
+``GEAR.ratio``, ``RACK.radius``         -, m                        of gears and worms; of racks
+``COUPLER.coefficient.1`` (2 ...)       -                           in the order of the sum
+``LOAD.force.x``, ``LOAD.torque.x``     N, N m                      world axes; ``LOAD.position.x``, m, where given
+``BEAM.E``, ``.rho``, ``.nu`` or ``.G``  N/m^2, kg/m^3, -           of its material
+``BEAM.radius`` (wall, width, height)   m                           of its section, or ``.A``, ``.Iy``, ``.Iz``, ``.J``
+``BEAM.alpha``, ``.beta``               1/s, s                      Rayleigh damping; likewise ``.damping_ratio``
 ======================================  ==========================  ============================================
 
 An orientation parameter is a component of the rotation vector w, in world axes, that turns the part from where it is
@@ -31,17 +41,21 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib._checks import DIRECTIONS
 from mbsvib.errors import ModelError, nearest
-from mbsvib.parts import Body, Bushing, Joint, Spring
+from mbsvib.parts import Body, Bushing, Joint, Load, Maxwell, Spring
+from mbsvib.parts._part import Numbered
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from mbsvib.parts._part import Part
 
+_OF_BEAMS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2", "Iy": "m^4", "Iz": "m^4", "J": "m^4",
+             "ky": "-", "kz": "-", "alpha": "1/s", "beta": "s", "damping_ratio": "-"}  # fmt: skip
 _TENSOR = ("xx", "yy", "zz", "xy", "xz", "yz")
 _END = re.compile(
-    r"\.(?:(?P<field>mass|pitch|inertia(?=\.)|position(?=\.)|start(?=\.)|end(?=\.)|orientation(?=\.)|stiffness|damping)"
-    r"(?:\.(?P<first>[a-z]{1,2})(?:\.(?P<second>[a-z]{1,2}))?)?)$"
+    r"\.(?:(?P<field>mass|pitch|inertia(?=\.)|position(?=\.)|start(?=\.)|end(?=\.)|orientation(?=\.)|stiffness|damping|static_stiffness|preload|"
+    r"free_length|force(?=\.)|torque(?=\.)|E|G|rho|nu|A|Iy|Iz|J|ky|kz|ratio|coefficient(?=\.)|radius|wall|width|height|alpha|beta|damping_ratio)"
+    r"(?:\.(?P<first>[a-z]{1,2}|[1-9][0-9]*)(?:\.(?P<second>[a-z]{1,2}))?)?)$"
 )
 
 
@@ -186,10 +200,13 @@ def unit(name: str) -> str:
         raise UnknownParameterError(f"'{name}' does not end as the name of a parameter does. {_hint(name, ())}",
                                     element=name)  # fmt: skip
     field, first, second = end["field"], end["first"], end["second"]
-    plain = {"mass": "kg", "inertia": "kg m^2", "orientation": "rad", "pitch": "m/rad"}
-    if field not in ("stiffness", "damping"):
+    if field == "preload":
+        return "N m" if first is not None and first[0] == "r" else "N"
+    plain = {"mass": "kg", "inertia": "kg m^2", "orientation": "rad", "pitch": "m/rad", "force": "N", "torque": "N m",
+             "ratio": "-", "coefficient": "-", **_OF_BEAMS}  # fmt: skip
+    if field not in ("stiffness", "damping", "static_stiffness"):
         return plain.get(field, "m")
-    per = "" if field == "stiffness" else " s"
+    per = " s" if field == "damping" else ""
     turns = sum(direction is not None and direction[0] == "r" for direction in (first, second or first))
     return (f"N{per}/m", f"N{per}/rad", f"N m{per}/rad")[turns]
 
@@ -223,11 +240,30 @@ def _families(part: Part) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
         yield "damping", DIRECTIONS, part.damping
         yield "position", DIRECTIONS[:3], part.position
         yield turn
+        if part.preload is not None:
+            yield "preload", DIRECTIONS, part.preload
     elif isinstance(part, Spring):
         yield "stiffness", None, part.stiffness
         yield "damping", None, part.damping
         yield "start", DIRECTIONS[:3], part.start
         yield "end", DIRECTIONS[:3], part.end
+        if part.preload is not None:
+            yield "preload", None, part.preload
+        if part.free_length is not None:
+            yield "free_length", None, part.free_length
+    elif isinstance(part, Maxwell):
+        yield "stiffness", None, part.stiffness
+        yield "damping", None, part.damping
+        yield "static_stiffness", None, part.static_stiffness
+        yield "start", DIRECTIONS[:3], part.start
+        yield "end", DIRECTIONS[:3], part.end
+    elif isinstance(part, Numbered):
+        yield from part.numbers()
+    elif isinstance(part, Load):
+        yield "force", DIRECTIONS[:3], part.force
+        yield "torque", DIRECTIONS[:3], part.torque
+        if part.position is not None:
+            yield "position", DIRECTIONS[:3], part.position
 
 
 def _indexed(ends: tuple[str, ...] | None, value: Any) -> tuple[list[str], list[tuple[int, ...]], list[float]]:
@@ -244,5 +280,5 @@ def _hint(name: str, parts: Iterable[str]) -> str:
     owner = max((part for part in parts if name.startswith(f"{part}.")), key=len, default=None)
     if owner is None:
         return ("Parameters are named PART.mass, .inertia.xx, .position.x, .orientation.rx, .stiffness, .stiffness.x, "
-                ".damping, .start.x, .end.x or .pitch.")  # fmt: skip
+                ".damping, .start.x, .end.x, .pitch, .preload, .free_length, .force.x or .torque.x.")  # fmt: skip
     return f"See [name for name in model.parameters if name.startswith('{owner}.')]."

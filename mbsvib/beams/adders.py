@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from copy import copy
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
@@ -80,11 +80,12 @@ class FlexibleMechanism(Mechanism):
         second = None if b is None else self._body_name(b, "beam", name, "b")
         part = _beam.make(name, first, second, section, material, start, end, nodes, elements, shear, y_axis, alpha,
                           beta, damping_ratio)  # fmt: skip
-        self._compose(part, part.node_names, part.element_names)
+        self._compose(part)
         return part
 
-    def _compose(self, part: Any, nodes: Iterable[str], elements: Iterable[str]) -> None:
-        for name in (*nodes, *elements):
+    def _compose(self, part: Beam) -> None:
+        nodes, elements = part.node_names, part.element_names
+        for name in part.made:
             self._check_name(name, f"{type(part).__name__.lower()} '{part.name}': part")
         self._composed[part.name] = part
         self._nodes |= dict.fromkeys(nodes, part)
@@ -108,7 +109,8 @@ class FlexibleMechanism(Mechanism):
                 plain._joints[joint.name], plain._springs[spring.name] = joint, spring
             mass += masses(beam)
             elastic += dampers(beam)
-        plain._pieces = Pieces(tuple(mass), tuple(elastic), frozenset(plain._bodies) - frozenset(self._bodies))
+        nodes = frozenset(plain._bodies) - frozenset(self._bodies)
+        plain._pieces = Pieces(tuple(mass), tuple(elastic), nodes, tuple(self._composed.values()))
         return plain
 
     def _refuse_composed(self, what: str, hint: str) -> None:

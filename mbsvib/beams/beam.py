@@ -16,10 +16,10 @@ from mbsvib.beams import sections as _sections
 from mbsvib.beams.material import Material
 from mbsvib.beams.sections import Properties, Shape
 from mbsvib.errors import ModelError
-from mbsvib.parts._part import Part, derived
+from mbsvib.parts._part import Composed, derived
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
 ELEMENTS = 8
 # sine of the angle between a beam and the direction that says where its y axis is
@@ -27,7 +27,7 @@ PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Beam(Part):
+class Beam(Composed):
     """A beam from ``start`` to ``end`` or along ``nodes`` [m, world axes], its ends held by bodies ``a`` and ``b``
     (None: free).
 
@@ -75,7 +75,7 @@ class Beam(Part):
                 return getattr(part, field)
         return getattr(self, field)
 
-    def with_numbers(self, values: dict[str, Any]) -> Beam:
+    def with_numbers(self, values: Mapping[str, Any]) -> Beam:
         """Return the beam with other values of some parameters, checked as when it was added."""
         words = self.words()
         of_material = {field: value for field, value in values.items() if field in ("E", "rho", "nu", "G")}
@@ -108,6 +108,11 @@ class Beam(Part):
     def element_names(self) -> tuple[str, ...]:
         """Names of the elements, ``"tube.e1"`` being the one at the start."""
         return tuple([f"{self.name}.e{i}" for i in range(1, len(self.points))])
+
+    @property
+    def made(self) -> tuple[str, ...]:
+        """Names of the bodies, joints and springs that it becomes."""
+        return (*self.node_names, *self.element_names)
 
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""

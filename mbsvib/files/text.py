@@ -70,8 +70,12 @@ def _json_value(value: Any, indent: str) -> str:
 
 
 def _inline(value: Any, text: Any) -> str:
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{text(key)}: {_inline(item, text)}' for key, item in value.items())}}}"
     if isinstance(value, tuple):
         return f"[{', '.join(_inline(item, text) for item in value)}]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{text(key)}: {_inline(item, text)}" for key, item in value.items()) + "}"
     if isinstance(value, str):
         return str(text(value))
     return json.dumps(value) if value is None or isinstance(value, int) else number(value)

@@ -15,8 +15,11 @@ VERSION = 1
 # fill one section, ``type`` names the call; the first is the section's own and goes without saying.
 SECTIONS: dict[str, tuple[str, ...]] = {
     "bodies": ("body",),
+    "beams": ("beam",),
     "joints": ("joint",),
-    "springs": ("spring", "bushing"),
+    "springs": ("spring", "bushing", "maxwell"),
+    "couplers": ("coupler", "gear", "worm", "rack"),
+    "loads": ("load",),
     "inputs": ("input", "base_motion"),
     "outputs": ("output", "force_output"),
 }
@@ -59,6 +62,11 @@ def unfit(item: Parameter, value: Any) -> str | None:
     if "Sequence[str]" in allowed:
         listed = value if isinstance(value, list) else [value]
         return None if all(isinstance(entry, str) for entry in listed) else "a list of texts"
+    if "Mapping[str, Any]" in allowed:
+        return None if isinstance(value, dict) else "a mapping of words"
+    if "Mapping[str, float]" in allowed:
+        numeric = isinstance(value, dict) and all(_numeric([entry]) for entry in value.values())
+        return None if numeric else "a number for each of several names"
     if "bool" in allowed:
         return None if isinstance(value, bool) else "true or false"
     return "a text" if "str" in allowed else None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any
+from typing import Any, Self
 
 
 def derived(default: Any = None) -> Any:
@@ -25,3 +27,30 @@ class Part:
             if not item.metadata.get("derived") and (item.default is MISSING or value != item.default):
                 result[item.name] = value
         return result
+
+
+@dataclass(frozen=True, slots=True)
+class Numbered(Part):
+    """A part that tells by itself which parameters it has."""
+
+    @abstractmethod
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield (field, names of its entries, value) of all its parameters."""
+
+    @abstractmethod
+    def number(self, field: str) -> Any:
+        """Return the value of a parameter."""
+
+    @abstractmethod
+    def with_numbers(self, values: Mapping[str, Any]) -> Self:
+        """Return the part with other values of some parameters, checked as when it was added."""
+
+
+@dataclass(frozen=True, slots=True)
+class Composed(Numbered):
+    """A part that becomes several bodies, joints and springs when equations are made, such as a beam."""
+
+    @property
+    @abstractmethod
+    def made(self) -> tuple[str, ...]:
+        """Names of the bodies, joints and springs that it becomes."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.errors import ModelError, nearest
+from mbsvib.loads.wrenches import is_loaded, refuse_loaded
+from mbsvib.parts import Body, Maxwell
 from mbsvib.topology import FLOATS, span
 
 if TYPE_CHECKING:
@@ -55,14 +57,28 @@ def wants_sparse(
             raise ModelError(f"linearize: '{owner}' is flexible, which method='sparse' does not support yet; use "
                              f"method='dense'.", element=owner, field="method")  # fmt: skip
         return False
+    light = next((part.name for part in (*model.bodies.values(), *model.springs.values())
+                  if isinstance(part, Maxwell) or (isinstance(part, Body) and part.mass == 0.0)), None)  # fmt: skip
+    if light is not None:
+        if method == "sparse":
+            raise ModelError(f"linearize: '{light}' is massless or has a massless node, which method='sparse' does not "
+                             f"support yet; use method='dense'.", element=light, field="method")  # fmt: skip
+        return False
+    if model._couplers:
+        if method == "sparse":
+            coupler = next(iter(model._couplers))
+            raise ModelError(f"linearize: '{coupler}' couples joint coordinates, which method='sparse' does not "
+                             f"support yet; use method='dense'.", element=coupler, field="method")  # fmt: skip
+        return False
     if method == "sparse":
         for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
                                   ("values", values, "linearizes one variant at a time")):  # fmt: skip
             if value is not None:
                 raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
                                  field=word)  # fmt: skip
+        refuse_loaded(model, "loads are not supported by method='sparse' yet; use method='dense'.")
         return True
-    if method == "dense" or independent is not None or values is not None or not model.bodies:
+    if method == "dense" or independent is not None or values is not None or not model.bodies or is_loaded(model):
         return False
     topology = span(model, cut)
     return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY

@@ -80,8 +80,8 @@ def joint_words(draw):
 
 @st.composite
 def models(draw):
-    model = mv.Model(draw(names))
-    taken = iter(draw(st.lists(names, min_size=14, max_size=14, unique=True)))
+    model = mv.Model(draw(names), gravity=draw(vectors) if draw(st.booleans()) else None)
+    taken = iter(draw(st.lists(names, min_size=16, max_size=16, unique=True)))
     for _ in range(3):
         words = {"position": draw(vectors)} if draw(st.booleans()) else {}
         if draw(st.booleans()):
@@ -96,12 +96,23 @@ def models(draw):
         if draw(st.booleans()):
             turn = {"orientation": draw(rotation_vectors)} if draw(st.booleans()) else {}
             given = {draw(st.sampled_from(["stiffness", "damping"])): draw(coefficients())}
+            given |= {"preload": draw(st.tuples(*[any_float] * 6))} if draw(st.booleans()) else {}
             model.add_bushing(next(taken), *draw(pairs), draw(vectors), **turn, **given)
         else:
             ends = {"start": draw(vectors), "end": draw(vectors)}
             if np.linalg.norm(np.subtract(*ends.values())) > 0.0:
-                values = {"stiffness": draw(positive), "damping": draw(any_float)}
-                model.add_spring(next(taken), *draw(pairs), **ends, **values)
+                if draw(st.booleans()):
+                    values = {"stiffness": draw(positive), "damping": draw(any_float)}
+                    force = draw(st.sampled_from(["none", "preload", "free_length"]))
+                    values |= {} if force == "none" else {force: draw(positive)}
+                    model.add_spring(next(taken), *draw(pairs), **ends, **values)
+                else:
+                    values = {"stiffness": draw(positive), "damping": draw(positive)}
+                    model.add_maxwell(next(taken), *draw(pairs), **ends, **values, static_stiffness=draw(any_float))
+    for _ in range(draw(st.integers(0, 2))):
+        words = {"position": draw(vectors)} if draw(st.booleans()) else {}
+        model.add_load(next(taken), draw(st.sampled_from(list(model.bodies))), draw(axes), draw(vectors), **words,
+                       follower=draw(st.booleans()))  # fmt: skip
     _add_ports(draw, model, pairs)
     return model
 

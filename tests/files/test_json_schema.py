@@ -95,7 +95,7 @@ def test_random_models_are_valid(tmp_path_factory, model):
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        ("bodies:", "bodeis:"), ("mass:", "mas:"), ("mass: 12.0", "mass: heavy"), ("mass: 12.0", "mass: 0"),
+        ("bodies:", "bodeis:"), ("mass:", "mas:"), ("mass: 12.0", "mass: heavy"), ("mass: 12.0", "mass: -1"),
         ("inertia: [0.3, 0.3, 0.5]", "inertia: [0.3, 0.3]"), ("    inertia: [0.3, 0.3, 0.5]\n", ""),
         ("kind: universal", "kind: univrsal"), ("kind: universal", "kind: screw"), ("    first: ground\n", ""),
         ("type: bushing", "type: bushin"), ("    type: bushing\n", ""), ("    type: base_motion\n", ""),

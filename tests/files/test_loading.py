@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import mbsvib as mv
 import mbsvib.files
 from mbsvib.files import load
+from mbsvib.files.words import SECTIONS
 from tests.files.models import sections
 
 BODY = "bodies:\n  p: {mass: 1, inertia: [1, 1, 1]}\n"
@@ -105,8 +106,7 @@ def test_what_is_wrong_is_told_with_its_line_and_key(written, text, message):
 @pytest.mark.parametrize("text", ["", "# nothing\n", "~\n"])
 def test_empty_file(written, text):
     assert str(refused(written(text))) == (
-        "isolator.yaml, line 1: the file is empty; expected the sections of a model: "
-        "bodies, joints, springs, inputs, outputs."
+        f"isolator.yaml, line 1: the file is empty; expected the sections of a model: {', '.join(SECTIONS)}."
     )
 
 

@@ -7,7 +7,8 @@ import pytest
 from mbsvib.files.words import SECTIONS, head_words, mandatory, options, unfit, words
 from mbsvib.model import ADDERS, Model
 
-KNOWN_TYPES = {"None", "str", "float", "bool", "ArrayLike", "Sequence[str]", "Body", "Bushing", "Spring", "Joint"}
+KNOWN_TYPES = {"None", "str", "float", "bool", "ArrayLike", "Sequence[str]", "Body", "Bushing", "Spring", "Maxwell", "Joint"}
+KNOWN_TYPES |= {"int", "Tube", "Circle", "Rectangle", "Section", "Material", "Mapping[str, Any]"}
 
 
 def test_every_call_has_a_section():
