@@ -41,7 +41,9 @@ class EnergyState:
     ``scale`` (p,) is d in x = (d eta, eta', zeta); ``conservative``: a sum of squares is kept, so that eigenvalues are
     imaginary. The k eigenvalues 0 have the invariant subspaces ``right`` and ``left`` (n, k), left^T right = 1, on
     which A is ``nilpotent`` (k, k); the ``still`` first columns are the motions that K does not feel. ``doubt`` is the
-    relative error that the coordinates have from nearly singular loops.
+    relative error that the coordinates have from nearly singular loops. In the ``basis`` (m, m) the inertia is 1 or 0
+    for massless motions, which come last; ``square`` (p,) is Omega^2 and ``damping`` and ``coupling`` (m, m) are C and
+    what of K is not Omega^2.
     """
 
     a: Array
@@ -57,6 +59,15 @@ class EnergyState:
     still: int
     free: int
     doubt: float
+    basis: Array
+    square: Array
+    damping: Array
+    coupling: Array
+
+    @property
+    def massless(self) -> int:
+        """Number of massless motions."""
+        return len(self.basis) - len(self.scale)
 
 
 def energy_state(system: System, rtol: float) -> EnergyState:
@@ -91,6 +102,8 @@ def energy_state(system: System, rtol: float) -> EnergyState:
     scale = np.sqrt(np.abs(square))
     sizes = (scale[scale > 0.0].min(initial=np.inf), np.abs(damping[:p, :p]).max(initial=0.0))
     scale[scale == 0.0] = next((size for size in sizes if 0.0 < size < np.inf), 1.0)
+    coupling = stiffness.copy()
+    coupling[np.arange(p), np.arange(p)] -= square
     a, force = _first_order(stiffness, damping, scale, n1)
     show = np.zeros((m, 2 * p + n1))
     show[np.arange(p), np.arange(p)] = 1.0 / scale
@@ -103,7 +116,7 @@ def energy_state(system: System, rtol: float) -> EnergyState:
     right, left, nilpotent, free = zeros
     kept = bool(not system.damping.any() and system.circulatory is None and not n1 and (square >= 0.0).all())
     return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, kept, right, left, nilpotent,
-                       null.shape[1], free, doubt)  # fmt: skip
+                       null.shape[1], free, doubt, basis, square, damping, coupling)  # fmt: skip
 
 
 def _basis(system: System, rtol: float) -> tuple[Array, Array, int, float]:
@@ -234,8 +247,8 @@ def _answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
 def _long_chains(a: Array) -> tuple[Array, Array, Array, int]:
     """The same from A alone: what is left of it after its null space is taken off as often as there is one."""
     ahead, right = _lost(a), _lost(a.T)
-    left: Array = np.linalg.solve(ahead.T @ right, ahead.T).T
-    nilpotent: Array = left.T @ a @ right
+    left = np.asarray(np.linalg.solve(ahead.T @ right, ahead.T).T, dtype=float)
+    nilpotent = np.asarray(left.T @ a @ right, dtype=float)
     nilpotent[np.abs(nilpotent) <= LONGER * np.abs(a).max()] = 0.0
     return right, left, nilpotent, right.shape[1] - len(_null(a))
 

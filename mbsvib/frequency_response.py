@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError
 from mbsvib.modal_sum import sum_of_motions
 from mbsvib.undamped import _sorted_qr as sorted_qr
@@ -21,7 +22,7 @@ from mbsvib.undamped import _sorted_qr as sorted_qr
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.damped import Damped
+    from mbsvib.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -63,7 +64,9 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     """
     w = _checked(omega)
     modal, size = system._modal, np.abs(w)
-    if modal.vectors is not None and (
+    if not isinstance(modal, Damped):
+        result = _general(system, modal, w)
+    elif modal.vectors is not None and (
         system._strong_dampers is not None or not trusted(modal, modal.shapes.T @ system.B, size)
     ):
         result = _solved(system, modal, size)
@@ -74,6 +77,20 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
             _refuse_pole(w, *pole)
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
+    return result
+
+
+def _general(system: System, modal: General, w: Array) -> Complex:
+    """Responses where matrices lack symmetry."""
+    from mbsvib import general_responses as responses
+
+    s = 1j * np.abs(w)
+    sums = responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w))
+    result = system._modal_sum.at(s) if sums else responses.solved(system, modal.state, s)
+    if not np.isfinite(result).all():
+        values = modal.values
+        i = int(np.nonzero(~np.isfinite(result).all(axis=(0, 1)))[0][0])
+        _refuse_pole(w, int(modal.mode[np.abs(modal.spectrum.values - s[i]).argmin()]) if values.any() else 0, i)
     return result
 
 

@@ -186,7 +186,7 @@ def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> tupl
 
 def _in_modes(system: System, state: EnergyState, found: Spectrum) -> General:
     """Put eigenvalues into modes: conjugates, real ones with 0 or with each other, the rest alone."""
-    rest, drift = (shapes.astype(complex) for shapes in _rigid_shapes(state))
+    rest, drift = (shapes.astype(complex) for shapes in rigid_shapes(state))
     momentum, resting = system.inertia_factor @ found.right, system.inertia_factor @ rest
     zeros, reals = list(range(rest.shape[1])), np.nonzero(~found.turns)[0].tolist()
     pairs = max(0, (len(reals) + len(zeros) - system.massless) // 2)
@@ -236,8 +236,19 @@ def _sorted(
                    columns[:, order], rigid, found, mode[:-1], state)  # fmt: skip
 
 
-def _rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
-    """Motions that stiffness does not feel: those which come to rest, and those in chains, which drift."""
+def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
+    """Return the motions that stiffness does not feel: those which come to rest, and those in chains, which drift.
+
+    Parameters
+    ----------
+    state : EnergyState
+        The equations in energy coordinates.
+
+    Returns
+    -------
+    tuple of array, shape (m, r)
+        Both, as displacements.
+    """
     null = state.show @ state.right[:, : state.still]
     free = state.right.shape[1] - state.still
     if not free:

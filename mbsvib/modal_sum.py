@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.damped import Damped
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.damped import Damped
+    from mbsvib.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -34,6 +36,8 @@ EPS = float(np.finfo(float).eps)
 CANCELLED = 32.0
 # Weights of one block of points stay in the cache.
 BLOCK_BYTES = 2**20
+
+_Terms = tuple["Complex", "Array", "Array", "Array | None", "Array", "Index"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +133,7 @@ class ModalSum:
 
 
 def modal_sum(
-    system: System, modal: Damped, inputs: Sequence[int] | None = None, outputs: Sequence[int] | None = None
+    system: System, modal: Damped | General, inputs: Sequence[int] | None = None, outputs: Sequence[int] | None = None
 ) -> ModalSum:
     """Return the sum over modes of a system's transfer functions.
 
@@ -137,7 +141,7 @@ def modal_sum(
     ----------
     system : System
         The equations of motion.
-    modal : Damped
+    modal : Damped or General
         Its modes.
     inputs, outputs : sequence of int, optional
         Numbers of the inputs and outputs wanted; default: all.
@@ -151,7 +155,11 @@ def modal_sum(
     show = slice(None) if outputs is None else list(outputs)
     rates = [c[show] for c in (system.Cq, system.Cv, system.Ca)]
     order, output = np.nonzero([c.any(axis=1) for c in rates])
-    c = np.array(rates)[order, output] @ modal.shapes
+    rows = np.array(rates)[order, output]
+    if not isinstance(modal, Damped):
+        basis, b, d = modal.state.basis, system.B[:, pick], system.D[show][:, pick]
+        return general_sum(modal, (rows, rows @ basis), order, output, (b, basis.T @ b), d)
+    c = rows @ modal.shapes
     return _summed(modal, c, order, output, modal.shapes.T @ system.B[:, pick], system.D[show][:, pick])
 
 
@@ -167,24 +175,72 @@ def _summed(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: A
     direct = np.where((order == 2)[:, None], d[output], 0.0).reshape(-1)
     feedthrough = np.where(accelerates[:, None], 0.0, d)
     terms = _classical(modal, c, b) if modal.vectors is None else _coupled(modal, c, b)
+    pairs = terms[0]
+    if modal.vectors is None:
+        natural, total, product = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
+    else:
+        natural, total, product = np.abs(pairs[:, 0]), -2.0 * pairs[:, 0].real, np.abs(pairs[:, 0]) ** 2
+    whole = (c @ b).reshape(-1) + direct
+    size = (np.abs(c) @ np.abs(b)).reshape(-1) + np.abs(direct)
+    whole[np.abs(whole) <= CANCELLED * EPS * size] = 0.0
+    ends = (np.zeros_like(whole), whole, direct)
+    return _gathered(terms, (natural, total, product), ends, (order, output, feedthrough))
+
+
+def general_sum(
+    modal: General, c: tuple[Array, Array], order: Index, output: Index, b: tuple[Array, Array], d: Array
+) -> ModalSum:
+    """Return the sum over modes of a system without symmetry.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+    c : pair of array, shape (rows, m)
+        Rows of outputs, in coordinates and in the basis.
+    order, output : array, shape (rows,)
+        How often each row is differentiated, and the number of its output.
+    b : pair of array, shape (m, inputs)
+        Inputs, in coordinates and in the basis.
+    d : array, shape (outputs, inputs)
+        Feedthrough.
+
+    Returns
+    -------
+    ModalSum
+        Coefficients of all eigenvalues.
+    """
+    from mbsvib.general_responses import cleaned, highest_terms, terms
+
+    accelerates = np.zeros(len(d), dtype=bool)
+    accelerates[output[order == 2]] = True
+    direct = np.where((order == 2)[:, None], d[output], 0.0)
+    feedthrough = np.where(accelerates[:, None], 0.0, d)
+    early, late = highest_terms(modal.state)
+    ends = (cleaned(c[1], early, b[1]).reshape(-1), cleaned(c[1], late, b[1], direct).reshape(-1), direct.reshape(-1))
+    found = terms(modal, c[0], b[0])
+    first = found[0][:, 0]
+    shape = np.abs(first), -2.0 * first.real, np.abs(first) ** 2
+    return _gathered(found, shape, ends, (order, output, feedthrough))
+
+
+def _gathered(
+    terms: _Terms, shape: tuple[Array, Array, Array], ends: tuple[Array, Array, Array],
+    rows: tuple[Index, Index, Array],
+) -> ModalSum:  # fmt: skip
+    """Put together the terms, what each denominator is made of, the sums of all terms, and the rows."""
     pairs, alone, gamma, alpha, single, number = terms
+    (natural, total, product), (whole_alpha, whole_gamma, direct), (order, output, feedthrough) = shape, ends, rows
     # a real pair counts as below only beyond its fast root: until there its own quotient loses nothing
     pair_corner = np.abs(pairs).max(axis=1, initial=0.0)
     corner = np.concatenate((pair_corner, np.abs(alone)))
     ascending = np.argsort(corner, kind="stable")
     of_gamma = np.concatenate((gamma, single * alone), axis=1)[:, ascending]
     of_alpha = np.concatenate((np.zeros_like(gamma) if alpha is None else alpha, single), axis=1)[:, ascending]
-    whole = (c @ b).reshape(-1) + direct
-    size = (np.abs(c) @ np.abs(b)).reshape(-1) + np.abs(direct)
-    whole[np.abs(whole) <= CANCELLED * EPS * size] = 0.0
-    if modal.vectors is None:
-        natural, total, product = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
-    else:
-        natural, total, product = np.abs(pairs[:, 0]), -2.0 * pairs[:, 0].real, np.abs(pairs[:, 0]) ** 2
     parts = (gamma, single) if alpha is None else (gamma, alpha, single)
     return ModalSum(
         natural, total, product, alone, pair_corner, np.concatenate(parts, axis=1), corner[ascending],
-        _sums(of_alpha, np.zeros_like(whole), np.zeros_like(whole)), _sums(of_gamma, direct, whole),
+        _sums(of_alpha, np.zeros_like(whole_alpha), whole_alpha), _sums(of_gamma, direct, whole_gamma),
         order, output, feedthrough, number,
     )  # fmt: skip
 
@@ -200,9 +256,6 @@ def _sums(terms: Array, start: Array, whole: Array) -> Array:
     right[:, :-1] = np.cumsum(np.abs(terms[:, ::-1]), axis=1)[:, ::-1]
     near = left + np.abs(start)[:, None] <= right + np.abs(whole)[:, None]
     return np.where(near, start[:, None] + up, whole[:, None] - down)
-
-
-_Terms = tuple["Complex", "Array", "Array", "Array | None", "Array", "Index"]
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:

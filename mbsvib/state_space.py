@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.general import is_general
 from mbsvib.undamped import triangle
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     """Return first-order equations of a system.
 
     physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
-    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2
+    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order)
 
     The equations are proper, and as few as there are eigenvalues: where motions move no mass, those that nothing damps
     are condensed in the system already, and of the damped ones there is no rate among the states: physical states are
@@ -85,7 +86,7 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     if realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
-    if system.massless:
+    if system.massless or (realization == "modal" and is_general(system)):
         return _massless(system, realization)
     make = _physical if realization == "physical" else _modal
     a, b, transform, names, units = make(system)
@@ -99,12 +100,12 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
 
 
 def _massless(system: System, realization: str) -> StateSpace:
+    from mbsvib.general import General
+    from mbsvib.general_states import modal_states
     from mbsvib.massless import first_order
 
-    if realization == "modal":
-        raise ResponseError(f"state_space: '{system.name}' has motions without mass, whose modal states are not "
-                            f"supported yet; take realization='physical'.")  # fmt: skip
-    found = first_order.physical(system)
+    modal = system._modal if realization == "modal" else None
+    found = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
     m = system.dof
     q, rate = found.transform[:m], found.transform[m:]
     through = found.through[m:]
@@ -135,6 +136,7 @@ def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tup
 
 def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
     modes = system._clean_modes
+    modal = cast("Damped", modes.damped)
     m = system.dof
     product = (modes.eigenvalues[0::2] * modes.eigenvalues[1::2]).real
     total = (modes.eigenvalues[0::2] + modes.eigenvalues[1::2]).real
@@ -145,17 +147,17 @@ def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[
     a[even + 1, even + 1] = total
     transform: Array = np.zeros((2 * m, 2 * m))
     b: Array = np.zeros((2 * m, system.B.shape[1]))
-    if modes.damped.vectors is None:
-        phi = modes.damped.shapes
+    if modal.vectors is None:
+        phi = modal.shapes
         transform[:m, even] = phi
         transform[m:, even + 1] = phi
         b[even + 1] = phi.T @ system.B
     else:
         basis = np.zeros((2 * m, 2 * m))
-        basis[:m, :m] = basis[m:, m:] = modes.damped.shapes
-        local = _blocks(modes.damped)
+        basis[:m, :m] = basis[m:, m:] = modal.shapes
+        local = _blocks(modal)
         transform = basis @ local
-        forces = np.concatenate((np.zeros_like(b[:m]), modes.damped.shapes.T @ system.B))
+        forces = np.concatenate((np.zeros_like(b[:m]), modal.shapes.T @ system.B))
         b[:] = np.linalg.solve(local, forces)
     names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
     return a, b, transform, names, ("modal", "modal/s") * m

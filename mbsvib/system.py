@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from mbsvib.damped import Damped
     from mbsvib.energy_schur import EnergySchur
+    from mbsvib.general import General
     from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
     from mbsvib.massless import Separation
@@ -183,7 +184,7 @@ class System:
         return result if good else modes(self, RESPONSE_RTOL)
 
     @cached_property
-    def _modal(self) -> Damped:
+    def _modal(self) -> Damped | General:
         """The basis of the responses."""
         return self._clean_modes.damped
 
@@ -197,13 +198,13 @@ class System:
     def _schur(self) -> EnergySchur:
         from mbsvib.energy_schur import energy_schur
 
-        return energy_schur(self._modal)
+        return energy_schur(cast("Damped", self._modal))
 
     @cached_property
     def _strong_dampers(self) -> Array | None:
         from mbsvib.frequency_response import strong_dampers
 
-        return strong_dampers(self, self._modal)
+        return strong_dampers(self, cast("Damped", self._modal))
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
@@ -294,10 +295,11 @@ class System:
 
         Returns
         -------
-        array, shape (2m,)
-            Poles [1/s] in pairs, in ascending natural frequency; 0 for rigid-body modes.
+        array, shape (2m - massless,)
+            Poles [1/s] in pairs but for those of massless motions, in ascending natural frequency; 0 for rigid-body
+            modes.
         """
-        return self._modal.pairs.reshape(-1).copy()
+        return self._clean_modes.eigenvalues.copy()
 
     def transmission_zeros(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None

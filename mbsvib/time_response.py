@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError
 from mbsvib.modal_steps import Exponentials, Oscillators
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.damped import Damped
+    from mbsvib.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -80,6 +81,8 @@ def time_response(
     """
     time, inputs, state = _checked(system, t, u, hold, initial)
     modal, first = system._modal, hold == "first"
+    if not isinstance(modal, Damped):
+        return _general(system, modal, (time, inputs, state, first))
     start = modal.shapes.T @ (system.M @ state.T) if system.dof else np.zeros((0, 2))
     b = modal.shapes.T @ system.B
     rates = tuple(c @ modal.shapes for c in (system.Cq, system.Cv, system.Ca))
@@ -212,15 +215,29 @@ def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | 
 
 def _by_exponential(system: System, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
     """Outputs by the exponential of the whole state matrix; the step matrices of each length are made once."""
-    from scipy.linalg import expm
-
     from mbsvib.energy_schur import energy_matrix
 
     time, u, start, first = record
-    m, k = len(modal.square), len(u)
+    m = len(modal.square)
     scale, a = energy_matrix(modal)
-    x = np.empty((2 * m, len(time)))
-    x[:, 0] = np.concatenate((scale * start[:, 0], start[:, 1]))
+    b = np.concatenate((np.zeros((m, len(u))), modal.shapes.T @ system.B))
+    x = _stepped(a, b, np.concatenate((scale * start[:, 0], start[:, 1])), (time, u, first))
+    eta, rate = x[:m] / scale[:, None], x[m:]
+    y = system.Cq @ (modal.shapes @ eta) + system.Cv @ (modal.shapes @ rate) + system.D @ u
+    if system.Ca.any():
+        bent = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
+        y += system.Ca @ (modal.shapes @ bent)
+    return y
+
+
+def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]) -> Array:
+    """States of x' = a x + b u at all samples, (n, len(time)), by exponentials."""
+    from scipy.linalg import expm
+
+    time, u, first = record
+    n, k = len(a), len(u)
+    x = np.empty((n, len(time)))
+    x[:, 0] = start
     steps: dict[float, tuple[Array, Array, Array]] = {}
     lengths = np.diff(time)
     even = (time[-1] - time[0]) / max(1, len(lengths))
@@ -228,22 +245,57 @@ def _by_exponential(system: System, modal: Damped, record: tuple[Array, Array, A
         lengths[:] = even
     for i, h in enumerate(lengths.tolist()):
         if h not in steps:
-            whole = np.zeros((2 * (m + k), 2 * (m + k)))
-            whole[: 2 * m, : 2 * m] = a * h
-            whole[m : 2 * m, 2 * m : 2 * m + k] = h * (modal.shapes.T @ system.B)
-            whole[2 * m : 2 * m + k, 2 * m + k :] = np.eye(k)
-            power = expm(whole)[: 2 * m]
-            steps[h] = power[:, : 2 * m], power[:, 2 * m : 2 * m + k], power[:, 2 * m + k :]
+            whole = np.zeros((n + 2 * k, n + 2 * k))
+            whole[:n, :n] = a * h
+            whole[:n, n : n + k] = h * b
+            whole[n : n + k, n + k :] = np.eye(k)
+            power = expm(whole)[:n]
+            steps[h] = power[:, :n], power[:, n : n + k], power[:, n + k :]
         carry, held, ramp = steps[h]
         x[:, i + 1] = carry @ x[:, i] + held @ u[:, i]
         if first:
             x[:, i + 1] += ramp @ (u[:, i + 1] - u[:, i])
-    eta, rate = x[:m] / scale[:, None], x[m:]
-    y = system.Cq @ (modal.shapes @ eta) + system.Cv @ (modal.shapes @ rate) + system.D @ u
-    if system.Ca.any():
-        bent = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
-        y += system.Ca @ (modal.shapes @ bent)
+    return x
+
+
+def _general(system: System, modal: General, record: tuple[Array, Array, Array, bool]) -> Array:
+    """Outputs of a system without symmetry."""
+    from mbsvib import general_responses as responses
+
+    time, u, initial, first = record
+    state = modal.state
+    equations = responses.realization(system, state)
+    start = state.position @ initial[0] + state.rate @ initial[1]
+    speeds = np.sort(np.abs(modal.spectrum.values))
+    if not responses.trusted(modal, np.eye(len(state.basis)), speeds):
+        return equations.c @ _stepped(equations.a, equations.b, start, (time, u, first)) + equations.d @ u
+    y: Array = equations.d @ u
+    for block in _general_blocks(system, modal, (initial, start)):
+        if block.show.shape[2]:
+            y += _run(block, time, u, first)
     return y
+
+
+def _general_blocks(system: System, modal: General, initial: tuple[Array, Array]) -> list[_Block]:
+    """One state for each eigenvalue but 0, conjugates together; for 0 those that stand and those that drift."""
+    found, state = modal.spectrum, modal.state
+    value, x = found.values, found.right * np.where(found.turns, 2.0, 1.0)
+    left = found.left.T / found.slopes[:, None]
+    q, v = initial[0]
+    push = system.C @ q + system.M @ v
+    begin = (left @ (system.M @ q)) * value + left @ push
+    show = system.Cq @ x + value * (system.Cv @ x + value * (system.Ca @ x))
+    blocks = [_Block(Exponentials(value), left @ system.B, show[:, None], begin[None])]
+    if state.right.shape[1]:
+        rates = [c @ state.show for c in (system.Cq, system.Cv, system.Ca)]
+        stands, moves = rates[0] @ state.right, rates[1] @ state.right
+        driven, held = state.left.T @ (state.force @ system.B), state.left.T @ initial[1]
+        j, none = state.nilpotent, np.zeros(len(held))
+        blocks.append(_Block(Exponentials(none.astype(complex)), driven, (stands + moves @ j)[:, None], held[None]))
+        # what drifts: J acts once, as a mass that nothing holds
+        begin = np.stack((none, j @ held))
+        blocks.append(_Block(Oscillators(none, none), j @ driven, np.stack((stands, moves * 0.0), axis=1), begin))
+    return blocks
 
 
 def _checked(

@@ -11,10 +11,12 @@ Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.modal_sum import CANCELLED, ModalSum, modal_sum
 
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.damped import Damped
+    from mbsvib.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -78,8 +80,8 @@ def transmission_zeros(
     modal = system._modal
     if not system.dof or not sources or not results:
         return np.zeros(0, dtype=complex)
-    a, b, c, d, still = _realized(system, modal, sources, results)
-    found = _finite_zeros(a, b, c, d) * float(np.sqrt(np.abs(modal.square)).max())
+    a, b, c, d, still, unit = _realized(system, modal, sources, results)
+    found = _finite_zeros(a, b, c, d) * unit
     total = modal_sum(system, modal, sources, results)
     found = _refined(modal, total, found)
     found = _at_rest(system, modal, total, found, (sources, results))
@@ -120,32 +122,48 @@ def numbers(system: System, what: str, names: str | Sequence[str] | None) -> lis
 
 
 def _realized(
-    system: System, modal: Damped, sources: list[int], results: list[int]
-) -> tuple[Array, Array, Array, Array, int]:
-    """A, B, C, D in energy coordinates, in units of the highest frequency and all of unit size; and how many zeros at
-    0 were left out: a velocity is a displacement times s, and a square system has just one zero more.
+    system: System, modal: Damped | General, sources: list[int], results: list[int]
+) -> tuple[Array, Array, Array, Array, int, float]:
+    """A, B, C, D in energy coordinates, in units of the highest frequency and all of unit size; how many zeros at 0
+    were left out: a velocity is a displacement times s, and a square system has just one zero more; and the unit.
     """
     from mbsvib.energy_schur import energy_matrix
 
-    scale, a = energy_matrix(modal)
-    b = modal.shapes.T @ system.B[:, sources]
-    cq, cv, ca = (c[results] @ modal.shapes for c in (system.Cq, system.Cv, system.Ca))
     d = system.D[np.ix_(results, sources)].copy()
+    cq, cv, ca = (c[results] for c in (system.Cq, system.Cv, system.Ca))
     still = 0
     if len(sources) == len(results):
         for i in range(len(results)):
             if not cq[i].any() and not d[i].any() and cv[i].any() + ca[i].any() == 1:
                 still += 1 if cv[i].any() else 2
                 cq[i], cv[i], ca[i] = cv[i] + ca[i], 0.0, 0.0
+    if not isinstance(modal, Damped):
+        from mbsvib.general_responses import realization
+
+        part = replace(system, Cq=cq, Cv=cv, Ca=ca, D=d, B=system.B[:, sources],
+                       inputs=tuple([system.inputs[i] for i in sources]),
+                       outputs=tuple([system.outputs[i] for i in results]))  # fmt: skip
+        equations = realization(part, modal.state)
+        unit = float(modal.state.scale.max(initial=0.0)) or 1.0
+        return (*_even((equations.a, equations.b, equations.c, equations.d), unit), still, unit)
+    scale, a = energy_matrix(modal)
+    b = modal.shapes.T @ system.B[:, sources]
+    cq, cv, ca = cq @ modal.shapes, cv @ modal.shapes, ca @ modal.shapes
     at_once = d + ca @ b
     at_once[np.abs(at_once) <= CANCELLED * EPS * (np.abs(d) + np.abs(ca) @ np.abs(b))] = 0.0
     gamma = ca * modal.gamma if modal.gamma.ndim == 1 else ca @ modal.gamma
     c = np.concatenate(((cq - ca * modal.square) / scale, cv - gamma), axis=1)
-    highest = float(np.sqrt(np.abs(modal.square)).max()) or 1.0
+    whole = np.concatenate((np.zeros_like(b), b))
+    unit = float(np.sqrt(np.abs(modal.square)).max())
+    return (*_even((a, whole, c, at_once), unit or 1.0), still, unit)
+
+
+def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
+    """Bring A, B, C, D to units of the highest frequency and to unit size."""
+    a, b, c, d = equations
     force, seen = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
     force[force == 0.0] = seen[seen == 0.0] = 1.0
-    whole = np.concatenate((np.zeros_like(b), b / highest))
-    return a / highest, whole / force, c / seen[:, None], at_once / seen[:, None] / force, still
+    return a / highest, b / highest / force, c / seen[:, None], d / seen[:, None] / force
 
 
 def _finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
@@ -201,9 +219,9 @@ def _rank(matrix: Array, size: float) -> tuple[int, Array]:
     return int(np.count_nonzero(np.abs(upper.diagonal()) > RANK * size)), turn
 
 
-def _refined(modal: Damped, total: ModalSum, zeros: Complex) -> Complex:
+def _refined(modal: Damped | General, total: ModalSum, zeros: Complex) -> Complex:
     """Improve each zero as long as the smallest singular value of the transfer matrix falls."""
-    undamped = not modal.gamma.any()
+    undamped = isinstance(modal, Damped) and not modal.gamma.any()
     z = zeros.copy()
     if undamped:  # on one of the axes, unless four of them lie around the origin
         z.real[np.abs(z.real) <= CORRECTION**2 * np.abs(z.imag)] = 0.0
@@ -230,7 +248,7 @@ def _refined(modal: Damped, total: ModalSum, zeros: Complex) -> Complex:
 
 
 def _at_rest(
-    system: System, modal: Damped, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]]
+    system: System, modal: Damped | General, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]]
 ) -> Complex:
     """Put zeros next to 0 there if the static response is zero to rounding."""
     lowest = float(np.abs(modal.pairs).min())
@@ -244,7 +262,7 @@ def _at_rest(
     return z
 
 
-def _known(modal: Damped, total: ModalSum, z: Complex, noise: Array) -> NDArray[np.bool_]:
+def _known(modal: Damped | General, total: ModalSum, z: Complex, noise: Array) -> NDArray[np.bool_]:
     """Tell which zeros rounding leaves where they are."""
     if not len(z):
         return np.zeros(0, dtype=bool)
@@ -259,8 +277,10 @@ def _known(modal: Damped, total: ModalSum, z: Complex, noise: Array) -> NDArray[
     return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))
 
 
-def _noise(system: System, modal: Damped, sources: list[int], results: list[int], z: Complex) -> Array:
+def _noise(system: System, modal: Damped | General, sources: list[int], results: list[int], z: Complex) -> Array:
     """Rounding of the transfer matrix at the points z, (outputs, inputs, n): a shape has that of its largest part."""
+    if not isinstance(modal, Damped):
+        return _general_noise(system, modal, (sources, results), z)
     b = np.abs(modal.shapes.T @ system.B[:, sources])
     highest = b.max(axis=0)
     result = np.zeros((len(results), len(sources), len(z)))
@@ -269,6 +289,24 @@ def _noise(system: System, modal: Damped, sources: list[int], results: list[int]
         for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
             c = np.abs(rate[results] @ modal.shapes)
             terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1), b)
+            result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
+    return EPS * result
+
+
+def _general_noise(
+    system: System, modal: General, ports: tuple[list[int], list[int]], z: Complex
+) -> Array:
+    """The same with right and left vectors."""
+    sources, results = ports
+    values, right, left, slopes = modal.spectrum.whole()
+    b = np.abs(left.T @ system.B[:, sources]) / np.abs(slopes)[:, None]
+    highest = b.max(axis=0, initial=0.0)
+    result = np.zeros((len(results), len(sources), len(z)))
+    with np.errstate(all="ignore"):
+        down = 1.0 / np.abs(z - values[:, None])
+        for order, rate in enumerate((system.Cq, system.Cv, system.Ca)):
+            c = np.abs(rate[results] @ right)
+            terms = np.einsum("om,i->oim", c, highest) + np.einsum("o,mi->oim", c.max(axis=1, initial=0.0), b)
             result += np.tensordot(terms, down, axes=1) * np.abs(z) ** order
     return EPS * result
 

@@ -20,7 +20,7 @@ FAMILIES = {
     "negative stiffness and dampers": lambda seed: unsymmetric(chain(5, seed, sign=-1.0), 100.0, 0.0, seed),
     "massless": lambda seed: massless(chain(6, seed, damp=3.0), [2]),
     "massless ones": lambda seed: massless(chain(6, seed, damp=30.0), [1, 3, 4]),
-    "massless and spin": lambda seed: massless(unsymmetric(chain(6, seed, damp=3.0), 1.0, 0.0, seed), [0, 3]),
+    "massless and spin": lambda seed: massless(unsymmetric(chain(6, seed, damp=3.0), 1.0, 0.0, seed), [1, 3]),
     "massless and all": lambda seed: massless(unsymmetric(chain(6, seed, damp=3.0), 1.0, 9.0, seed), [2, 3, 5]),
     "massless and free": lambda seed: massless(chain(6, seed, damp=3.0, ground=False), [1, 4]),
 }  # fmt: skip

@@ -121,3 +121,77 @@ def worst(modes, exact):
         error = max(error, off)
         ratio = max(ratio, off / bound if value else 0.0)
     return error, ratio
+
+
+def realization(system):
+    """A, B, C, D in the working precision; states are coordinates (massless ones last), then rates of the others."""
+    a, force, show = first_order(system)
+    b, d = mp.matrix(system.B.tolist()), mp.matrix(system.D.tolist())
+    cq, cv, ca = (mp.matrix(c.tolist()) for c in (system.Cq, system.Cv, system.Ca))
+    b, rate = force * b, show * a
+    return a, b, cq * show + cv * rate + ca * rate * a, d + cv * show * b + ca * rate * b
+
+
+def start(system, q, rate):
+    """The state of coordinates and rates."""
+    loose = [] if not system.massless else np.nonzero(system.null_inertia)[0].tolist()
+    kept = [i for i in range(system.dof) if i not in loose]
+    return mp.matrix([*[q[i] for i in kept + loose], *[rate[i] for i in kept]])
+
+
+def frequency_response(system, omega):
+    """The response at some frequencies, rounded to doubles."""
+    with mp.workdps(DIGITS):
+        a, b, c, d = realization(system)
+        result = np.empty((d.rows, d.cols, len(omega)), dtype=complex)
+        for i, w in enumerate(omega.tolist()):
+            g = c * mp.lu_solve(mp.mpc(0, w) * mp.eye(a.rows) - a, b) + d if b.cols == 1 else (
+                c * mp.inverse(mp.mpc(0, w) * mp.eye(a.rows) - a) * b + d)  # fmt: skip
+            result[:, :, i] = [[complex(g[j, k]) for k in range(d.cols)] for j in range(d.rows)]
+    return result
+
+
+def time_response(system, t, u, hold, initial):
+    """Outputs at even times, rounded to doubles."""
+    with mp.workdps(DIGITS):
+        a, b, c, d = realization(system)
+        n, k = b.rows, b.cols
+        h = mp.mpf(float(t[1] - t[0]))
+        whole = mp.zeros(n + 2 * k, n + 2 * k)
+        whole[:n, :n], whole[:n, n : n + k] = a * h, b * h
+        for i in range(k):
+            whole[n + i, n + k + i] = 1
+        power = mp.expm(whole, method="taylor")
+        x = start(system, *initial)
+        result = np.empty((d.rows, len(t)))
+        for i in range(len(t)):
+            now = mp.matrix(u[:, i].tolist())
+            result[:, i] = [float(value) for value in c * x + d * now]
+            if i + 1 < len(t):
+                x = power[:n, :n] * x + power[:n, n : n + k] * now
+                if hold == "first":
+                    x += power[:n, n + k :] * (mp.matrix(u[:, i + 1].tolist()) - now)
+    return result
+
+
+def zeros(system, output, source):
+    """Zeros of one response: roots of its numerator, which is interpolated on a circle."""
+    with mp.workdps(4 * DIGITS):
+        a, b, c, d = realization(system)
+        b, c, d = b[:, source], c[output, :], d[output, source]
+        n = a.rows
+        size = mp.mpf("1.3") * max(abs(v) for v in mp.eig(a, left=False, right=False))
+        points = [size * mp.expjpi(2 * mp.mpf(k) / (n + 1)) for k in range(n + 1)]
+        values = []
+        for s in points:
+            matrix = s * mp.eye(n) - a
+            values.append(((c * mp.lu_solve(matrix, b))[0] + d) * mp.det(matrix) / size**n)
+        powers = [sum(v * mp.expjpi(-2 * mp.mpf(k) * j / (n + 1)) for k, v in enumerate(values)) for j in range(n + 1)]
+        largest = max(map(abs, powers))
+        while abs(powers[-1]) < mp.mpf(10) ** (-2 * DIGITS) * largest:
+            powers.pop()
+        still = 0
+        while abs(powers[still]) < mp.mpf(10) ** (-2 * DIGITS) * largest:
+            still += 1
+        found = mp.polyroots([p.real for p in powers[still:]], asc=True, maxsteps=500, extraprec=1000)
+        return [mp.mpc(0)] * still + [root * size for root in found]

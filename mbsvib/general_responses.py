@@ -1,0 +1,309 @@
+"""Responses of systems without symmetry: what ``modal_sum`` and ``time_response`` need, from right and left vectors.
+
+(s^2 M + s C + K)^-1 is the sum of x y^T / (theta (s - lambda)) over all eigenvalues but 0, theta = y^T (2 lambda M + C)
+x, and of X (s - J)^-1 Y^T for the eigenvalue 0, on whose invariant subspace A is the nilpotent J. Far above all
+eigenvalues it is E1 / s + E2 / s^2 with E1 = S F, which only massless motions have, and E2 = S A F, which is M^-1 where
+there are none. The equations themselves are solved, frequency by frequency, where eigenvectors are nearly dependent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.energy_state import EnergyState
+    from mbsvib.general import General
+    from mbsvib.modal_sum import ModalSum
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+    Index = NDArray[np.intp]
+
+EPS = float(np.finfo(float).eps)
+CANCELLED = 32.0  # as in modal_sum: products that must cancel do so to this many roundings of their terms
+BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
+BACKWARD = 5e-14  # the sum over modes solves the equations to this residual
+CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
+
+
+@dataclass(frozen=True, slots=True)
+class Realization:
+    """x' = A x + ``b`` u, y = ``c`` x + ``d`` u in the states of ``EnergyState``."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+
+def realization(system: System, state: EnergyState) -> Realization:
+    """Return the first-order equations in energy coordinates.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    state : EnergyState
+        The same in energy coordinates.
+
+    Returns
+    -------
+    Realization
+        Matrices; the feedthrough is exactly 0 where it is so but for rounding.
+
+    Raises
+    ------
+    ResponseError
+        If an acceleration output of massless motions would be the derivative of an input.
+    """
+    rate = state.show @ state.a
+    early, late = highest_terms(state)
+    c = system.Cq @ state.show + system.Cv @ rate + system.Ca @ (rate @ state.a)
+    improper = cleaned(system.Ca @ state.basis, early, state.basis.T @ system.B)
+    if improper.any():
+        i, j = np.argwhere(improper)[0]
+        raise ResponseError(
+            f"output '{system.outputs[i]}': an acceleration of a motion without mass is the derivative of input "
+            f"'{system.inputs[j]}', which no proper system has; give the body it is measured on a mass, or ask for "
+            f"its velocity."
+        )
+    b = state.basis.T @ system.B
+    d = system.D + cleaned(system.Cv @ state.basis, early, b)
+    d = cleaned(system.Ca @ state.basis, late, b, system.D) + (d - system.D)
+    return Realization(state.a, state.force @ system.B, c, d)
+
+
+def highest_terms(state: EnergyState) -> tuple[Array, Array]:
+    """Return E1 and E2 of E1 / s + E2 / s^2, high above all eigenvalues, in the basis (m, m).
+
+    Parameters
+    ----------
+    state : EnergyState
+        The equations in energy coordinates.
+
+    Returns
+    -------
+    tuple of array
+        Both; without massless motions 0 and 1.
+    """
+    m = len(state.basis)
+    if not state.massless:
+        return np.zeros((m, m)), np.eye(m)
+    p = len(state.scale)
+    early, late = np.zeros((m, m)), np.zeros((m, m))
+    early[p:, p:] = np.linalg.inv(state.damping[p:, p:])
+    late[:p, :p] = np.eye(p)
+    late[:p, p:] = -state.damping[:p, p:] @ early[p:, p:]
+    late[p:, p:] = -early[p:, p:] @ state.coupling[p:, p:] @ early[p:, p:]
+    return early, late
+
+
+def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> Array:
+    """Return c middle b (+ direct), 0 where terms cancel to rounding.
+
+    Parameters
+    ----------
+    c, middle, b : array
+        Factors.
+    direct : array, optional
+        What is added.
+
+    Returns
+    -------
+    array, shape (rows of c, columns of b)
+        The sum.
+    """
+    result = c @ middle @ b
+    size = np.abs(c) @ np.abs(middle) @ np.abs(b)
+    if direct is not None:
+        result, size = result + direct, size + np.abs(direct)
+    result[np.abs(result) <= CANCELLED * EPS * size] = 0.0
+    return np.asarray(result)
+
+
+def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Array, Array, Index]:
+    """Return what a sum over modes consists of: pairs, real eigenvalues, their coefficients and mode numbers.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+    c : array, shape (rows, m)
+        Outputs of the motions.
+    b : array, shape (m, inputs)
+        Inputs.
+
+    Returns
+    -------
+    tuple of array
+        Pairs (p, 2) and real eigenvalues (q,); sums of lambda R and of R of the pairs (rows inputs, p), R of the real
+        ones (rows inputs, q); numbers of the modes (p + q,).
+    """
+    found, state = modal.spectrum, modal.state
+    turns = found.turns
+    size = len(c) * b.shape[1]
+    residue = np.einsum("rk,ki->rik", c @ found.right, (found.left.T @ b) / found.slopes[:, None]).reshape(size, -1)
+    value = found.values
+    gamma, alpha = 2.0 * (residue * value)[:, turns].real, 2.0 * residue[:, turns].real
+    pairs = np.stack((value[turns], value[turns].conj()), axis=1)
+    number = np.concatenate((modal.mode[turns], modal.mode[~turns]))
+    if state.right.shape[1]:
+        seen, driven = c @ state.show @ state.right, state.left.T @ state.force @ b
+        still = (seen @ driven).reshape(size, 1)
+        drift = (seen @ state.nilpotent @ driven).reshape(size, 1)
+        pairs = np.concatenate((np.zeros((1, 2)), pairs))
+        alpha, gamma = np.concatenate((still, alpha), axis=1), np.concatenate((drift, gamma), axis=1)
+        number = np.concatenate(([0], number))
+    return pairs, value[~turns].real, gamma, alpha, residue[:, ~turns].real, number
+
+
+def motions(modal: General, b: Array) -> ModalSum:
+    """Return the sum over modes of all motions in the basis to forces b (m, inputs) in it.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+    b : array, shape (m, inputs)
+        Forces in the basis.
+
+    Returns
+    -------
+    ModalSum
+        (s^2 M + s C + K)^-1 b in the basis.
+    """
+    from mbsvib.modal_sum import general_sum
+
+    state = modal.state
+    m = len(state.basis)
+    back = np.asarray(np.linalg.inv(state.basis), dtype=float)
+    order = np.zeros(m, dtype=np.intp)
+    return general_sum(modal, (back, np.eye(m)), order, np.arange(m), (back.T @ b, b), np.zeros(b.shape))
+
+
+def summable(modal: General) -> bool:
+    """Tell whether a sum over modes has terms for all eigenvalues: chains of 0 no longer than two, no defective pair.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+
+    Returns
+    -------
+    bool
+        Whether it has.
+    """
+    j = modal.state.nilpotent
+    return not (j @ j).any() and bool(modal.spectrum.slopes.all())
+
+
+def trusted(modal: General, b: Array, w: Array) -> bool:
+    """Tell whether the sum over modes solves the equations, at a few frequencies next to the worst eigenvalues.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+    b : array, shape (m, inputs)
+        Inputs in the basis.
+    w : array, shape (n,)
+        Angular frequencies [rad/s], none negative.
+
+    Returns
+    -------
+    bool
+        Whether the residual is as small as rounding leaves it.
+    """
+    if not summable(modal):
+        return False
+    inside = w[w > 0.0]
+    if not len(inside) or not b.size:
+        return True
+    found = modal.spectrum
+    speed = np.abs(found.values)
+    # vectors have unit energy: in energy coordinates the condition is the energy over |lambda theta|
+    worst = speed[np.argsort(np.abs(found.slopes) * speed, kind="stable")[:CHECKED]]
+    at = np.unique([*np.abs(inside - worst[:, None]).argmin(axis=1), len(inside) // 2, 0])
+    s: Complex = 1j * inside[at]
+    mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
+    answer = motions(modal, mixed).at(s)
+    with np.errstate(invalid="ignore"):
+        return bool((_residual(modal.state, s, mixed, answer) <= BACKWARD).all())
+
+
+def _residual(state: EnergyState, s: Complex, b: Array, eta: Complex) -> Array:
+    """Residual of the equations relative to their terms, each row in its own scale, (n,)."""
+    p, m = len(state.scale), len(state.basis)
+    result = np.empty(len(s))
+    for i, point in enumerate(s.tolist()):
+        matrix = _matrix(state, np.array([point]))[0]
+        size = np.ones(m)
+        size[:p] = np.abs(state.square) + abs(point) ** 2
+        size[p:] = np.maximum(np.abs(matrix[p:, p:]).max(axis=1, initial=0.0), EPS)
+        here = eta[:, :, i]
+        left = np.abs(b - matrix @ here) / size[:, None]
+        terms = np.maximum(np.abs(b), np.abs(matrix) @ np.abs(here)) / size[:, None]
+        whole = np.maximum(terms, np.abs(here)).max(axis=0)
+        result[i] = np.divide(left.max(axis=0), whole, out=np.zeros_like(whole), where=whole > 0.0).max()
+    return result
+
+
+def _matrix(state: EnergyState, s: Complex) -> Complex:
+    """s^2 M + s C + K in the basis, (n, m, m); differences as products where s is imaginary."""
+    p = len(state.scale)
+    result = s[:, None, None] * state.damping + state.coupling
+    at, root = np.arange(p), np.sqrt(np.abs(state.square))
+    point = s[:, None]
+    turned = np.where(state.square >= 0.0, (point + 1j * root) * (point - 1j * root), (point - root) * (point + root))
+    result[:, at, at] += turned
+    return np.asarray(result)
+
+
+def solved(system: System, state: EnergyState, s: Complex) -> Complex:
+    """Return the transfer matrix by one factorisation a point; not a number where the equations are singular.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    state : EnergyState
+        The same in energy coordinates.
+    s : array, shape (n,)
+        Points [1/s].
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Transfer matrix.
+    """
+    b = (state.basis.T @ system.B).astype(complex)
+    outputs = [c @ state.basis for c in (system.Cq, system.Cv, system.Ca)]
+    result: Complex = np.empty((len(system.outputs), b.shape[1], len(s)), dtype=complex)
+    batch = max(1, BATCH_BYTES // (16 * max(1, len(b)) ** 2))
+    for start in range(0, len(s), batch):
+        part = s[start : start + batch]
+        matrix = _matrix(state, part)
+        try:
+            eta = np.linalg.solve(matrix, b)
+        except np.linalg.LinAlgError:
+            eta = np.stack([_one(a, b) for a in matrix])
+        powers = part[:, None, None]
+        value = outputs[0] @ eta + powers * (outputs[1] @ eta + powers * (outputs[2] @ eta))
+        result[:, :, start : start + batch] = value.transpose(1, 2, 0) + system.D[:, :, None]
+    return result
+
+
+def _one(matrix: Complex, b: Complex) -> Complex:
+    try:
+        return np.asarray(np.linalg.solve(matrix, b))
+    except np.linalg.LinAlgError:
+        return np.full_like(b, np.nan)

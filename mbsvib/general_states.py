@@ -1,0 +1,86 @@
+"""Modal states of systems without symmetry: one block a mode, of two states or, for a mode of first order, of one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.general import rigid_shapes
+from mbsvib.massless.first_order import FirstOrder
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.general import General
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+
+
+def modal_states(system: System, modal: General) -> FirstOrder:
+    """Return first-order equations in modal states.
+
+    Each mode has a block [[0, 1], [-l1 l2, l1 + l2]] of its eigenvalues l1, l2; one of first order has the block l1,
+    and two motions that stiffness does not feel and that come to rest at once have [[0, 0], [0, 0]].
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    modal : General
+        Its modes.
+
+    Returns
+    -------
+    FirstOrder
+        Blocks, inputs, and the way back to q and q'.
+    """
+    state = modal.state
+    blocks, columns, names = [], [], []
+    for i, (block, pair) in enumerate(_blocks(modal)):
+        blocks.append(block)
+        columns.append(pair)
+        names += [f"mode{i + 1}{rate}" for rate in ("", "'")[: len(block)]]
+    n = len(state.a)
+    a, right = np.zeros((n, n)), np.concatenate(columns, axis=1) if columns else np.zeros((n, n))
+    start = 0
+    for block in blocks:
+        a[start : start + len(block), start : start + len(block)] = block
+        start += len(block)
+    push = state.force @ system.B
+    b = np.asarray(np.linalg.solve(right, push), dtype=float)
+    back = np.concatenate((state.show, state.show @ state.a))
+    through = np.concatenate((np.zeros_like(system.B), state.show @ push))
+    units = tuple(["modal/s" if name.endswith("'") else "modal" for name in names])
+    return FirstOrder(a, b, back @ right, through, tuple(names), units)
+
+
+def _blocks(modal: General) -> list[tuple[Array, Array]]:
+    """Each mode's block and its columns in the states."""
+    state, found = modal.state, modal.spectrum
+    rest, drift = rigid_shapes(state)
+    left = [state.position @ column for column in rest.T]
+    vectors = state.position @ found.right + state.rate @ (found.right * found.values)
+    result: list[tuple[Array, Array]] = []
+    for i, (one, two) in enumerate(modal.pairs):
+        numbers = np.nonzero(modal.mode == i)[0]
+        numbers = numbers[np.argsort(np.abs(found.values[numbers]), kind="stable")]
+        if i < drift.shape[1]:
+            chain = state.right[:, state.still + i]
+            result.append((np.array([[0.0, 1.0], [0.0, 0.0]]), np.stack((state.position @ drift[:, i], chain), axis=1)))
+        elif not len(numbers):
+            count = 1 if modal.single[i] else 2
+            result.append((np.zeros((count, count)), np.stack([left.pop(0) for _ in range(count)], axis=1)))
+        elif modal.single[i]:
+            result.append((np.array([[one.real]]), vectors[:, numbers].real))
+        else:
+            if one == 0.0:
+                same = [k for k, v in enumerate(left) if np.array_equal(v, state.position @ modal.shapes[:, i].real)]
+                first, second = left.pop(same[0]).astype(complex), vectors[:, numbers[0]]
+            else:
+                first = vectors[:, numbers[0]]
+                second = first.conj() if len(numbers) == 1 else vectors[:, numbers[1]]
+            pair = np.stack(((two * first - one * second) / (two - one), (second - first) / (two - one)), axis=1)
+            result.append((np.array([[0.0, 1.0], [-(one * two).real, (one + two).real]]), pair.real))
+    return result

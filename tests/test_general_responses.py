@@ -1,0 +1,118 @@
+"""Responses without symmetry against 60 digits: frequency and time responses, zeros, grids and modal states."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mbsvib.errors import ResponseError
+from mbsvib.general_responses import solved, trusted
+from tests.support import unsymmetric as reference
+from tests.support.unsymmetric import chain, massless, unsymmetric
+from tests.test_general import FAMILIES
+
+CHOSEN = [name for name in FAMILIES if name not in ("flutter", "massless and spin")]
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_frequency_response(family):
+    system = FAMILIES[family](0)
+    speeds = np.abs(system.poles())
+    low, high = speeds[speeds > 0.0].min(), speeds.max()
+    omega = np.concatenate((np.geomspace(0.01, 9.0, 6) * low, [0.97 * high, 3.0 * high]))
+    exact = reference.frequency_response(system, omega)
+    error = np.abs(system.frequency_response(omega) - exact) / np.abs(exact)
+    assert error.max() <= 1e-11
+    assert error[1:].max() <= 1e-12
+    direct = solved(system, system._modal.state, 1j * omega)
+    assert (np.abs(direct - exact) <= 1e-9 * np.abs(exact)).all()
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("family", CHOSEN)
+def test_time_response(family, hold):
+    system = FAMILIES[family](0)
+    speeds = np.abs(system.poles())
+    t = np.linspace(0.0, 20.0 / np.median(speeds[speeds > 0.0]), 30)
+    rng = np.random.default_rng(0)
+    u, initial = rng.normal(size=(2, 30)), rng.normal(size=(2, system.dof))
+    exact = reference.time_response(system, t, u, hold, initial)
+    error = np.abs(system.time_response(t, u, hold, initial) - exact) / np.abs(exact).max(axis=1, keepdims=True)
+    assert error.max() <= 1e-10
+
+
+@pytest.mark.parametrize("family", ["spin and dampers", "spin", "all", "follower loads", "free", "massless ones",
+                                    "massless and all"])  # fmt: skip
+def test_zeros(family):
+    system = FAMILIES[family](1)
+    for output in range(2):
+        for source in range(2):
+            found = system.transmission_zeros(system.inputs[source], system.outputs[output]).tolist()
+            exact = reference.zeros(system, output, source)
+            assert len(found) == len(exact)
+            for zero in found:
+                near = exact.pop(min(range(len(exact)), key=lambda i: abs(exact[i] - zero)))
+                assert abs(near - zero) <= 1e-9 * max(abs(near), 1e-6)
+
+
+def test_undamped_spin_at_a_pole():
+    system = unsymmetric(chain(4, 0, damp=0.0), 1.0)
+    pole = float(system.poles()[2].imag)
+    with pytest.raises(ResponseError, match="omega\\[1\\]"):
+        system.frequency_response([1.0, pole])
+    grid = system.frequency_grid("F0", "x")
+    assert np.isfinite(system.frequency_response(grid)).all()
+
+
+def test_accelerations_of_massless_motions_are_refused():
+    """q'' of a motion that dampers hold follows the derivative of a force on it; its velocity follows the force."""
+    system = massless(chain(6, 0, damp=3.0), [0])
+    with pytest.raises(ResponseError, match=r"output 'a'.*'F0'.*mass"):
+        system.time_response([0.0, 1.0], np.zeros((2, 2)))
+    proper = replace(system, Ca=0.0 * system.Ca)
+    t = np.linspace(0.0, 1.0, 5)
+    u = np.ones((2, 5))
+    exact = reference.time_response(proper, t, u, "zero", np.zeros((2, 6)))
+    assert exact[1, 0] != 0.0  # at once
+    np.testing.assert_allclose(proper.time_response(t, u, "zero"), exact, rtol=1e-11, atol=1e-14)
+
+
+def test_nearly_defective():
+    """Two oscillators coupled by spin and circulation so that pairs all but meet: the equations are solved."""
+    base = chain(2, 0, damp=0.0)
+    w = np.eye(2)
+    for off in (1e-13, 1e-7, 1e-3):
+        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        k = np.array([1.0, 3.0])  # flutter begins where the circulatory part is half of the difference
+        part = (1.0 + off) * turn
+        spring = np.array([[1.0, 0.0], [0.0, 3.0]])
+        system = replace(base, inertia_factor=w, M=w, elastic_rows=w, stiffness=k, damping=np.full(2, 0.02), C=0.02 * w,
+                         K=spring + part, circulatory=part, row_owner=np.zeros(2, dtype=int))  # fmt: skip
+        omega = np.linspace(0.1, 3.0, 30)
+        exact = reference.frequency_response(system, omega)
+        np.testing.assert_allclose(system.frequency_response(omega), exact, rtol=1e-11)
+        trusted(system._modal, np.eye(2), omega)
+        t = np.linspace(0.0, 20.0, 40)
+        u = np.cos(np.arange(80.0)).reshape(2, 40)
+        exact = reference.time_response(system, t, u, "first", np.zeros((2, 2)))
+        found = system.time_response(t, u)
+        assert (np.abs(found - exact).max(axis=1) <= 1e-11 * np.abs(exact).max(axis=1)).all()
+        errors = system.modes().errors
+        mean = (k[0] + k[1]) / 2.0
+        split = np.sqrt(complex(((k[1] - k[0]) / 2.0) ** 2 - (1.0 + off) ** 2))
+        for square in (mean + split, mean - split):
+            true = np.roots([1.0, 0.02, square])
+            near = np.abs(system.poles()[:, None] - true).min(axis=0)
+            assert (near <= 2.0 * max(1e-8 if off < 1e-10 else 1e-12, errors.max()) * np.abs(true)).all()
+
+
+def test_modal_states():
+    """The modal realization has the same transfer function."""
+    for family in ("spin and dampers", "all", "free", "massless ones", "massless and all", "massless and free"):
+        system = FAMILIES[family](2)
+        space = system.state_space("modal")
+        omega = np.array([0.3, 2.0, 30.0])
+        exact = reference.frequency_response(system, omega)
+        for i, w in enumerate(omega):
+            g = space.C @ np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B) + space.D
+            assert (np.abs(g - exact[:, :, i]) <= 1e-9 * np.abs(exact[:, :, i])).all()
