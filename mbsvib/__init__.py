@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import (
     AccuracyWarning,
+    EquilibriumError,
     ExportError,
     MbsvibError,
     ModelError,
@@ -27,6 +28,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "AccuracyWarning",
+    "EquilibriumError",
     "ExportError",
     "MbsvibError",
     "Model",

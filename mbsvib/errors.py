@@ -30,6 +30,24 @@ class SingularPoseError(MbsvibError):
     """A pose in which the number of degrees of freedom, or the choice of coordinates, is not defined."""
 
 
+class EquilibriumError(MbsvibError):
+    """A pose that is not in balance with the loads, or none that can be found.
+
+    ``body`` is the body that lacks a force, ``coordinate`` the motion along which it lacks it, ``missing`` how much and
+    ``unit`` N or N m; all None where the error has no single place.
+    """
+
+    def __init__(
+        self, message: str, *, body: str | None = None, coordinate: str | None = None, missing: float | None = None,
+        unit: str | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(message)
+        self.body = body
+        self.coordinate = coordinate
+        self.missing = missing
+        self.unit = unit
+
+
 class NearSingularWarning(UserWarning):
     """A pose so near a singular one that the minimal coordinates lose digits."""
 

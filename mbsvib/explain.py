@@ -73,9 +73,9 @@ def _topology(system: System) -> list[str]:
 
 def _loops(system: System) -> list[str]:
     groups = system.provenance.reduction.groups
-    if not system.cut_joints:
-        return ["  none"]
-    lines = [f"  cut at {listed(system.cut_joints)}"]
+    if not groups:
+        return ["  none"] if not system.cut_joints else [f"  cut at {listed(system.cut_joints)}, which lock nothing"]
+    lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
     locking = {name for group in groups for name in group.joints}
     idle = [name for name in system.cut_joints if name not in locking]
     if idle:

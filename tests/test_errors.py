@@ -45,6 +45,10 @@ def force(**words):
     return "add_force_output", {"name": "load", "element": "mount", "direction": "x"} | words
 
 
+def load(**words):
+    return "add_load", {"name": "pull", "body": "hand", "force": (0, 0, -1)} | words
+
+
 ASYMMETRIC = np.diag([1.0, 1.0, 1.0])
 ASYMMETRIC[0, 1] = 0.25
 ASYMMETRIC6 = np.eye(6)
@@ -166,9 +170,17 @@ CASES = {
     "moment in a line spring": (force(element="strut", direction=(0, 0, 1, 0, 0, 1)), ["direction", "'z'"]),
     "absolute against a body": (output(quantity="acceleration", relative_to="arm", absolute=True), ["absolute"]),
     # loads
-    "bushing preload": (bushing(preload=(1,) * 6), ["preload", "not supported yet"]),
-    "spring preload": (spring(preload=12.5), ["preload", "12.5", "not supported yet"]),
-    "spring free length": (spring(free_length=0.75), ["free_length", "0.75", "not supported yet"]),
+    "bushing preload of wrong size": (bushing(preload=(1, 2, 3)), ["preload", "(1, 2, 3)", "6 values"]),
+    "spring preload no number": (spring(preload="tight"), ["preload", "'tight'", "tension"]),
+    "spring preload twice": (spring(preload=12.5, free_length=0.75), ["both preload and free_length"]),
+    "spring preload without a line": (spring(end=(0, 0, 0), start=(0, 0, 0), preload=3.0), ["end", "no line"]),
+    "spring free length negative": (spring(free_length=-0.75), ["free_length", "-0.75", "not negative"]),
+    "spring free length without stiffness": (spring(stiffness=0, damping=1.0, free_length=0.7), ["needs a stiffness"]),
+    "load on ground": (load(body="ground"), ["body", "'ground'", "no load moves"]),
+    "load on an unknown body": (load(body="hnad"), ["'hnad'", "Did you mean 'hand'?"]),
+    "load without effect": (load(force=(0, 0, 0)), ["neither force nor torque"]),
+    "load follower no bool": (load(follower="yes"), ["follower", "'yes'", "True"]),
+    "load force no vector": (load(force=3.0), ["force", "3.0", "three finite numbers"]),
 }  # fmt: skip
 
 
@@ -236,9 +248,9 @@ def test_ground_cannot_be_added():
         getattr(arm(), adder)(**words)
 
 
-@pytest.mark.parametrize("gravity", [(0, 0, -9.81), 9.81, [0, 0, 0]])
-def test_gravity_is_refused_by_name(gravity):
-    with pytest.raises(mv.ModelError, match=r"gravity = .*not supported yet.*wrong frequencies"):
+@pytest.mark.parametrize("gravity", [9.81, "down", (0, 0), (0, 0, np.nan)])
+def test_gravity_that_is_no_vector(gravity):
+    with pytest.raises(mv.ModelError, match=r"model: gravity = .*such as \(0, 0, -9.81\)"):
         mv.Model("m", gravity=gravity)
 
 

@@ -13,6 +13,7 @@ from mbsvib.batch.systems import FACTORS, MATRICES, Batch
 from mbsvib.batch.values import checked
 from mbsvib.errors import ModelError
 from mbsvib.inertia import check_mass
+from mbsvib.loads.wrenches import refuse_loaded
 from mbsvib.parts import Body
 
 if TYPE_CHECKING:
@@ -61,6 +62,8 @@ def linearize_batch(
     SingularPoseError
         If a variant has another number of degrees of freedom, by index.
     """
+    refuse_loaded(model, "values: batches of loaded models are not supported yet; linearize the variants one by one, "
+                         "with model.with_values.")  # fmt: skip
     parameters = model.parameters
     variants = checked(parameters, values)
     scene = single.scene(model, cut)
@@ -107,8 +110,9 @@ def _matrices(
     scene = varied(model, scene, values)
     relative = scene.relative()
     reduction = chosen.reduction
-    if relative.value.ndim == 2:
-        reduction = reduce_batch(scene, values, relative.dense(0, scene.locked), chosen, first)
+    phi = scene.closure(relative)
+    if phi.ndim == 3:
+        reduction = reduce_batch(scene, values, phi, chosen, first)
     result = single.matrices(scene, relative, reduction)
     result["closure"] = None if reduction is chosen.reduction else reduction.matrix
     _check_masses(result["M"], names, first)

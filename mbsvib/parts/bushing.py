@@ -20,7 +20,8 @@ class Bushing(Part):
     """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.
 
     ``stiffness`` [N/m, N m/rad] and ``damping`` [N s/m, N m s/rad] are six values (x y z rx ry rz) or symmetric
-    6x6 matrices; they act on the displacement of the second body relative to the first.
+    6x6 matrices; they act on the displacement of the second body relative to the first. ``preload`` [N, N m] is the
+    wrench on the second body in the given pose, in these axes; the first body takes its reaction at the same point.
     """
 
     first: str
@@ -29,11 +30,13 @@ class Bushing(Part):
     stiffness: Six | Matrix6 = ZERO
     damping: Six | Matrix6 = ZERO
     orientation: Matrix3 = check.IDENTITY
+    preload: Six | None = None
 
 
 def make(
-    name: str, first: str, second: str, position: Any, stiffness: Any, damping: Any, orientation: Any
-) -> Bushing:
+    name: str, first: str, second: str, position: Any, stiffness: Any, damping: Any, orientation: Any,
+    preload: Any = None,
+) -> Bushing:  # fmt: skip
     """Check the values of a bushing and build it."""
     who = f"bushing '{name}'"
     if first == second:
@@ -41,11 +44,14 @@ def make(
                          element=who, field="second")  # fmt: skip
     k = _coefficients(stiffness, who, "stiffness")
     c = _coefficients(damping, who, "damping")
-    if not _acts(k) and not _acts(c):
+    if preload is not None:
+        expected = "the wrench on the second body: 6 values in the bushing's axes [N, N m]"
+        preload = check.numbers(preload, (6,), who, "preload", expected)
+    if not _acts(k) and not _acts(c) and not (preload and any(preload)):
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the bushing out.",
                          element=who, field="stiffness")  # fmt: skip
     return Bushing(name, first, second, check.vector(position, who, "position"), k, c,
-                   check.orientation(orientation, who))  # fmt: skip
+                   check.orientation(orientation, who), preload)  # fmt: skip
 
 
 def _acts(value: Six | Matrix6) -> bool:

@@ -1,0 +1,78 @@
+"""Pairs of forces: what a joint, spring, bushing or load does to the two bodies that it acts between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics import columns
+from mbsvib.mobility import crossed_product
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.kinematics import Array, Index
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Wrenches between bodies: ``force`` [N] at ``end`` [m] and ``torque`` [N m] on ``second``, -force at ``start`` and
+    -torque on ``first``; body numbers (n,) and vectors (3, n) in world axes.
+    """
+
+    first: Index
+    second: Index
+    start: Array
+    end: Array
+    force: Array
+    torque: Array
+
+    @staticmethod
+    def stack(tuples: Sequence[tuple[float, ...]]) -> Pairs:
+        """Build pairs from tuples (first, second, start xyz, end xyz, force xyz, torque xyz)."""
+        table = columns(tuples, 14)
+        bodies = table[:2].astype(np.intp)
+        return Pairs(bodies[0], bodies[1], table[2:5], table[5:8], table[8:11], table[11:])
+
+    @staticmethod
+    def join(a: Pairs, b: Pairs) -> Pairs:
+        """Put two stacks one behind the other."""
+        return Pairs(*(np.concatenate((getattr(a, key), getattr(b, key)), axis=-1) for key in Pairs.__slots__))
+
+    def incidence(self, bodies: int) -> tuple[Array, Array]:
+        """Return (n, bodies + 1) for first and for second, 1 where the pair acts on the body."""
+        n = len(self.first)
+        first, second = np.zeros((2, n, bodies + 1))
+        first[np.arange(n), self.first] = second[np.arange(n), self.second] = 1.0
+        return first, second
+
+    def arms(self, position: Array) -> tuple[Array, Array]:
+        """Return the arms (3, n) from the centres of mass (3, bodies + 1) to ``start`` and to ``end``."""
+        return self.start - position[:, self.first], self.end - position[:, self.second]
+
+    def on_bodies(self, position: Array) -> tuple[Array, Array]:
+        """Return the wrenches about the centres of mass, and the sizes of all that adds up to them.
+
+        Parameters
+        ----------
+        position : array, shape (3, bodies + 1)
+            Centres of mass [m].
+
+        Returns
+        -------
+        wrench : array, shape (6, bodies + 1)
+            Sums over all pairs [N, N m], ground last.
+        size : array, shape (2, bodies + 1)
+            Sums of the lengths of the forces and of the moments, each force's own included.
+        """
+        first, second = self.incidence(position.shape[1] - 1)
+        wrench, size = np.zeros((6, position.shape[1])), np.zeros((2, position.shape[1]))
+        for arm, place, sign in zip(self.arms(position), (first, second), (-1.0, 1.0), strict=True):
+            lever = crossed_product(arm, self.force)
+            wrench += sign * np.concatenate((self.force, self.torque + lever)) @ place
+            lengths = np.sqrt(np.square(np.array((self.force, self.torque, lever))).sum(axis=1))
+            lengths[1] += lengths[2]
+            size += lengths[:2] @ place
+        return wrench, size

@@ -1,0 +1,180 @@
+"""Reactions: from wrenches on the bodies to the wrench in every joint.
+
+A joint of the tree carries all that acts on what hangs behind it; the forces of the cut joints, which close the loops,
+act there too. With Phi the locked rows of the cut joints and B' the motion of the bodies, both per joint coordinate,
+
+    Phi^T lambda = -B'^T W
+
+in the coordinates that depend on the loops. Where constraints are redundant many lambda hold the bodies, and the one of
+least norm is taken (moments divided by the size of the loop); the second-order terms are the same with all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.mobility import crossed_product
+from mbsvib.topology import FLOATS
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array, Index, Twists
+    from mbsvib.loops import Cuts, Reduction
+    from mbsvib.parts import Joint
+    from mbsvib.topology import Topology
+
+
+@dataclass(frozen=True, slots=True)
+class Reactions:
+    """The way from body wrenches to joint wrenches.
+
+    ``point`` (3, joints) [m] are the joints' points, as their second bodies carry them, ``start`` as their first do
+    (another one only in rods), ``first`` and ``second`` (joints,) their bodies; ``behind``
+    (bodies + 1, joints) holds +1 or -1 where a joint of the tree lies between ground and the body; ``position``
+    (3, bodies + 1) the centres of mass.
+    """
+
+    topology: Topology
+    coordinates: Twists
+    cuts: Cuts | None
+    reduction: Reduction
+    phi: Array
+    position: Array
+    point: Array
+    start: Array
+    first: Index
+    second: Index
+    behind: Array
+    joint_of: Index
+
+    def __call__(self, wrench: Array) -> Array:
+        """Return the wrenches in the joints that balance wrenches on the bodies.
+
+        Parameters
+        ----------
+        wrench : array, shape (6, bodies + 1, columns)
+            Forces [N] and moments about the centres of mass [N m] on the bodies, world axes, ground last.
+
+        Returns
+        -------
+        array, shape (6, joints, columns)
+            Force at the joint's point and moment about it, as they act on the joint's second body; its first body
+            takes the opposite.
+        """
+        result = self._of_tree(wrench)
+        if self.cuts is None or not len(self.cuts.names):
+            return result
+        closing = self._closing(self._multipliers(result))
+        return result + self._of_tree(self._on_bodies(closing)) + closing
+
+    def _closing(self, multipliers: Array) -> Array:
+        """The wrenches (6, joints, columns) in the cut joints."""
+        assert self.cuts is not None
+        rows, joint = self.cuts.rows, np.array(self.topology.cut, dtype=np.intp)[self.cuts.joint]
+        moment = rows.moment + crossed_product(rows.point - self.point[:, joint], rows.force)
+        sums = np.zeros((len(joint), self.point.shape[1]))
+        sums[np.arange(len(joint)), joint] = 1.0
+        each = np.concatenate((rows.force, moment))
+        result: Array = np.einsum("cr,rj,rn->cjn", each, sums, multipliers, optimize=True)
+        return result
+
+    def _on_bodies(self, joints: Array) -> Array:
+        """What wrenches in joints do to the bodies (6, bodies + 1, columns)."""
+        result = np.zeros((6, self.position.shape[1], joints.shape[2]))
+        for bodies, sign in ((self.second, 1.0), (self.first, -1.0)):
+            arm = (self.point - self.position[:, bodies])[..., None]
+            lever = crossed_product(arm + np.zeros_like(joints[:3]), joints[:3])
+            part = np.concatenate((joints[:3], joints[3:] + lever))
+            place = np.zeros((len(bodies), self.position.shape[1]))
+            place[np.arange(len(bodies)), bodies] = sign
+            result += np.einsum("cjn,jb->cbn", part, place)
+        return result
+
+    def _of_tree(self, wrench: Array) -> Array:
+        """The joints of the tree alone: minus what acts behind them; arms are taken about the middle of the bodies."""
+        middle = self.position[:, :-1].mean(axis=1, keepdims=True)
+        force, moment = wrench[:3], wrench[3:]
+        about = moment + crossed_product((self.position - middle)[..., None] + np.zeros_like(force), force)
+        sums: Array = np.einsum("bj,cbk->cjk", self.behind, np.concatenate((force, about)))
+        sums[3:] -= crossed_product((self.point - middle)[..., None] + np.zeros_like(sums[:3]), sums[:3])
+        sums *= -1.0
+        return sums
+
+    def _multipliers(self, tree: Array) -> Array:
+        """Return lambda (locked rows, columns) for the wrenches in the joints of the open tree (6, joints, columns)."""
+        assert self.cuts is not None
+        twist, at = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.joint_of
+        held = np.zeros((len(at), tree.shape[2]))
+        own = at >= 0
+        # what the open tree's joints lack along their own free directions
+        held[own] = np.einsum("ck,ckn->kn", twist[:, own], tree[:, at[own]])
+        result = np.zeros((len(self.cuts.names), tree.shape[2]))
+        dependent = np.ones(len(at), dtype=bool)
+        dependent[self.reduction.independent] = False
+        for group in self.reduction.groups:
+            columns = group.columns[dependent[group.columns]]
+            if not len(columns):
+                continue
+            matrix = self.phi[group.rows[:, None], columns].T
+            if matrix.shape[0] == matrix.shape[1]:
+                result[group.rows] = np.linalg.solve(matrix, held[columns])
+                continue
+            scale = np.where(self.cuts.translates[group.rows], 1.0, group.length)
+            result[group.rows] = np.linalg.lstsq(matrix * scale, held[columns], rcond=None)[0] * scale[:, None]
+        return result
+
+
+def reactions(topology: Topology, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array,
+              position: Array) -> Reactions:  # fmt: skip
+    """Return the way from body wrenches to joint wrenches.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    coordinates : Twists
+        The joint coordinates.
+    cuts : Cuts or None
+        Locked rows of the cut joints.
+    reduction : Reduction
+        The minimal coordinates.
+    phi : array, shape (locked rows, n)
+        Locked rows per unit joint coordinate.
+    position : array, shape (3, bodies + 1)
+        Centres of mass [m], the origin for ground.
+
+    Returns
+    -------
+    Reactions
+        To be called with wrenches on the bodies.
+    """
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number["ground"] = len(topology.bodies)
+    first = np.array([number[joint.first] for joint in topology.joints], dtype=np.intp)
+    second = np.array([number[joint.second] for joint in topology.joints], dtype=np.intp)
+    behind = np.zeros((len(number), len(topology.joints)))
+    for branch in topology.branches:
+        behind[branch.body] = behind[branch.parent]
+        if branch.joint != FLOATS:
+            behind[branch.body, branch.joint] = branch.sign
+    point = np.array([place(joint, number, position) for joint in topology.joints]).reshape(-1, 3).T
+    start = point.copy()
+    for k, joint in enumerate(topology.joints):
+        if joint.kind == "distance" and joint.position is not None:
+            start[:, k] = joint.position
+    joint_of: list[int] = []
+    for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
+        joint_of += [k] * len(topology.joints[k].freedom)
+    joint_of += [FLOATS] * (len(coordinates.names) - len(joint_of))
+    return Reactions(topology, coordinates, cuts, reduction, phi, position, point, start, first, second, behind,
+                     np.array(joint_of, dtype=np.intp))  # fmt: skip
+
+
+def place(joint: Joint, number: dict[str, int], position: Array) -> Array | tuple[float, float, float]:
+    """Return a joint's point, of one that has none the centre of mass of its second body (its first, on ground)."""
+    if joint.point is not None:
+        return joint.point
+    bodies = (number[joint.second], number[joint.first])
+    return position[:, bodies[1] if bodies[0] == position.shape[1] - 1 else bodies[0]]

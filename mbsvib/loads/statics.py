@@ -1,0 +1,120 @@
+"""Statics: does the given pose balance, and what do the joints carry?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import EquilibriumError
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array
+    from mbsvib.loads.felt import Felt
+    from mbsvib.loads.pairs import Pairs
+    from mbsvib.loads.wrenches import Applied
+    from mbsvib.topology import Topology
+
+# What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off
+# by about as much, and 1e-9 is the accuracy that results are promised to; rounding leaves a thousandth of it.
+BALANCE = 1e-9
+_PLAIN = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, slots=True)
+class Statics:
+    """The forces at the pose: what is ``applied``, the wrench (6, joints) in each joint, on its second body.
+
+    ``pairs`` are the applied forces, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
+    ``residual`` (m,) is what is left over along each coordinate, ``size`` (m,) that of the forces that should cancel.
+    ``owners`` are the names of those who own rows of geometric stiffness; ``spread`` names the joints among which
+    redundant constraints leave the forces undetermined.
+    """
+
+    applied: Applied
+    joints: Array
+    pairs: Pairs
+    position: Array
+    felt: Felt
+    residual: Array
+    size: Array
+    owners: tuple[str, ...]
+    spread: tuple[tuple[str, ...], ...]
+
+    @property
+    def imbalance(self) -> float:
+        """The largest share of the forces along a coordinate that is left over."""
+        share = self.residual / np.where(self.size > 0.0, self.size, 1.0)
+        return float(np.abs(share).max(initial=0.0))
+
+
+def balance(wrench: Array, size: Array, motion: Array) -> tuple[Array, Array]:
+    """Return the forces along the minimal coordinates and the size of what should cancel there.
+
+    Parameters
+    ----------
+    wrench : array, shape (6, bodies)
+        Forces and moments about the centres of mass [N, N m].
+    size : array, shape (2, bodies)
+        Sizes of the forces and of the moments that add up to them.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
+
+    Returns
+    -------
+    residual, size : array, shape (m,)
+        B''^T B'^T W, and the same with the lengths of all vectors [N or N m].
+    """
+    m = motion.shape[-1]
+    lengths = np.sqrt(np.square(motion.reshape(len(motion), 2, 3, m)).sum(axis=2))
+    return wrench.T.reshape(-1) @ motion.reshape(6 * len(motion), m), np.einsum("kb,bkm->m", size, lengths)
+
+
+def check_balance(
+    residual: Array, size: Array, names: tuple[str, ...], units: tuple[str, ...], topology: Topology, model: str
+) -> None:
+    """Refuse a pose that is not in balance, by body, direction and missing force.
+
+    Parameters
+    ----------
+    residual, size : array, shape (m,)
+        Forces along the minimal coordinates and their sizes.
+    names, units : tuple of str
+        The coordinates, and m or rad.
+    topology : Topology
+        The mechanism, to name bodies.
+    model : str
+        Name of the model.
+
+    Raises
+    ------
+    EquilibriumError
+        If more is left over than ``BALANCE`` of what should cancel.
+    """
+    share = np.abs(residual) / np.where(size > 0.0, size, 1.0)
+    off = np.flatnonzero(share > BALANCE)
+    if not len(off):
+        return
+    worst = int(off[np.argmax(share[off])])
+    unit = "N" if units[worst] == "m" else "N m"
+    joint, _, direction = names[worst].rpartition(".")
+    body, where = _who(joint, direction, topology)
+    more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
+    raise EquilibriumError(
+        f"model '{model}' is not in balance in the given pose: body '{body}' lacks {-residual[worst]:.6g} {unit} "
+        f"{where} ({share[worst]:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} "
+        f"Find the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
+        body=body, coordinate=names[worst], missing=float(-residual[worst]), unit=unit,
+    )  # fmt: skip
+
+
+def _who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
+    """The body that a coordinate moves, and in words along what."""
+    word = "along" if direction in _PLAIN[:3] else "about"
+    axis = direction[-1:]
+    for part in topology.joints:
+        if part.name == joint:
+            body = part.second if part.second != "ground" else part.first
+            return body, f"{word} {axis} of joint '{joint}' (coordinate '{joint}.{direction}')"
+    return joint, f"{word} {axis}"

@@ -1,0 +1,83 @@
+"""K of loaded mechanisms against the Hessian of V + lambda . phi, differentiated by CasADi."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.parts.joint import KINDS as JOINTS
+from tests.support.lagrangian import projected
+from tests.support.loaded_models import loaded
+from tests.support.random_models import KINDS
+
+SCENES = {
+    "trees": {"bodies": 4},
+    "floating": {"bodies": 3, "floating": True},
+    "loops": {"bodies": 4, "loops": 1},
+    "two loops": {"bodies": 5, "loops": 2},
+    "dead loads and torques": {"bodies": 4, "loops": 1, "hold": "loads", "torque": True},
+    "followers": {"bodies": 4, "loops": 1, "hold": "loads", "torque": True, "follower": True},
+    "far from the origin": {"bodies": 3, "loops": 1, "offset": 100.0},
+}
+
+
+def linearized(seed, **words):
+    model = loaded(seed, **words)
+    try:
+        return model, model.linearize()
+    except mv.SingularPoseError:  # more constraints than the random bodies have freedom
+        return model, None
+
+
+def off(model, system):
+    """Largest difference of K and of M, relative to the largest entries."""
+    stiffness, mass, residual = projected(model, system)
+    assert np.abs(residual).max(initial=0.0) < 1e-6
+    return max(np.abs(stiffness - system.K).max() / np.abs(stiffness).max(),
+               np.abs(mass - system.M).max() / np.abs(mass).max())  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("seed", range(8))
+def test_stiffness_of_random_mechanisms(scene, seed):
+    model, system = linearized(seed, **SCENES[scene])
+    if system is None or not system.dof:
+        pytest.skip("the random bodies are locked")
+    assert off(model, system) < (1e-10 if scene != "far from the origin" else 1e-9)
+
+
+@pytest.mark.parametrize("loops", [0, 1])
+@pytest.mark.parametrize("kind", [*JOINTS, "custom"])
+def test_every_kind_of_joint(kind, loops):
+    """Trees of a single kind, and loops in which cut joints are of this kind."""
+    compared = 0
+    for seed in range(6):
+        kinds = (kind, "free", "spherical") if loops else (kind,)
+        model, system = linearized(seed, bodies=3, loops=loops, kinds=kinds)
+        if system is not None and system.dof:
+            compared += 1
+            assert off(model, system) < 1e-10
+    assert compared > 1 or kind in ("fixed", "custom")
+
+
+def test_the_kinds_compared_are_all_there_are():
+    assert set(KINDS) >= {*JOINTS, "custom"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_factors_make_the_matrix(seed):
+    _, system = linearized(seed, bodies=4, loops=1, hold="loads", torque=True, follower=True)
+    rows, k = system.elastic_rows, system.stiffness
+    n = 0.0 if system.circulatory is None else system.circulatory
+    assert np.abs(rows.T @ (k[:, None] * rows) + n - system.K).max() < 1e-13 * np.abs(system.K).max()
+    if system.circulatory is not None:
+        assert (system.circulatory == -system.circulatory.T).all()
+
+
+def test_geometric_stiffness_is_not_small_here():
+    """A negative control: without K_g the comparison fails by much."""
+    model, system = linearized(3, bodies=4)
+    elastic = system.row_owner < len(system.provenance.springs)
+    rows, k = system.elastic_rows[elastic], system.stiffness[elastic]
+    stiffness, _, _ = projected(model, system)
+    assert np.abs(stiffness - rows.T @ (k[:, None] * rows)).max() > 0.1 * np.abs(stiffness).max()

@@ -1,0 +1,58 @@
+"""Random mechanisms under load, each held in balance in the pose in which it is described."""
+
+import numpy as np
+
+from tests.support.lagrangian import Lagrangian
+from tests.support.random_models import rotation, spatial
+
+
+def wrench_needed(model):
+    """Wrenches about the centres of mass, of least norm, that bring a loaded model into balance (bodies, 6)."""
+    free = spatial_twin(model).linearize()
+    basis = np.asarray(free.body_motion).reshape(6 * len(model.bodies), free.dof)
+    gradient = Lagrangian(model).at().gradient
+    return (basis @ np.linalg.lstsq(basis, gradient, rcond=None)[0]).reshape(-1, 6)
+
+
+def spatial_twin(model):
+    """The same mechanism without its loads."""
+    twin = type(model)(model.name)
+    for adder, group in model._groups():
+        for part in group.values():
+            words = {word: value for word, value in part.words().items() if word not in ("preload", "free_length")}
+            if adder != "add_load":
+                getattr(twin, adder or {"Spring": "add_spring", "Bushing": "add_bushing"}[type(part).__name__])(**words)
+    return twin
+
+
+def loaded(seed, bodies=3, loops=0, kinds=None, *, hold="bushings", follower=False, torque=False, floating=False,
+           offset=0.0, lines=True):  # fmt: skip
+    """A random mechanism under gravity, loads and preloads; ``hold`` says what balances it: bushings or loads."""
+    words = {} if kinds is None else {"kinds": kinds}
+    model = spatial(seed, bodies, loops, ports=False, floating=floating, offset=offset, **words)
+    rng = np.random.default_rng(seed + 1)
+    model.gravity = (1.0, -2.0, -9.81)
+    names = list(model.bodies)
+    for k, body in enumerate(names):
+        at = np.array(model.bodies[body].position)
+        model.add_load(f"load{k}", body, 1e3 * rng.normal(size=3), 1e3 * rng.normal(size=3) if torque else (0, 0, 0),
+                       position=at + rng.normal(size=3), follower=follower and bool(rng.random() < 0.6))  # fmt: skip
+        other = ["ground", *names][int(rng.integers(k + 1))]
+        pair = (body, other) if rng.random() < 0.5 else (other, body)
+        start, end = at + rng.normal(size=(2, 3))
+        if lines:
+            model.add_spring(f"line{k}", *pair, start, end, 100 * rng.random(), preload=2e3 * rng.normal())
+            start, end = at + rng.normal(size=(2, 3))
+            model.add_spring(f"free{k}", *pair, start, end, 1e3 * rng.random(), free_length=rng.random())
+        model.add_bushing(f"bush{k}", *pair, at + rng.normal(size=3), 100 * rng.random(size=6),
+                          orientation=rotation(rng), preload=1e3 * rng.normal(size=6))  # fmt: skip
+    for body, wrench in zip(names, wrench_needed(model), strict=True):
+        at, axes = np.array(model.bodies[body].position), rotation(rng)
+        if not wrench.any():
+            continue
+        if hold == "bushings":
+            model.add_bushing(f"{body}.hold", "ground", body, at, orientation=axes,
+                              preload=(*(axes.T @ wrench[:3]), *(axes.T @ wrench[3:])))  # fmt: skip
+        else:
+            model.add_load(f"{body}.hold", body, wrench[:3], wrench[3:])
+    return model
