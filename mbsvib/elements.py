@@ -13,7 +13,7 @@ import numpy as np
 
 from mbsvib._checks import IDENTITY
 from mbsvib.kinematics import Rows, columns
-from mbsvib.parts import Bushing, Spring
+from mbsvib.parts import Bushing, Maxwell, Spring
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -47,12 +47,12 @@ class Elements:
                         self.unit[..., keep, :])  # fmt: skip
 
 
-def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Elements:
+def stack(springs: Iterable[Bushing | Spring | Maxwell], number: Mapping[str, int]) -> Elements:
     """Return the rows of all spring-dampers.
 
     Parameters
     ----------
-    springs : iterable of Bushing or Spring
+    springs : iterable of Bushing, Spring or Maxwell
         The model's spring-dampers.
     number : mapping
         Number of each body, ground included.
@@ -65,9 +65,12 @@ def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Ele
     lines: list[tuple[int, Spring]] = []
     bushings: list[tuple[int, Bushing]] = []
     full: list[tuple[int, Bushing]] = []
+    relaxing: list[tuple[int, Maxwell]] = []
     for i, part in enumerate(springs):
         if isinstance(part, Spring):
             lines.append((i, part))
+        elif isinstance(part, Maxwell):
+            relaxing.append((i, part))
         elif isinstance(part.stiffness[0], tuple) or isinstance(part.damping[0], tuple):
             full.append((i, part))
         else:
@@ -75,6 +78,10 @@ def stack(springs: Iterable[Bushing | Spring], number: Mapping[str, int]) -> Ele
     families = [_of_bushings(bushings, number)] if bushings else []
     if full:
         families.append(_of_matrices(full, number))
+    if relaxing:
+        from mbsvib.massless.maxwell import rows
+
+        families.append(Elements(*rows(relaxing, number)))
     if lines or not families:
         families.append(_of_lines(lines, number))
     if len(families) == 1:

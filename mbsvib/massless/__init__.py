@@ -4,6 +4,7 @@
 equations; the others stay, with one first-order state in place of two.
 """
 
+from mbsvib.massless.maxwell import given
 from mbsvib.massless.separation import Separation, separate
 
-__all__ = ["Separation", "separate"]
+__all__ = ["Separation", "given", "separate"]
