@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 OVERLAP = 12.0
 
 
-def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
+def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[str] = frozenset()) -> SparseSystem:
     """Return the linear equations of motion about the model's pose, held sparse.
 
     Parameters
@@ -46,6 +47,8 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
         The mechanism.
     cut : sequence of str, optional
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
+    gone : frozenset of str, optional
+        Bodies that are no longer in the model, though springs and ports still name them: they stand still.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
     topology = short_span(model, cut)
     bodies = list(model.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
-    number["ground"] = len(bodies)
+    number |= dict.fromkeys(("ground", *gone), len(bodies))
     structure = tree(topology, bodies)
     closure = constraints(topology, bodies, number, structure)
     place = layout(structure, int(closure.kept.sum()), closure.touched)
@@ -88,7 +91,17 @@ def linearize(model: Model, cut: Sequence[str] | None = None) -> SparseSystem:
         springs=tuple(model.springs), topology=topology, structure=structure, constraints=closure, layout=place,
         tableau=tableau, elastic_rows=elastic, loop_rows=loop_rows, inertia_factor=factor, stiffness=springs.stiffness,
         damping=springs.damping, row_owner=springs.owner, input_rows=inputs, output_rows=outputs, D=through,
+        model=snapshot(model),
     )  # fmt: skip
+
+
+def snapshot(model: Model) -> Model:
+    """Return a model that later additions to this one do not change."""
+    result = copy(model)
+    for key, value in vars(model).items():
+        if isinstance(value, dict):
+            setattr(result, key, dict(value))
+    return result
 
 
 def with_stiffness(system: SparseSystem, stiffness: Array) -> SparseSystem:

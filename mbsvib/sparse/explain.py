@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import counted
-from mbsvib.explain import listed
+from mbsvib.explain import dropped, listed
 
 if TYPE_CHECKING:
     from mbsvib.sparse.system import SparseSystem
@@ -41,7 +41,9 @@ def explain(system: SparseSystem) -> str:
     acting = np.zeros(len(system.springs), dtype=bool)
     acting[system.row_owner] = True
     idle = [system.springs[i] for i in np.flatnonzero(~acting)]
-    if idle:
+    if system.dropped is not None:
+        lines += [f"  {text}" for text in dropped(system.dropped)]
+    elif idle:
         lines.append(f"  without effect, as no motion of the mechanism acts on them: {listed(idle)}")
     lines += ["loops", *_loops(system), "tableau", *_tableau(system), "skipped", *_skipped(system)]
     return "\n".join(lines)

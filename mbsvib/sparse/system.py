@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
+    from mbsvib.model import Model
+    from mbsvib.reachable import Dropped
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.modes import SomeModes
@@ -38,6 +42,7 @@ class SparseSystem:
     ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
     W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
+    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out.
     """
 
     name: str
@@ -62,6 +67,8 @@ class SparseSystem:
     input_rows: csr_matrix
     output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]
     D: Array
+    model: Model = field(repr=False)
+    dropped: Dropped | None = None
 
     @property
     def dof(self) -> int:
@@ -159,6 +166,33 @@ class SparseSystem:
         from mbsvib.sparse.response import static_compliance
 
         return static_compliance(self)
+
+    def reachable(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> SparseSystem:
+        """Return the system of the bodies that asked inputs reach and asked outputs see, with these ports only.
+
+        Bodies that joints and springs join to others only through ground move by themselves; where no asked input acts
+        on such a part, or no asked output sees it, it has no share in the transfer function.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        SparseSystem
+            The same equations without the other bodies; ``explain`` names them.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, there is none, or no body is left.
+        """
+        from mbsvib.sparse.reachable import reachable
+
+        return reachable(self, inputs, outputs)
 
     def reduced(self, count: int, near: float = 0.0) -> System:
         """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...

@@ -1,0 +1,117 @@
+"""Reachable parts of many bodies: machines that nothing but ground joins move by themselves.
+
+What a sparse system knows of its parts is where joints and springs are, so that bodies are left out and not single
+directions of them, as ``mbsvib.reachable`` does. Ports of what is left out are on ground then: an input does nothing
+there, and an output sees nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.parts.ports import BaseMotion, ForceOutput
+from mbsvib.reachable import Dropped, chosen
+from mbsvib.sparse.assembly import linearize, snapshot
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.sparse.system import SparseSystem
+
+
+def reachable(
+    system: SparseSystem, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+) -> SparseSystem:
+    """Return the system of the bodies that asked inputs reach and asked outputs see, with these ports only.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+    inputs, outputs : str or sequence of str, optional
+        Names of ports; default: all.
+
+    Returns
+    -------
+    SparseSystem
+        The same equations without the other bodies.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown, there is none, or no body is left.
+    """
+    model = system.model
+    i = {system.inputs[k] for k in chosen(system.inputs, inputs, "inputs", system.name)}
+    o = {system.outputs[k] for k in chosen(system.outputs, outputs, "outputs", system.name)}
+    label = _parts(model)
+    acted = np.concatenate([_touched(model, part, label) for name, part in model.inputs.items() if name in i])
+    seen = np.concatenate([_touched(model, part, label) for name, part in model.outputs.items() if name in o])
+    reached, shown = ({name for name, part in label.items() if part in marks} for marks in (set(acted), set(seen)))
+    gone = Dropped(
+        tuple(name for name in system.inputs if name in i), tuple(name for name in system.outputs if name in o),
+        tuple(name for name in model.bodies if name not in reached),
+        tuple(name for name in model.bodies if name in reached and name not in shown),
+    )  # fmt: skip
+    if not reached & shown:
+        raise ResponseError(f"reachable: no part of '{system.name}' is reached by an input asked for and seen by an "
+                            f"output; the response is D alone, a constant.")  # fmt: skip
+    left = _without(model, set(gone.names), i, o)
+    before = system.dropped
+    if before is not None:
+        gone = replace(gone, unreached=before.unreached + gone.unreached, unseen=before.unseen + gone.unseen)
+    cut = [name for name in system.cut_joints if name in left.joints]
+    return replace(linearize(left, cut or None, frozenset(gone.names)), dropped=gone)
+
+
+def _parts(model: Model) -> dict[str, int]:
+    """Number of the part of every body: bodies that joints and springs join without ground."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    number = {name: k for k, name in enumerate(model.bodies)}
+    links = [(number[part.first], number[part.second]) for part in (*model.joints.values(), *model.springs.values())
+             if part.first in number and part.second in number]  # fmt: skip
+    row, column = np.array(links, dtype=np.intp).reshape(-1, 2).T
+    n = len(number)
+    graph = csr_matrix((np.ones(len(links), dtype=bool), (row, column)), shape=(n, n))
+    label = connected_components(graph, directed=False)[1]
+    return dict(zip(number, label.tolist(), strict=True))
+
+
+def _touched(model: Model, part: Any, label: dict[str, int]) -> NDArray[np.intp]:
+    """Parts that a port touches; a moving ground touches all."""
+    if isinstance(part, BaseMotion):
+        return np.array(sorted(set(label.values())), dtype=np.intp)
+    if isinstance(part, ForceOutput):
+        element = model.springs[part.element]
+        ends = (element.first, element.second)
+    else:
+        ends = (part.body, part.relative_to)
+    return np.array([label[name] for name in ends if name in label], dtype=np.intp)
+
+
+def _without(model: Model, gone: set[str], inputs: set[str], outputs: set[str]) -> Model:
+    """The model without some bodies and their joints; what else mentions them is on ground, and stays."""
+    left = snapshot(model)
+    left._topology = None
+    left._bodies = {name: body for name, body in model.bodies.items() if name not in gone}
+    left._joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
+
+    def placed(part: Any) -> Any:
+        if isinstance(part, (BaseMotion, ForceOutput)) or part.position is not None:
+            return part
+        on = part.body if part.body in model.bodies else part.relative_to
+        return replace(part, position=model.bodies[on].position)
+
+    left._inputs = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
+    left._outputs = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
+    return left

@@ -1,0 +1,73 @@
+"""Machines beside each other: those out of reach of the ports asked for are left out."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from tests.sparse import scenes
+from tests.test_reachable import beside, together
+
+OMEGA = np.array([0.3, 17.0, 240.0])
+
+
+def test_one_chain_of_three():
+    system = beside(400, 300, 500).linearize()
+    part = system.reachable("F1", ["displacement1", "acceleration1", "M1"])
+    assert part.dof == 300
+    assert part.bodies == tuple(f"c1.{i}" for i in range(300))
+    assert part.layout.size < system.layout.size / 3
+    rows = [system.outputs.index(name) for name in part.outputs]
+    whole = system.frequency_response(OMEGA)[rows, 1:2]
+    assert_allclose(part.frequency_response(OMEGA), whole, rtol=1e-11)
+    text = part.explain()
+    assert "no input out of F1 reaches them: c0.0" in text
+    assert "(900 in all)" in text
+    alone = beside(1, 300).linearize(method="dense").reachable("F1", "M1")
+    assert_allclose(part.modes(5).frequencies, alone.modes(5).frequencies, rtol=1e-11)
+
+
+def test_ports_between_two_parts():
+    """A force between two chains, and a sensor between them, of which only one is reached by another force."""
+    model = beside(20, 30)
+    model.add_input("pair", "c0.3", "y", relative_to="c1.4")
+    model.add_output("gap", "c1.4", "y", relative_to="c0.7")
+    system, dense = (model.linearize(method=method) for method in ("sparse", "dense"))
+    for inputs, outputs in (("F0", "gap"), ("pair", "displacement1"), ("pair", "gap"), ("F1", ["gap", "M0"])):
+        part = system.reachable(inputs, outputs)
+        expected = dense.reachable(inputs, outputs)
+        assert part.dof == expected.dof
+        assert_allclose(part.frequency_response(OMEGA), expected.frequency_response(OMEGA), rtol=1e-10)
+    assert system.reachable("F1", ["gap", "M0"]).outputs == ("M0", "gap")
+
+
+def test_base_motion_reaches_all_machines():
+    model = beside(20, 30)
+    model.add_base_motion("floor", "y")
+    system = model.linearize(method="sparse")
+    assert system.reachable("floor").dof == 50
+    assert system.reachable("floor", "M1").dof == 30
+    assert "nothing was dropped" in system.reachable().explain()
+
+
+def test_loops_stay_cut_where_they_were():
+    model = together(mv.library.ladder(8), scenes.braced(21))
+    system = model.linearize(method="sparse")
+    part = system.reachable("a.Fx")
+    assert part.cut_joints == tuple(name for name in system.cut_joints if name.startswith("a."))
+    assert_allclose(part.modes(8).frequencies, mv.library.ladder(8).linearize().modes().frequencies, rtol=1e-11)
+
+
+def test_later_changes_of_the_model_do_not_matter():
+    model = beside(20, 30)
+    system = model.linearize(method="sparse")
+    model.add_body("late", 1.0, scenes.INERTIA)
+    assert system.reachable("F0").dof == 20
+
+
+def test_nothing_in_reach_is_refused():
+    system = beside(20, 30).linearize(method="sparse")
+    with pytest.raises(mv.ResponseError, match="no part of 'side by side' is reached by an input asked for and seen"):
+        system.reachable("F0", "M1")
+    with pytest.raises(mv.ResponseError, match="has no input 'F7'"):
+        system.reachable("F7")
