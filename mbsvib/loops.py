@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.couplers.rows import Couplings
     from mbsvib.kinematics import Array, Index
 
     Mask = NDArray[np.bool_]
@@ -95,7 +96,8 @@ class Cuts:
     """The locked rows of the cut joints: ``rows``, their ``names`` and the number of the cut ``joint`` of each.
 
     ``joints`` are the cut joints' names, ``start`` the first row of each joint that locks anything; ``translates``
-    tells locked translations from rotations.
+    tells locked translations from rotations. The rows of ``couplings`` come behind these, each a joint of its own in
+    ``names``, ``joint``, ``joints`` and ``translates``; ``rows`` and ``start`` have none of them.
     """
 
     rows: Rows
@@ -104,6 +106,15 @@ class Cuts:
     joints: tuple[str, ...]
     start: Index
     translates: Mask
+    couplings: Couplings | None = None
+
+    def row_scale(self, length: float) -> Array:
+        """Return the factors (..., rows) by which the rows know no units, lengths being measured in ``length`` [m]."""
+        if self.couplings is None:
+            return np.where(self.translates, 1.0 / length, 1.0)
+        own, coupled = self.translates[: len(self.rows.first)], self.couplings.row_scale(length)
+        scale = np.broadcast_to(np.where(own, 1.0 / length, 1.0), (*coupled.shape[:-1], len(own)))
+        return np.concatenate((scale, coupled), axis=-1)
 
 
 def reduce(
@@ -175,6 +186,8 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     """Loops that share a coordinate form a group: (rows, columns) of each."""
     first, second = cuts.rows.first[cuts.start], cuts.rows.second[cuts.start]
     touched = coordinates.path[second] != coordinates.path[first]
+    if cuts.couplings is not None:
+        touched = np.concatenate((touched, cuts.couplings.touched))
     groups: list[tuple[int, list[int]]] = []
     for loop, bits in enumerate(np.packbits(touched, axis=1)):
         # the coordinates that a loop touches as bits of one integer: an intersection is a single operation
@@ -189,7 +202,7 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     row = np.arange(len(cuts.names))
     if len(groups) == 1:
         return [(row, np.flatnonzero(touched.any(axis=0)))]
-    ends = [*cuts.start.tolist(), len(row)]
+    ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(row) + 1)]
     return [
         (np.concatenate([row[ends[loop] : ends[loop + 1]] for loop in loops]),
          np.flatnonzero(touched[loops].any(axis=0)))
@@ -201,7 +214,8 @@ def _solve(
     coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask
 ) -> tuple[LoopGroup, Index, Index, Array]:
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
-    points = np.concatenate((cuts.rows.point[:, rows], coordinates.point[:, columns]), axis=1)
+    cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
+    points = np.concatenate((cuts.rows.point[:, cut], coordinates.point[:, columns]), axis=1)
     low, high = points.min(axis=1), points.max(axis=1)
     length = float((high - low).max()) or 1.0
     scale = np.where(coordinates.turns[columns], 1.0, length)
@@ -237,8 +251,7 @@ def _solve(
 
 def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
     """Return Phi with translations over ``length`` and rotations as they are, so that rank knows no units."""
-    row_scale = np.where(cuts.translates[rows], 1.0 / length, 1.0)
-    return phi * row_scale[:, None] * column_scale
+    return phi * cuts.row_scale(length)[rows, None] * column_scale
 
 
 def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:

@@ -150,7 +150,12 @@ def phi_nearby(
         moment[..., at] = crossed_product(*axes)
     point = shift(_holders(topology, cuts), rows.point)
     moved = replace(rows, point=point, force=force, moment=moment)
-    return relative_motion(twists, moved).dense(0, len(cuts.names))
+    phi = relative_motion(twists, moved).dense(0, len(rows.first))
+    if cuts.couplings is None:
+        return phi
+    coupled = cuts.couplings.nearby(turn, shift).dense(twists)
+    lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
+    return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in (phi, coupled)], axis=-2)
 
 
 def added(a: Array, b: Array) -> Array:
@@ -188,7 +193,7 @@ def _carriers(topology: Topology) -> tuple[Index, Index]:
 def _holders(topology: Topology, cuts: Cuts) -> Index:
     """The body that carries the point of each locked row."""
     second = np.array([topology.joints[k].kind in POINT_IN_SECOND for k in topology.cut], dtype=bool)
-    return np.where(second[cuts.joint], cuts.rows.second, cuts.rows.first)
+    return np.where(second[cuts.joint[: len(cuts.rows.first)]], cuts.rows.second, cuts.rows.first)
 
 
 def _rods(

@@ -138,7 +138,12 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
             moment = stacked(moment, values.count)
             force[:, :, rows] = _turned(turn, force[:, :, rows])
             moment[:, :, rows] = _turned(turn, moment[:, :, rows])
-    return replace(cuts, rows=Rows(cuts.rows.first, cuts.rows.second, point, force, moment))
+    couplings = cuts.couplings
+    if couplings is not None:
+        from mbsvib.couplers.variants import varied_couplings
+
+        couplings = varied_couplings(couplings, scene, values)
+    return replace(cuts, rows=Rows(cuts.rows.first, cuts.rows.second, point, force, moment), couplings=couplings)
 
 
 def _ports(model: Model, port: Ports, count: int, moved: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
@@ -197,8 +202,12 @@ def slice_variant(array: Array, i: int) -> Array:
 
 def cuts_of(cuts: Cuts, i: int) -> Cuts:
     """Return the locked rows of one variant."""
-    rows = cuts.rows
-    return replace(cuts, rows=Rows(rows.first, rows.second, *(
+    rows, couplings = cuts.rows, cuts.couplings
+    if couplings is not None:
+        from mbsvib.couplers.variants import couplings_of
+
+        couplings = couplings_of(couplings, i)
+    return replace(cuts, couplings=couplings, rows=Rows(rows.first, rows.second, *(
         slice_variant(array, i) for array in (rows.point, rows.force, rows.moment))))  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def pivots(scene: Scene, nominal: Reduction) -> Pivots:
     """
     if scene.cuts is None or not nominal.groups:
         return Pivots(nominal, (), (), ())
-    phi = scene.relative().dense(0, scene.locked)[None]
+    phi = scene.closure(scene.relative())[None]
     kept = np.zeros(phi.shape[-1], dtype=bool)
     kept[nominal.independent] = True
     dependent = tuple(group.columns[~kept[group.columns]] for group in nominal.groups)
@@ -162,10 +162,10 @@ def _solved(
 ) -> tuple[Array, Array, Array]:
     """Block of B'', distance of A from singular relative to its size, and what the redundant rows leave."""
     needed = np.array([cuts.names[row] not in group.redundant for row in group.rows], dtype=bool)
-    row_scale = np.where(cuts.translates, 1.0 / group.length, 1.0)
+    row_scale = cuts.row_scale(group.length)[..., group.rows, None]
     column_scale = np.where(coordinates.turns, 1.0, group.length)
     columns = np.concatenate((dependent, others)).astype(np.intp)
-    scaled = phi[:, group.rows[:, None], columns] * (row_scale[group.rows, None] * column_scale[columns])
+    scaled = phi[:, group.rows[:, None], columns] * (row_scale * column_scale[columns])
     r = len(dependent)
     a, right = scaled[:, needed, :r], scaled[:, needed, r:]
     both = np.concatenate((right, np.broadcast_to(np.eye(r), a.shape)), axis=2)
@@ -189,8 +189,9 @@ def _solved(
 
 def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
     """Rounding of the scaled rows: positions are rounded relative to the origin, see ``mbsvib.loops``."""
+    cut = group.rows[group.rows < len(cuts.rows.first)]
     far = [np.abs(array[..., of]).max(axis=(0, -1), initial=0.0)
-           for array, of in ((cuts.rows.point, group.rows), (coordinates.point, group.columns))]  # fmt: skip
+           for array, of in ((cuts.rows.point, cut), (coordinates.point, group.columns))]  # fmt: skip
     noise: Array = EPS * max(len(group.rows), len(group.columns)) * np.maximum(1.0, np.maximum(*far) / group.length)
     return noise
 

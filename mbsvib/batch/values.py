@@ -13,6 +13,7 @@ from mbsvib.errors import ModelError
 from mbsvib.parameters import unit
 from mbsvib.parts import Body, Bushing, Spring
 from mbsvib.parts.body import TRIANGLE_SLACK
+from mbsvib.parts.coupler import Coupling
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -162,6 +163,9 @@ def _suspects(part: Part, whole: Mapping[str, Array]) -> Mask:
         gap = np.abs(ends[1] - ends[0])
         result |= ~gap.any(axis=0) | ~np.isfinite(gap).all(axis=0)
         result |= (whole.get("stiffness", part.stiffness) == 0.0) & (whole.get("damping", part.damping) == 0.0)
+    elif isinstance(part, Coupling):
+        for array in whole.values():
+            result |= (array.reshape(-1, count) == 0.0).any(axis=0)
     elif isinstance(part, Bushing):
         acts = np.zeros(count, dtype=bool)
         for field in ("stiffness", "damping"):

@@ -64,6 +64,10 @@ class Exact:
         self.number = {name: 6 * i for i, name in enumerate(model.bodies)}
         self.width = 6 * len(self.number)
         locked = [row for joint in model.joints.values() for row in self._joint(joint)[1]]
+        for coupler in model.couplers.values():
+            rows = {name: row for joint in model.joints.values() for name, row in self._joint(joint)[0].items()}
+            terms = [[mp.mpf(c) * v for v in rows[name]] for name, c in coupler.terms]
+            locked.append([sum(entries) for entries in zip(*terms, strict=True)])
         self.jacobian = locked
         self.basis, self.kept, self.dropped = null_space(locked, self.width)
         self.dof = len(self.basis[0]) if self.basis else 0
