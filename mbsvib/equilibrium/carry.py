@@ -8,8 +8,7 @@ import numpy as np
 
 from mbsvib.equilibrium import joints, springs
 from mbsvib.errors import ModelError
-from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Output, Spring
-from mbsvib.parts.load import Load
+from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.pose import Pose
@@ -56,7 +55,7 @@ def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
         return _body(part, pose)
     if isinstance(part, Joint):
         return joints.words_at(part, pose)
-    if isinstance(part, (Spring, Bushing)):
+    if isinstance(part, (Spring, Bushing, Maxwell)):
         return springs.words_at(part, pose, relaxed)
     words: dict[str, Any] = part.words()
     if isinstance(part, (Load, Input, Output)):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Literal, cast, overload
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from mbsvib.equilibrium.report import Equilibrium
     from mbsvib.model import Model
+    from mbsvib.parts import Bushing, Spring
+
+    Chosen = Sequence[str | Spring | Bushing] | str | bool
 
 
 class Posed:
@@ -45,3 +49,59 @@ class Posed:
         from mbsvib.equilibrium.moved import moved
 
         return moved(cast("Model", self), values, relaxed, cut)
+
+    @overload
+    def equilibrium(
+        self, preload: Chosen | None = ..., *, report: Literal[False] = ..., snap: bool = ...,
+        cut: Sequence[str] = ...,
+    ) -> Model: ...  # fmt: skip
+
+    @overload
+    def equilibrium(
+        self, preload: Chosen | None = ..., *, report: Literal[True], snap: bool = ..., cut: Sequence[str] = ...
+    ) -> Equilibrium: ...
+
+    def equilibrium(
+        self, preload: Chosen | None = None, *, report: bool = False, snap: bool = False, cut: Sequence[str] = ()
+    ) -> Model | Equilibrium:
+        """Return a new model in equilibrium: where its loads take it, or with preloads that hold it in this pose.
+
+        The pose is found by Newton's method on the exact equations, with the tangent K + K_g and loops closed at every
+        step. A mechanism that its springs hold follows its loads as they grow, and is refused where it would snap
+        through; one that hangs goes downhill. Motions that nothing moves stay as they are.
+
+        Parameters
+        ----------
+        preload : str, sequence of str, or True, optional
+            Names or patterns (``"leg*.k"``) of the springs and bushings whose preloads are to be found, True for all:
+            the pose stays, and of all preloads that hold it the smallest ones are taken (least sum of squares, moments
+            divided by the size of the mechanism). Default: the pose is found.
+        report : bool
+            True: return how it was found as well, ``Equilibrium`` with the model, the residual after every step, load
+            steps, and how far each body moved.
+        snap : bool
+            True: a mechanism that its springs hold may snap through to a pose elsewhere.
+        cut : sequence of str
+            Joints at which loops are to be cut.
+
+        Returns
+        -------
+        Model or Equilibrium
+            The model, or the report with it; this model stays as it is.
+
+        Raises
+        ------
+        EquilibriumError
+            If no such pose can be reached, with what is left over in the last one, or no such preload holds this one.
+        ModelError
+            If a name or pattern picks no spring, or a part cannot be taken to another pose.
+        """
+        from mbsvib.equilibrium.search import equilibrium
+
+        model = cast("Model", self)
+        if preload:
+            from mbsvib.equilibrium.preloads import preloaded
+
+            model = preloaded(model, preload)
+        found = equilibrium(model, snap, cut)
+        return found if report else found.model

@@ -13,6 +13,7 @@ from mbsvib.equilibrium.carry import carried
 from mbsvib.equilibrium.joints import displacement, opening
 from mbsvib.equilibrium.rotations import exponential
 from mbsvib.kinematics import relative_motion, twists
+from mbsvib.parts import Bushing
 from mbsvib.topology import FLOATS, span
 
 if TYPE_CHECKING:
@@ -80,10 +81,17 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = ()) -> Stance:
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     coordinates = twists(topology, bodies)
-    points = np.concatenate((pose.origin[:-1], coordinates.point.T))
-    size = float(np.ptp(points, axis=0).max()) or 1.0
     return Stance(described, pose, model, tuple(cut), topology, coordinates,
-                  cut_rows(topology, bodies, dict(pose.number)), size)  # fmt: skip
+                  cut_rows(topology, bodies, dict(pose.number)), size_of(described))  # fmt: skip
+
+
+def size_of(model: Model) -> float:
+    """Return the size [m] of a mechanism as described, between the outermost of its points; 1 m if it is one point."""
+    points = [body.position for body in model.bodies.values()]
+    points += [joint.point for joint in model.joints.values() if joint.point is not None]
+    for spring in model.springs.values():
+        points += [spring.position] if isinstance(spring, Bushing) else [spring.start, spring.end]
+    return float(np.ptp(np.array(points), axis=0).max()) or 1.0
 
 
 def along_tree(at: Stance, q: Array) -> Pose:

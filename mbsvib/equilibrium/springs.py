@@ -12,20 +12,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equilibrium.rotations import inverse_jacobian, logarithm, second_order
-from mbsvib.parts import Spring
+from mbsvib.errors import ModelError
+from mbsvib.parts import Maxwell, Spring
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics import Array
     from mbsvib.parts import Bushing
 
+# A force below this share of stiffness times length is rounding of the length.
+ROUNDING = 1e-15
 
-def words_at(part: Spring | Bushing, pose: Pose, relaxed: bool = False) -> dict[str, Any]:
+
+def words_at(part: Spring | Bushing | Maxwell, pose: Pose, relaxed: bool = False) -> dict[str, Any]:
     """Return the words of a spring-damper in another pose.
 
     Parameters
     ----------
-    part : Spring or Bushing
+    part : Spring, Bushing or Maxwell
         The spring-damper as described.
     pose : Pose
         The pose.
@@ -35,11 +39,18 @@ def words_at(part: Spring | Bushing, pose: Pose, relaxed: bool = False) -> dict[
     Returns
     -------
     dict
-        Words for ``add_spring`` or ``add_bushing``.
+        Words for ``add_spring``, ``add_bushing`` or ``add_maxwell``.
+
+    Raises
+    ------
+    ModelError
+        If a Maxwell element would have to carry a force.
     """
     words = part.words()
     if pose.stays(part.first) and pose.stays(part.second):
         return words
+    if isinstance(part, Maxwell):
+        return _maxwell(part, pose, words, relaxed)
     return _spring(part, pose, words, relaxed) if isinstance(part, Spring) else _bushing(part, pose, words, relaxed)
 
 
@@ -51,10 +62,25 @@ def _spring(spring: Spring, pose: Pose, words: dict[str, Any], relaxed: bool) ->
             words["preload"] = spring.tension
             del words["free_length"]
     elif spring.free_length is None:
-        tension = spring.tension + spring.stiffness * (float(np.linalg.norm(end - start)) - spring.length)
+        change = spring.stiffness * (float(np.linalg.norm(end - start)) - spring.length)
+        tension = spring.tension + change
+        if abs(tension) < ROUNDING * abs(spring.stiffness) * spring.length:
+            tension = 0.0
         if tension or spring.preload is not None:
             words["preload"] = tension
     return words
+
+
+def _maxwell(part: Maxwell, pose: Pose, words: dict[str, Any], relaxed: bool) -> dict[str, Any]:
+    """Its damper gives way until the spring in series carries nothing; the spring beside them would carry a force."""
+    start, end = pose.point(part.first, part.start), pose.point(part.second, part.end)
+    before, after = (float(np.linalg.norm(np.subtract(b, a))) for a, b in ((part.start, part.end), (start, end)))
+    if not relaxed and part.static_stiffness and abs(after - before) > 16 * ROUNDING * before:
+        who = f"maxwell '{part.name}'"
+        raise ModelError(f"{who}: static_stiffness = {part.static_stiffness:g} would carry a force in another pose, "
+                         f"which a Maxwell element cannot say; make it an add_spring of its own.",
+                         element=who, field="static_stiffness")  # fmt: skip
+    return words | {"start": start, "end": end}
 
 
 def deflection(bushing: Bushing, pose: Pose) -> tuple[Array, Array]:

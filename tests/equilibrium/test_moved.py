@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given
 
 import mbsvib as mv
+from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.rotations import exponential
 from tests.support.lagrangian import Lagrangian
 from tests.support.random_models import KINDS, add_random_body, add_random_joint, planar, seeds, spatial
@@ -55,7 +57,8 @@ def single(kind, seed=0, swap=False):
 
 
 def values_of(model, rng, size=0.7):
-    return {name: float(value) for name in model.linearize().coordinates for value in [rng.uniform(-size, size)]}
+    """Values for all coordinates of a tree."""
+    return {name: float(rng.uniform(-size, size)) for name in stance(model, start(model)).coordinates.names}
 
 
 @pytest.mark.parametrize("swap", [False, True])

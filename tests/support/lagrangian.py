@@ -207,9 +207,10 @@ class Lagrangian:
         pose, size, n = self.start if pose is None else pose, np.inf, 6 * len(self.bodies)
         for _ in range(iterations):
             local = self.at(pose)
-            j = local.jacobian
+            stiff = np.abs(local.tangent).max()  # constraints are put on a par with it, lest their values count as zero
+            j = stiff * local.jacobian
             matrix = np.block([[local.tangent, j.T], [j, np.zeros((len(j), len(j)))]])
-            step = np.linalg.lstsq(matrix, -np.concatenate([local.residual, local.phi]), rcond=1e-12)[0][:n]
+            step = np.linalg.lstsq(matrix, -np.concatenate([local.residual, stiff * local.phi]), rcond=1e-12)[0][:n]
             before, size = size, float(np.abs(step).max())
             pose = self.moved(pose, step * min(1.0, 0.3 / max(size, 1e-300)))
             if size < tolerance or (size < 1e-9 and size >= before):

@@ -1,0 +1,89 @@
+"""Balance: what is left of the forces in some pose, and the tangent that says how a motion changes it."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.assembly import matrices, scene
+from mbsvib.equilibrium.carry import carried
+from mbsvib.errors import NearSingularWarning
+from mbsvib.loops import EPS, reduce
+
+if TYPE_CHECKING:
+    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.kinematics import Array
+    from mbsvib.loops import Reduction
+    from mbsvib.model import Model
+
+
+# Positions are rounded by eps of the mechanism's size: what that does to its forces is this share of a size of them.
+RESOLVED = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """The forces of a model in one pose, along its minimal coordinates.
+
+    ``residual`` (m,) is what is left over and ``size`` (m,) that of what should cancel [N, N m], or of the least that
+    positions can tell; ``tangent`` (m, m) is
+    -d(residual)/dz, exact where the residual is zero. ``scale`` (m,) makes coordinates alike: 1 rad, or the size of the
+    mechanism. ``names`` are the coordinates', ``reduction`` leads to those of all joints, ``model`` is the model there.
+    """
+
+    model: Model
+    reduction: Reduction
+    names: tuple[str, ...]
+    residual: Array
+    size: Array
+    tangent: Array
+    scale: Array
+
+    @property
+    def share(self) -> float:
+        """The largest share of the forces along a coordinate that is left over."""
+        return float(np.abs(self.residual / np.where(self.size > 0.0, self.size, 1.0)).max(initial=0.0))
+
+    def all_joints(self, step: Array) -> Array:
+        """Return the motion of all joints of the tree for one of the minimal coordinates."""
+        if self.reduction.matrix is None:
+            return step
+        return np.asarray(self.reduction.matrix @ step)
+
+
+def balance(at: Stance) -> Balance:
+    """Return the forces and their tangent in a pose; springs follow their exact law.
+
+    Parameters
+    ----------
+    at : Stance
+        The pose, with loops closed.
+
+    Returns
+    -------
+    Balance
+        Residual and tangent.
+    """
+    model = carried(at.described, at.pose)
+    numbers = scene(model, at.cut)
+    relative = numbers.relative()
+    locked, coordinates = numbers.locked, numbers.coordinates
+    with warnings.catch_warnings():  # a pose on the way, not the one that is asked for
+        warnings.simplefilter("ignore", NearSingularWarning)
+        reduction = reduce(coordinates, numbers.cuts, relative.dense(0, locked))
+    found = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
+    kept = reduction.independent
+    residual = np.zeros(len(kept))
+    size = residual
+    if numbers.loads is not None:
+        from mbsvib.loads.loaded import load
+
+        statics = load(numbers, relative, reduction, found, model.name, checked=False)
+        residual, size = statics.residual, statics.size
+    scale = at.scale[kept]
+    size = np.maximum(size, EPS / RESOLVED * (np.abs(found["K"]) @ scale))
+    return Balance(model, reduction, tuple([coordinates.names[k] for k in kept.tolist()]), residual, size,
+                   found["K"], scale)  # fmt: skip

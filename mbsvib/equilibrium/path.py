@@ -1,0 +1,248 @@
+"""Newton's method for the pose of equilibrium, along the way that the mechanism itself would go.
+
+A mechanism whose springs hold it follows its loads: they are applied in steps, and each step is taken only if Newton's
+method contracts and the tangent K + K_g stays positive. Where it does not, the branch ends and the mechanism would snap
+through. A mechanism that hangs goes downhill: steps |K + K_g|^-1 r of limited length, which become Newton steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equilibrium.balance import Balance, balance
+from mbsvib.equilibrium.motion import Stance, along_tree, close, stance
+from mbsvib.equilibrium.scaled import with_share
+from mbsvib.errors import ModelError, SingularPoseError
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array
+    from mbsvib.model import Model
+
+# A pose counts as found when less than this share of the forces is left over, and no step makes it less.
+FOUND = 1e-10
+# Longest step downhill [rad, mechanism sizes], and how often one is cut in half.
+LONGEST, HALVINGS = 0.3, 30
+STEPS = 200
+# Newton's method must make its own steps shorter by this factor, and takes at most so many.
+CONTRACTION, NEWTON_STEPS = 0.5, 12
+SMALLEST_SHARE = 1e-3
+# Loops are closed when they are open by less than this share of the mechanism's size.
+CLOSED = 1e-11
+# Eigenvalues of the tangent below this share of the largest are stiffness that is not there.
+ZERO_STIFFNESS = 1e-10
+# Motions without stiffness are left alone if no more than this share of the forces acts along them; otherwise they are
+# taken to be as soft as this share of the stiffest.
+LEFT_ALONE, SOFTEST = 1e-12, 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Where the search ended: the last stance with its forces, whether that is in balance, and the way there.
+
+    ``residuals`` are the shares of the forces left over after each step under the whole load, ``steps`` counts all
+    steps, ``shares`` are the shares of the load at which the mechanism was in balance on the way; ``stopped`` says in
+    words why the search ended short of balance.
+    """
+
+    stance: Stance
+    balance: Balance
+    residuals: tuple[float, ...]
+    steps: int
+    shares: tuple[float, ...]
+    stopped: str = ""
+
+
+def step_from(at: Stance, step: Array) -> Stance | None:
+    """Return the stance after a motion of all joints with loops closed, or None where there is none."""
+    try:
+        there, left = close(at, along_tree(at, step))
+    except (ModelError, SingularPoseError):
+        return None
+    return there if left <= CLOSED else None
+
+
+def forces_at(at: Stance) -> Balance | None:
+    """Return the forces in a pose, or None where they are not defined."""
+    try:
+        return balance(at)
+    except (ModelError, SingularPoseError):
+        return None
+
+
+def stiffness(forces: Balance) -> tuple[Array, Array]:
+    """Return eigenvalues and vectors of the symmetric part of the tangent, coordinates being scaled alike."""
+    matrix = forces.tangent * np.multiply.outer(forces.scale, forces.scale)
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return values, vectors
+
+
+def is_stable(values: Array) -> bool:
+    """Tell whether all eigenvalues are positive by more than rounding."""
+    return bool(len(values) == 0 or values[0] > ZERO_STIFFNESS * np.abs(values).max())
+
+
+def newton_step(forces: Balance) -> Array:
+    """Return the motion of all joints that the tangent asks for: to balance where it is positive, downhill elsewhere.
+
+    Motions without stiffness and without force are left alone.
+    """
+    scale, residual = forces.scale, forces.scale * forces.residual
+    values, vectors = stiffness(forces)
+    if is_stable(values):
+        matrix = forces.tangent * np.multiply.outer(scale, scale)
+        return forces.all_joints(scale * np.linalg.solve(matrix, residual))
+    size = np.abs(values)
+    soft = size <= ZERO_STIFFNESS * size.max()
+    along = vectors.T @ residual
+    noise = float(np.linalg.norm(scale * forces.size))
+    along[soft & (np.abs(along) <= LEFT_ALONE * noise)] = 0.0
+    size = np.maximum(size, SOFTEST * (float(size.max()) or noise))
+    return forces.all_joints(scale * (vectors @ (along / size)))
+
+
+def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]:
+    """Take Newton steps for as long as they leave less of the forces over; near a pose that is stable."""
+    residuals: list[float] = []
+    for _ in range(NEWTON_STEPS):
+        values, _ = stiffness(forces)
+        if not forces.residual.any() or values[0] < -ZERO_STIFFNESS * np.abs(values).max():
+            break
+        there = step_from(at, newton_step(forces))
+        after = None if there is None else forces_at(there)
+        if there is None or after is None or not after.share < forces.share:
+            break
+        at, forces = there, after
+        residuals.append(forces.share)
+    return at, forces, residuals
+
+
+def follow(model: Model, first: Stance, cut: tuple[str, ...]) -> Found:
+    """Return the pose that a mechanism held by springs takes as its loads are applied.
+
+    Parameters
+    ----------
+    model : Model
+        The model as described.
+    first : Stance
+        The pose as described.
+    cut : tuple of str
+        Joints at which loops are cut.
+
+    Returns
+    -------
+    Found
+        The pose under the whole load, or the last one on the branch.
+    """
+    done, share, steps = 0.0, 1.0, 0
+    here, shares = first, [0.0]
+    residuals: list[float] = []
+    while True:
+        start = stance(with_share(model, share), here.pose, cut)
+        tried = _contracting(start)
+        steps += len(tried.residuals) - 1
+        if not tried.stopped:
+            here, done, residuals = tried.stance, share, list(tried.residuals)
+            shares.append(done)
+            if done == 1.0:
+                break
+            share = min(1.0, done + 2.0 * (done - shares[-2]))
+            continue
+        if share - done < SMALLEST_SHARE:
+            whole = stance(model, here.pose, cut)
+            return Found(whole, balance(whole), (*residuals, balance(whole).share), steps, tuple(shares),
+                         f"under {done:.1%} of the load {tried.stopped}")  # fmt: skip
+        share = done + 0.5 * (share - done)
+    at, forces, more = polished(here, balance(here))
+    return Found(at, forces, (*residuals, *more), steps + len(more), tuple(shares))
+
+
+def _contracting(at: Stance) -> Found:
+    """Newton's method with whole steps, given up as soon as it does not contract on a stable branch."""
+    forces = balance(at)
+    residuals = [forces.share]
+    length = np.inf
+    while True:
+        values, _ = stiffness(forces)
+        if not is_stable(values):
+            return Found(at, forces, tuple(residuals), 0, (), _soft(forces))
+        step = newton_step(forces)
+        before, length = length, float(np.abs(step / at.scale).max(initial=0.0))
+        if forces.share <= FOUND:
+            return Found(at, forces, tuple(residuals), 0, ())
+        if length > CONTRACTION * before or length > LONGEST or len(residuals) > NEWTON_STEPS:
+            return Found(at, forces, tuple(residuals), 0, (), _soft(forces))
+        there = step_from(at, step)
+        after = None if there is None else forces_at(there)
+        if there is None or after is None:
+            return Found(at, forces, tuple(residuals), 0, (), "its loops cannot be closed any further")
+        at, forces = there, after
+        residuals.append(forces.share)
+
+
+def _soft(forces: Balance) -> str:
+    _, vectors = stiffness(forces)
+    name = forces.names[int(np.argmax(np.abs(vectors[:, 0])))]
+    return f"its stiffness vanishes, mostly along '{name}': it would snap through to a pose elsewhere"
+
+
+def descend(first: Stance) -> Found:
+    """Return the pose to which a mechanism goes downhill.
+
+    Parameters
+    ----------
+    first : Stance
+        The pose as described.
+
+    Returns
+    -------
+    Found
+        The pose of equilibrium, or the last one that was reached.
+    """
+    at, forces = first, balance(first)
+    residuals = [forces.share]
+    stopped = f"{STEPS} steps downhill do not reach one"
+    for _ in range(STEPS):
+        if forces.share <= FOUND:
+            stopped = ""
+            break
+        reached = _downhill(at, forces)
+        if reached is None:
+            stopped = "no motion leads any further"
+            break
+        at, forces = reached
+        residuals.append(forces.share)
+        if np.abs(at.pose.centre - first.pose.centre).max() > 50.0 * first.size:
+            stopped = "it goes away without end"
+            break
+    else:
+        stopped = "" if forces.share <= FOUND else stopped
+    if not stopped:
+        at, forces, more = polished(at, forces)
+        residuals += more
+    return Found(at, forces, tuple(residuals), len(residuals) - 1, (), stopped)
+
+
+def _downhill(at: Stance, forces: Balance) -> tuple[Stance, Balance] | None:
+    """One step of limited length, cut in half until the forces still point along it or have become less."""
+    step = newton_step(forces)
+    if not step.any():
+        return None
+    step = step * min(1.0, LONGEST / float(np.abs(step / at.scale).max()))
+    along = _work(forces, step)
+    for _ in range(HALVINGS):
+        there = step_from(at, step)
+        after = None if there is None else forces_at(there)
+        if there is not None and after is not None:
+            less = after.share < 0.5 * forces.share
+            if less or _work(after, step) > -0.2 * along:
+                return there, after
+        step, along = 0.5 * step, 0.5 * along
+    return None
+
+
+def _work(forces: Balance, step: Array) -> float:
+    """The work of the forces left over along a motion of all joints, for the part of it that loops allow."""
+    return float(forces.residual @ step[forces.reduction.independent])

@@ -1,0 +1,131 @@
+"""The preloads of springs and bushings that hold a model in the pose in which it is described."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements import eigenrows
+from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.pose import start
+from mbsvib.equilibrium.refusal import lacking
+from mbsvib.errors import EquilibriumError, ModelError, nearest
+from mbsvib.kinematics import Rows, relative_motion
+from mbsvib.loads.statics import BALANCE
+from mbsvib.parts import Bushing, Spring
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.kinematics import Array
+    from mbsvib.model import Model
+
+# Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
+RANK = 1e-10
+
+
+def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
+    """Return the model with the preloads that hold it; see ``Model.equilibrium``.
+
+    Parameters
+    ----------
+    model : Model
+        The model in the pose to be held.
+    chosen : sequence of str, or True
+        Names or patterns of springs and bushings, or all of them.
+
+    Returns
+    -------
+    Model
+        The model in the same pose, with the smallest preloads that hold it (moments divided by its size).
+
+    Raises
+    ------
+    ModelError
+        If a name or pattern picks no spring, or only some without stiffness.
+    EquilibriumError
+        If no preload of these holds the pose.
+    """
+    springs = _chosen(model, chosen)
+    bare = model
+    for spring in springs:
+        changes = {"preload": None} | ({"free_length": None} if isinstance(spring, Spring) else {})
+        bare = bare.replace(spring.name, **changes)
+    at = stance(bare, start(bare))
+    forces = balance(at)
+    bases = [_directions(spring, at.size) for spring in springs]
+    rows = _rows(at, springs, bases)
+    acting = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
+    size = np.linalg.lstsq(acting.T, -forces.scale * forces.residual, rcond=RANK)[0]
+    result, used = bare, 0
+    for spring, basis in zip(springs, bases, strict=True):
+        value = basis.T @ size[used : used + len(basis)]
+        used += len(basis)
+        words = {"preload": -float(value[2])} if isinstance(spring, Spring) else {"preload": value.tolist()}
+        result = result.replace(spring.name, **words)
+    held = balance(stance(result, start(result)))
+    if held.share > BALANCE:
+        names = ", ".join(f"'{spring.name}'" for spring in springs[:6]) + (", ..." if len(springs) > 6 else "")
+        what, where = lacking(at, held)
+        raise EquilibriumError(
+            f"model '{model.name}': no preload of {names} holds the given pose; {what}. Choose springs that act along "
+            f"it as well, or let model.equilibrium() find another pose.", **where,
+        )  # fmt: skip
+    return result
+
+
+def _chosen(model: Model, chosen: Sequence[Any] | str | bool) -> list[Spring | Bushing]:
+    """The springs that are named or picked, without those that have no stiffness to be stretched."""
+    if isinstance(chosen, bool):
+        patterns = ["*"] if chosen else []
+    else:
+        given = [chosen] if isinstance(chosen, str) or not hasattr(chosen, "__iter__") else list(chosen)
+        patterns = [item if isinstance(item, str) else getattr(item, "name", str(item)) for item in given]
+    names: dict[str, None] = {}
+    for pattern in patterns:
+        picked = [name for name in model.springs if name == pattern or fnmatchcase(name, pattern)]
+        stiff = [name for name in picked if _is_stiff(model.springs[name])]
+        if not stiff:
+            why = "is no spring or bushing" if not picked else "has no stiffness to be stretched"
+            raise ModelError(f"equilibrium: preload = {pattern!r} {why} of model '{model.name}'."
+                             f"{'' if picked else nearest(pattern, model.springs)}",
+                             element=pattern, field="preload")  # fmt: skip
+        names |= dict.fromkeys(stiff)
+    return [spring for name in names if isinstance(spring := model.springs[name], (Spring, Bushing))]
+
+
+def _is_stiff(part: Any) -> bool:
+    if isinstance(part, Bushing):
+        return bool(np.any(part.stiffness))
+    return isinstance(part, Spring) and part.stiffness != 0.0
+
+
+def _directions(spring: Spring | Bushing, size: float) -> Array:
+    """Wrenches on the second body (n, 6) that the spring can carry, in its axes; orthonormal with moments over size."""
+    if isinstance(spring, Spring):
+        return np.eye(6)[2:3]
+    stiffness = np.array(spring.stiffness)
+    if stiffness.ndim == 1:
+        units = np.eye(6)[stiffness != 0.0]
+    else:
+        values, vectors = eigenrows(stiffness)
+        units = vectors[values != 0.0]
+    scale = np.array([1.0] * 3 + [1.0 / size] * 3)
+    return np.asarray(np.linalg.qr((units * scale).T)[0].T / scale)
+
+
+def _rows(at: Stance, springs: list[Spring | Bushing], bases: list[Array]) -> Array:
+    """What such a wrench of one unit does along each joint coordinate of the tree, one row each."""
+    tuples: list[tuple[float, ...]] = []
+    for spring, basis in zip(springs, bases, strict=True):
+        ends = at.pose.number[spring.first], at.pose.number[spring.second]
+        if isinstance(spring, Spring):
+            tuples.append((*ends, *spring.start, *spring.line, 0.0, 0.0, 0.0))
+        else:
+            axes = np.array(spring.orientation)
+            tuples += [(*ends, *spring.position, *(axes @ six[:3]), *(axes @ six[3:])) for six in basis]
+    return relative_motion(at.coordinates, Rows.stack(tuples)).dense(0, len(tuples))

@@ -1,0 +1,89 @@
+"""Preloads that hold a given pose."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.equilibrium.test_moved import four_bar
+from tests.equilibrium.test_search import G, check, pendulum, reloaded
+from tests.support.lagrangian import Lagrangian
+
+
+def in_balance(model):
+    weight = sum(body.mass for body in model.bodies.values()) * np.linalg.norm(model.gravity)
+    return np.abs(Lagrangian(model).at().residual).max() < 1e-12 * weight
+
+
+def test_a_spring_holds_a_lever():
+    model = pendulum(np.pi / 2)
+    model.add_spring("k", "ground", "rod", (0.4, 0, 0.3), (0.4, 0, 0), 500.0, free_length=0.25)
+    held = model.equilibrium(preload="k")
+    assert held.springs["k"].preload == pytest.approx(3 * 9.81, rel=1e-14)
+    assert held.springs["k"].free_length is None
+    assert held.bodies["rod"].position == model.bodies["rod"].position
+    assert in_balance(held)
+    assert held.linearize().dof == 1
+
+
+def test_the_smallest_of_many_preloads_is_taken():
+    model = mv.Model("table", gravity=G)
+    model.add_body("top", 8.0, (1, 1, 1), (0.1, 0.05, 1.0))
+    for name, x, y in (("a", 0.0, 0.0), ("b", 1.0, 0.0), ("c", 0.0, 1.0), ("d", 1.0, 1.0)):
+        model.add_bushing(f"leg.{name}", "ground", "top", (x, y, 0.8), (1e3, 1e3, 1e4, 0, 0, 0))
+    held = model.equilibrium(preload=("leg.*",))
+    assert in_balance(held)
+    force = np.array([held.springs[f"leg.{name}"].preload[2] for name in "abcd"])
+    balance = np.array([[1, 1, 1, 1], [0, 1, 0, 1], [0, 0, 1, 1]])
+    expected = np.linalg.pinv(balance) @ (8 * 9.81 * np.array([1.0, 0.1, 0.05]))
+    assert force == pytest.approx(expected, rel=1e-12)
+    assert all(held.springs[f"leg.{name}"].preload[3:] == (0, 0, 0) for name in "abcd")
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_bushings_carry_what_they_are_stiff_in(full):
+    model = mv.Model("mount", gravity=(1.0, 2.0, -9.81))
+    model.add_body("box", 2.0, (1, 1, 1), (0.3, 0.1, 0.2))
+    rng = np.random.default_rng(0)
+    stiffness = 10 ** rng.uniform(2, 3, size=6)
+    if full:
+        root = rng.normal(size=(6, 6))
+        stiffness = 100 * root @ root.T
+    model.add_bushing("k", "ground", "box", (0.0, 0.0, 0.0), stiffness, orientation=(0.3, 0.2, -0.5))
+    held = model.equilibrium(preload=True)
+    axes = np.array(held.springs["k"].orientation)
+    force = -2.0 * np.array(model.gravity)
+    assert axes @ held.springs["k"].preload[:3] == pytest.approx(force, rel=1e-12)
+    assert axes @ held.springs["k"].preload[3:] == pytest.approx(np.cross([0.3, 0.1, 0.2], force), rel=1e-12)
+    assert in_balance(held)
+
+
+def test_legs_of_a_stewart_platform_hold_its_payload():
+    model = reloaded(mv.library.stewart())
+    held = model.equilibrium(preload=("leg*",))
+    assert in_balance(held)
+    assert all(held.bodies[name] == body for name, body in model.bodies.items())
+    preloads = np.array([spring.preload for spring in held.springs.values()])
+    assert preloads[0::2] == pytest.approx(np.full(3, preloads[0]), rel=1e-9)
+    check(held, held.equilibrium(report=True))
+
+
+def test_a_loop_is_held_by_one_spring():
+    model = reloaded(four_bar()[0], (0.0, -9.81, 0.0))
+    model.add_spring("k", "ground", "coupler", (0.2, 1.0, 0.0), model.joints["C"].position, 60.0)
+    assert in_balance(model.equilibrium(preload="k"))
+
+
+def test_what_springs_cannot_hold_is_named():
+    model = mv.Model("cart", gravity=(1.0, 0, -9.81))
+    model.add_body("cart", 2.0, (1, 1, 1))
+    model.add_joint("table", "planar", "ground", "cart", (0, 0, 0))
+    model.add_spring("k", "ground", "cart", (0, -1, 0), (0, 0, 0), 100.0)
+    model.add_spring("d", "ground", "cart", (0, -1, 0), (0, 0, 0), damping=1.0)
+    message = r"no preload of 'k' holds the given pose; body 'cart' lacks -2 N along 'table\.x'"
+    with pytest.raises(mv.EquilibriumError, match=message) as caught:
+        model.equilibrium(preload=True)
+    assert (caught.value.body, caught.value.coordinate, caught.value.unit) == ("cart", "table.x", "N")
+    with pytest.raises(mv.ModelError, match=r"preload = 'kk' is no spring or bushing .* Did you mean 'k'"):
+        model.equilibrium(preload="kk")
+    with pytest.raises(mv.ModelError, match="preload = 'd' has no stiffness"):
+        model.equilibrium(preload=["d"])

@@ -1,0 +1,242 @@
+"""The pose of equilibrium: closed forms, and the exact equations of the mechanism solved by another road."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.equilibrium.search import equilibrium
+from tests.equilibrium.test_moved import four_bar, pose_of
+from tests.support.lagrangian import Lagrangian, projected
+from tests.support.random_models import planar, spatial
+
+G = (0.0, 0.0, -9.81)
+
+
+def reloaded(model, gravity=G):
+    """The same model with gravity."""
+    result = mv.Model(model.name, gravity)
+    for group in (model.bodies, model.joints, model.springs, model.inputs, model.outputs):
+        for part in group.values():
+            getattr(result, mv.model.ADDERS[type(part)])(**part.words())
+    return result
+
+
+def check(model, found):
+    """The exact equations of the model as described balance in the pose found, and have the tangent of the model there.
+
+    A Newton step of theirs, on all coordinates and multipliers at once, goes nowhere from it.
+    """
+    there = found.model
+    exact = Lagrangian(model)
+    pose = pose_of(there, model)
+    local = exact.at(pose)
+    start = exact.at()
+    force = max(np.abs(local.gradient).max(), np.abs(start.gradient).max())
+    assert np.abs(local.phi).max(initial=0.0) < 1e-11
+    assert np.abs(local.residual).max() < 1e-9 * force
+    (centre, turn), _ = exact.equilibrium(pose, iterations=3)
+    assert np.abs(centre - pose[0]).max() < 1e-10
+    assert np.abs(turn - pose[1]).max() < 1e-10
+    system = there.linearize()
+    basis = np.asarray(system.body_motion).reshape(-1, system.dof)
+    tangent = basis.T @ local.tangent @ basis
+    assert np.allclose(system.K, tangent, rtol=0, atol=1e-9 * np.abs(tangent).max(initial=1e-3))
+    assert np.allclose(projected(there, system)[0], system.K, rtol=0, atol=1e-9 * np.abs(tangent).max(initial=1e-3))
+    assert found.residuals[-1] < 1e-12
+    assert equilibrium(there).iterations == 0
+
+
+def pendulum(tilt, **words):
+    model = mv.Model("pendulum", gravity=G)
+    centre = 0.4 * np.array([np.sin(tilt), 0, -np.cos(tilt)])
+    model.add_body("rod", 3.0, (0.3, 0.2, 0.1), centre, orientation=(0, -tilt, 0))
+    model.add_joint("hinge", "revolute", "ground", "rod", (0, 0, 0), axis=(0, 1, 0), **words)
+    return model
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.2, 1.4, np.pi / 2, 2.5, -3.1])
+def test_a_pendulum_falls_to_where_it_hangs(tilt):
+    model = pendulum(tilt)
+    found = equilibrium(model)
+    rod = found.model.bodies["rod"]
+    assert rod.position == pytest.approx((0.0, 0.0, -0.4), abs=1e-14)
+    assert np.allclose(rod.orientation, np.eye(3), rtol=0, atol=1e-14)
+    assert found.displacements["rod"][4] == pytest.approx(tilt, abs=1e-13)
+    frequency = found.model.linearize().modes().frequencies[0]
+    assert frequency == pytest.approx(np.sqrt(3 * 9.81 * 0.4 / (0.2 + 3 * 0.4**2)) / 2 / np.pi, rel=1e-12)
+    check(model, found)
+
+
+def test_a_pendulum_in_balance_upside_down_is_left_alone():
+    found = equilibrium(pendulum(np.pi))
+    assert found.iterations == 0
+    assert found.model.bodies["rod"].position == pendulum(np.pi).bodies["rod"].position
+
+
+def test_a_pendulum_pushed_aside_leans():
+    model = pendulum(0.0)
+    model.add_load("wind", "rod", force=(3 * 9.81 * np.tan(0.6), 0, 0))
+    found = equilibrium(model)
+    assert found.model.bodies["rod"].position == pytest.approx((0.4 * np.sin(0.6), 0, -0.4 * np.cos(0.6)), abs=1e-14)
+    check(model, found)
+
+
+def test_convergence_is_quadratic():
+    found = equilibrium(pendulum(1.4))
+    errors = [r for r in found.residuals if 1e-16 < r < 0.2]
+    assert len(errors) >= 2
+    model = reloaded(mv.library.stewart(), tuple(np.multiply(3e4, (1.0, 0.5, -1.0))))
+    found = equilibrium(model)
+    rates = [r for r in found.residuals if r > 1e-16]
+    assert len(rates) >= 4
+    for before, after in pairwise(rates[1:]):
+        assert after < max(30.0 * before**2, 1e-14)
+
+
+def test_a_weight_stretches_its_spring():
+    model = mv.Model("scale", gravity=G)
+    model.add_body("pan", 2.0, (0.1, 0.1, 0.1), (0, 0, -0.5))
+    model.add_joint("rail", "prismatic", "ground", "pan", axis=(0, 0, 1))
+    model.add_spring("k", "ground", "pan", (0, 0, 0), (0, 0, -0.5), 400.0, free_length=0.45)
+    found = equilibrium(model)
+    length = 0.45 + 2 * 9.81 / 400
+    assert found.model.bodies["pan"].position == pytest.approx((0, 0, -length), abs=1e-15)
+    assert found.model.springs["k"].tension == pytest.approx(2 * 9.81)
+    assert found.model.springs["k"].free_length == 0.45
+    check(model, found)
+
+
+@pytest.mark.parametrize("spring", [False, True])
+def test_four_bar_under_gravity(spring):
+    model = reloaded(four_bar()[0], (0.0, -9.81, 0.0))
+    if spring:
+        model.add_spring("k", "ground", "coupler", (0.2, 1.0, 0.0), model.joints["C"].position, 60.0, free_length=0.2)
+    found = equilibrium(model)
+    check(model, found)
+    height = lambda m: sum(body.mass * body.position[1] for body in m.bodies.values())  # noqa: E731
+    if not spring:
+        assert height(found.model) < height(model)
+        for by in (-1e-3, 1e-3):
+            assert height(found.model) < height(found.model.moved({"A.rz": by}))
+
+
+def test_stewart_platform_sags_under_its_payload():
+    model = reloaded(mv.library.stewart(), (300.0, -200.0, -900.0))  # of a launch
+    found = equilibrium(model)
+    check(model, found)
+    (centre, _), step = Lagrangian(model).equilibrium()
+    assert step < 1e-9
+    for name, place in zip(model.bodies, centre, strict=True):
+        assert found.model.bodies[name].position == pytest.approx(place, abs=1e-10)
+    assert max(np.abs(six).max() for six in found.displacements.values()) > 1e-5
+
+
+def test_follower_loads_and_bushings_turned_far():
+    model = mv.Model("arm", gravity=G)
+    for i in range(3):
+        model.add_body(f"b{i}", 1.0, (0.01, 0.02, 0.02), (0.25 + 0.5 * i, 0, 0))
+        first = f"b{i - 1}" if i else "ground"
+        model.add_joint(f"j{i}", "spherical", first, f"b{i}", (0.5 * i, 0, 0))
+        model.add_bushing(f"k{i}", first, f"b{i}", (0.5 * i, 0, 0), (0, 0, 0, 20, 30, 25))
+    model.add_load("thrust", "b2", force=(0.0, 6.0, 3.0), position=(1.5, 0, 0), follower=True)
+    found = equilibrium(model)
+    assert np.linalg.norm(found.displacements["b2"][3:]) > 0.5
+    check(model, found)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_trees_on_their_springs(seed):
+    kinds = ("revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "free")
+    model = reloaded(spatial(seed, bodies=3, kinds=kinds, ports=False), (20.0, -50.0, -90.0))
+    check(model, equilibrium(model, snap=seed == 4))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_planar_loops_in_space(seed):
+    model = reloaded(planar(seed, bodies=4, loops=1, ports=False), (20.0, -50.0, -90.0))
+    check(model, equilibrium(model, snap=seed == 3))
+
+
+def truss(load):
+    """Two bars on sliders that push a mass up: a shallow arch that snaps through."""
+    model = mv.Model("arch")
+    model.add_body("crown", 1.0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.2))
+    model.add_joint("rail", "prismatic", "ground", "crown", axis=(0, 0, 1))
+    for name, x in (("left", -1.0), ("right", 1.0)):
+        model.add_spring(name, "ground", "crown", (x, 0, 0), (0, 0, 0.2), 1000.0)
+    model.add_load("weight", "crown", force=(0, 0, -load))
+    return model
+
+
+def limit_of_truss():
+    z = np.linspace(0.0, 0.2, 200001)
+    length = np.hypot(1.0, z)
+    return float((2 * 1000.0 * (np.hypot(1.0, 0.2) - length) * z / length).max())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.9, 0.99])
+def test_an_arch_below_its_limit_load_is_found(share):
+    model = truss(share * limit_of_truss())
+    found = equilibrium(model)
+    assert found.model.bodies["crown"].position[2] > 0.1
+    check(model, found)
+
+
+@pytest.mark.parametrize("share", [1.01, 3.0])
+def test_an_arch_that_snaps_through_is_refused_with_the_last_residual(share):
+    message = r"stiffness vanishes, mostly along 'rail\.z': it would snap"
+    with pytest.raises(mv.EquilibriumError, match=message) as caught:
+        equilibrium(truss(share * limit_of_truss()))
+    assert caught.value.body == "crown"
+    assert caught.value.missing > 0.0
+    reached = float(str(caught.value).split("under ")[1].split("%")[0]) / 100
+    assert reached == pytest.approx(1 / share, abs=0.003)
+
+
+def test_an_arch_may_snap_through_when_it_is_told_so():
+    model = truss(3.0 * limit_of_truss())
+    found = equilibrium(model, snap=True)
+    assert found.model.bodies["crown"].position[2] < -0.2
+    check(model, found)
+
+
+def test_a_body_that_nothing_holds_is_named():
+    model = mv.Model("falling", gravity=G)
+    model.add_body("stone", 1.0, (0.1, 0.1, 0.1))
+    with pytest.raises(mv.EquilibriumError, match=r"it goes away without end.*body 'stone' lacks 9\.81 N along"):
+        equilibrium(model)
+
+
+def test_rigid_motions_in_balance_are_left_alone():
+    model = mv.Model("satellite")
+    for name, x in (("a", 0.0), ("b", 1.0)):
+        model.add_body(name, 2.0, (0.1, 0.1, 0.1), (x, 0, 0))
+    model.add_joint("boom", "prismatic", "a", "b", axis=(1, 0, 0))
+    model.add_spring("k", "a", "b", (0, 0, 0), (1, 0, 0), 100.0, preload=5.0)
+    found = equilibrium(model)
+    ends = [found.model.bodies[name].position[0] for name in "ab"]
+    assert ends[1] - ends[0] == pytest.approx(0.95, abs=1e-14)
+    assert found.model.springs["k"].preload == pytest.approx(0.0, abs=1e-13)
+    assert np.count_nonzero(found.model.linearize().modes().frequencies) == 1
+
+
+def test_a_pose_out_of_reach_keeps_its_last_residual():
+    model = mv.Model("pull")
+    model.add_body("hook", 1.0, (0.1, 0.1, 0.1), (1.0, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "hook", axis=(1, 0, 0))
+    model.add_load("pull", "hook", force=(50.0, 0, 0))
+    with pytest.raises(mv.EquilibriumError, match="no equilibrium that can be reached") as caught:
+        equilibrium(model)
+    assert (caught.value.body, caught.value.coordinate, caught.value.unit) == ("hook", "rail.x", "N") or \
+        caught.value.coordinate == "rail.z"  # fmt: skip
+    assert caught.value.missing == pytest.approx(-50.0)
+
+
+def test_the_report_prints():
+    text = str(equilibrium(pendulum(0.5)))
+    assert text.startswith("equilibrium of 'pendulum' after ")
+    assert "residuals: " in text
+    assert "rod" in text
+    assert "0.5 rad" in text
