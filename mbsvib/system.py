@@ -11,13 +11,14 @@ import numpy as np
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.damped import Damped
     from mbsvib.energy_schur import EnergySchur
     from mbsvib.general import General
+    from mbsvib.loads.shares import StiffnessShares
     from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
     from mbsvib.massless import Separation
@@ -301,6 +302,35 @@ class System:
         """
         return self._clean_modes.eigenvalues.copy()
 
+    def eigenvalue_sensitivities(
+        self, parameters: str | Iterable[str] | Mapping[str, Mapping[str, float]] | None = None
+    ) -> Complex:
+        """Return the derivatives of all eigenvalues to parameters, without finite differences.
+
+        d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``), a mapping gives linear
+            maps, {variable: {parameter: rate}}. Default: every parameter of the system.
+
+        Returns
+        -------
+        array, shape (parameters, eigenvalues)
+            Derivatives [1/s per unit of the parameter], eigenvalues in the order of ``modes().eigenvalues``; those that
+            coincide have the derivatives of their branches, an eigenvalue 0 that a parameter would move infinity. Not a
+            number where a parameter, changed alone, takes degrees of freedom away.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces whose derivatives are not supported.
+        """
+        from mbsvib.sensitivities import eigenvalue_sensitivities
+
+        return eigenvalue_sensitivities(self, parameters)
+
     def transmission_zeros(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> Complex:
@@ -409,6 +439,34 @@ class System:
         from mbsvib.state_space import state_space
 
         return state_space(self.reachable() if reachable else self, realization)
+
+    @property
+    def reactions(self) -> dict[str, Array]:
+        """Wrench in each joint at the pose, {joint: (6,)}: force [N] and moment [N m] on its second body at its point.
+
+        World axes; its first body takes the opposite. A rod (distance joint) has its point at its end, a joint without
+        position at the centre of mass of its second body. Zeros where nothing loads the mechanism.
+        """
+        from mbsvib.loads.statics import joint_wrenches
+
+        return joint_wrenches(self)
+
+    def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:
+        """Return who holds the modes: shares of springs, preloads, loads and joint reactions in their strain energy.
+
+        Parameters
+        ----------
+        modes : Modes, optional
+            Some of this system's modes, ``system.modes(6)``; default: all.
+
+        Returns
+        -------
+        StiffnessShares
+            Signed shares, 1 in sum for each mode; printed as a table.
+        """
+        from mbsvib.loads.shares import stiffness_shares
+
+        return stiffness_shares(self, modes)
 
     def explain(self) -> str:
         """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""

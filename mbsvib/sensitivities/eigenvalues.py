@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.sensitivities.fields import check_complete, fields
+from mbsvib.sensitivities.fields import check_complete, fields, motions
 from mbsvib.sensitivities.network import network
 from mbsvib.sensitivities.products import breaking, products
 from mbsvib.sensitivities.spectrum import spectrum
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Index
-    from mbsvib.sensitivities.fields import Field, Fields
+    from mbsvib.parameters import Parameter
+    from mbsvib.sensitivities.fields import Field
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.spectrum import Spectrum
     from mbsvib.sensitivities.variables import Variables
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
+EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
 
@@ -66,49 +68,79 @@ def eigenvalue_sensitivities(
     """
     chosen = variables(system.parameters, parameters)
     found, net = spectrum(system), network(system)
-    right = _motions(system, net, found.lead, found.right)
-    left = None if found.left is None else _motions(system, net, found.lead, found.left)
-    check_complete(system, found.lead, found.right, right)
-    forms = products(net, chosen.parameters, right if left is None else left, None if left is None else right)
+    check_complete(system, net)
+    groups = found.clusters()
+    pairs = [np.array(pair).reshape(2, -1) for pair in (np.meshgrid(group, group, indexing="ij") for group in groups)]
+    left, right = np.concatenate([np.tile(np.arange(len(found.lead)), (2, 1)), *pairs], axis=1)
+    forms = _forms(system, net, chosen, found, left, right)
     forms[breaking(system, net, chosen.parameters)] = np.nan
     form = chosen.chain(forms)
-    result = np.empty((len(chosen.names), found.count), dtype=complex)
-    moving = found.lead != 0.0
-    slope = np.where(moving, found.slopes(system), 1.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        result[:, found.place] = -form / slope
-    result[:, found.place[~moving]] = np.where(np.abs(form[:, ~moving]) <= ZERO_FORM * _largest(form), 0.0, np.inf)
-    for group in found.clusters():
-        result[:, found.place[group]] = _branches(system, net, chosen, found, (left or right, right), group)
-    result[:, found.mirror] = result[:, found.place[found.mirrored]].conj()
+    gram = found.gram(system, left, right)
+    simple = len(found.lead)
+    resting = np.flatnonzero(found.lead == 0.0)
+    size = np.abs(form).max(axis=1, keepdims=True, initial=0.0) if len(resting) else 0.0
+    still = np.abs(form[:, resting]) <= ZERO_FORM * size
+    gram[resting] = -1.0
+    form[:, :simple] *= -1.0 / gram[:simple]
+    form[:, resting] = np.where(still, 0.0, np.inf)
+    start = simple
+    for group in groups:
+        part = slice(start, start := start + len(group) ** 2)
+        form[:, group] = _branches(form[:, part], gram[part], len(group))
+    source = np.empty(found.count, dtype=np.intp)
+    source[found.place], source[found.mirror] = np.arange(simple), found.mirrored
+    sign = np.ones(found.count)
+    sign[found.mirror] = -1.0
+    result: Complex = form[:, source]
+    result.imag *= sign
     return result
 
 
-def _motions(system: System, net: Network, values: Complex, vectors: Field) -> Fields:
-    """Motions that belong to eigenvalues; real where nothing is complex but the eigenvalue."""
-    square: Field = values * values
-    if not (net.damping.any() or values.real.any() or vectors.dtype.kind == "c"):
-        square = square.real
-    return fields(system, net, vectors, np.ones(len(values)), values, square)
-
-
-def _largest(form: Field) -> Field:
-    return np.asarray(np.abs(form).max(axis=1, keepdims=True, initial=0.0))
-
-
-def _branches(
-    system: System, net: Network, chosen: Variables, found: Spectrum, motions: tuple[Fields, Fields], group: Index
+def _forms(
+    system: System, net: Network, chosen: Variables, found: Spectrum, left: Index, right: Index
 ) -> Complex:
-    """Derivatives of eigenvalues that coincide, (variables, group)."""
-    i, j = (axis.ravel() for axis in np.meshgrid(group, group, indexing="ij"))
-    size = len(group)
-    left, right = motions
-    form = chosen.chain(products(net, chosen.parameters, left.take(i), right.take(j))).reshape(-1, size, size)
-    gram = found.gram(system, i, j).reshape(size, size)
-    try:
-        values: Complex = np.linalg.eigvals(-np.linalg.solve(gram, form.astype(complex))).astype(complex)
-    except np.linalg.LinAlgError:  # a defective pair parts with the square root of any change
-        return np.full((len(chosen.names), size), np.inf, dtype=complex)
+    """Return y_i^T (lambda^2 dM + lambda dC + dK) x_j for pairs (i, j) of eigenvectors, lambda that of j."""
+    values = found.lead[right]
+    square, one, none = values * values, np.ones(len(values)), np.zeros(len(values))
+    x = motions(system, net, found.right)
+    repeats = len(values) > len(found.lead)
+    if repeats or found.left is not None:
+        y = x if found.left is None else motions(system, net, found.left)
+        first = y[0][..., left], y[1][..., left]
+        second: tuple[Field, Field] | None = (x[0][..., right], x[1][..., right])
+    else:
+        first, second = x, None
+
+    def at(factors: tuple[Field, Field, Field], parameters: Sequence[Parameter]) -> Field:
+        other = None if second is None else fields(net, second, *factors)
+        return products(net, parameters, fields(net, first, *factors), other)
+
+    if found.right.dtype.kind == "c":
+        return at((one, values, square), chosen.parameters).astype(complex, copy=False)
+    # real shapes: real arithmetic, once for the real and once for the imaginary parts of the eigenvalues
+    result: Complex = at((one, values.real, square.real), chosen.parameters).astype(complex)
+    some = np.arange(len(chosen.parameters))
+    if not (net.damping.any() or square.imag.any()):
+        some = np.array([i for i, entry in enumerate(chosen.parameters) if entry.field == "damping"], dtype=np.intp)
+    if len(some) and values.imag.any():
+        result[some] += 1j * at((none, values.imag, square.imag), [chosen.parameters[i] for i in some])
+    return result
+
+
+def _branches(form: Complex, gram: Complex, size: int) -> Complex:
+    """Derivatives of eigenvalues that coincide, (variables, size), from their forms and y^T (2 lambda M + C) x."""
+    pair = gram.reshape(size, size)
+    if np.linalg.cond(pair) * EPS > 1.0:  # a defective pair parts with the square root of any change
+        return np.full((len(form), size), np.inf, dtype=complex)
+    matrix: Complex = -np.linalg.solve(pair, form.reshape(-1, size, size))
+    values: Complex
+    if size == 2:
+        half = 0.5 * (matrix[:, 0, 0] - matrix[:, 1, 1])
+        root = np.sqrt(half * half + matrix[:, 0, 1] * matrix[:, 1, 0])
+        values = 0.5 * (matrix[:, 0, 0] + matrix[:, 1, 1])[:, None] + root[:, None] * np.array([-1.0, 1.0])
+    else:
+        values = np.asarray(np.linalg.eigvals(np.where(np.isfinite(matrix), matrix, 0.0)), dtype=np.complex128)
+        values[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
     along = np.where(np.abs(values.imag).max(axis=1, keepdims=True) > np.abs(values.real).max(axis=1, keepdims=True),
                      values.imag, values.real)  # fmt: skip
     result: Complex = np.take_along_axis(values, np.argsort(along, axis=1), axis=1)

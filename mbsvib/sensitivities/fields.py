@@ -16,6 +16,7 @@ from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     from mbsvib.kinematics import Array
     from mbsvib.sensitivities.network import Network
@@ -29,9 +30,10 @@ COMPLETE = 1e-8
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """n motions: of bodies and connections, (b or j + s, 6, n), and the ``wrench`` in each; world axes, bodies at their
-    centres of mass, connections at their points. ``stiff``, ``rate`` and ``square`` (n,) are the factors of stiffness,
-    damping and inertia, 1, s and s^2.
+    """Motions of bodies and connections, (b or j + s, 6, n), and the wrench in each, world axes.
+
+    Bodies at their centres of mass, connections at their points. ``stiff``, ``rate`` and ``square`` (n,) are the factors
+    of stiffness, damping and inertia, 1, s and s^2.
     """
 
     body: Field
@@ -47,10 +49,8 @@ class Fields:
         return Fields(*(getattr(self, key)[..., columns] for key in Fields.__slots__))
 
 
-def fields(
-    system: System, network: Network, vectors: Field, stiff: Field, rate: Field, square: Field
-) -> Fields:
-    """Return motions and the wrenches that go with them.
+def motions(system: System, network: Network, vectors: Field) -> tuple[Field, Field]:
+    """Return the motions of bodies and connections.
 
     Parameters
     ----------
@@ -60,6 +60,26 @@ def fields(
         Its bodies and connections.
     vectors : array, shape (m, n)
         Motions in minimal coordinates.
+
+    Returns
+    -------
+    pair of array, shape (b, 6, n) and (j + s, 6, n)
+        Displacements of the centres of mass, and of each connection's second body against its first at its point.
+    """
+    of_joints = vectors if network.reduction is None else network.reduction @ vectors
+    relative: Field = network.relative @ of_joints
+    return system.body_motion @ vectors, relative.reshape(len(network.point), 6, -1)
+
+
+def fields(network: Network, motion: tuple[Field, Field], stiff: Field, rate: Field, square: Field) -> Fields:
+    """Return motions with the wrenches that go with them.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    motion : pair of array, shape (b, 6, n) and (j + s, 6, n)
+        Motions of bodies and connections.
     stiff, rate, square : array, shape (n,)
         Factors of stiffness, damping and inertia: 1, s and s^2 for motions with e^(s t); 1 or 0 to have the derivatives
         of one matrix only.
@@ -69,9 +89,7 @@ def fields(
     Fields
         Motions and wrenches of bodies and connections.
     """
-    body = system.body_motion @ vectors
-    joint_motion = vectors if network.reduction is None else network.reduction @ vectors
-    relative = (network.relative @ joint_motion).reshape(len(network.point), 6, -1)
+    body, relative = motion
     body_wrench = np.empty(body.shape, dtype=np.result_type(body, square))
     np.multiply(body[:, :3], network.mass[:, None, None] * square, out=body_wrench[:, :3])
     np.multiply(network.inertia @ body[:, 3:], square, out=body_wrench[:, 3:])
@@ -85,26 +103,26 @@ def fields(
 
 def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> Field:
     """What the joints transmit, (j, 6, n) at their points."""
-    at = np.concatenate((network.point[len(network.joints) :], network.position))
-    origin = 0.5 * (at.min(axis=0) + at.max(axis=0))
-    load = np.concatenate((spring_wrench, body_wrench))
-    carried = _sum(network.carried, shifted(load, at - origin))
-    ties = network.constraints
-    if ties is None:
-        return in_joints(network, carried, None, origin)
-    return in_joints(network, carried, multipliers(network, carried, origin), origin)
+    place = np.concatenate((network.point, network.position))
+    origin = 0.5 * (place.min(axis=0) + place.max(axis=0))
+    at = network.point[len(network.joints) :] - origin
+    load = shifted(body_wrench, network.position - origin) + _onto(network.acting, shifted(spring_wrench, at))
+    behind = _behind(network, load)
+    if network.constraints is None:
+        return _at_joints(network, behind, origin)
+    return in_joints(network, behind, multipliers(network, behind, origin), origin)
 
 
-def in_joints(network: Network, carried: Field, mu: Field | None, origin: Array) -> Field:
+def in_joints(network: Network, behind: Field, mu: Field, origin: Array) -> Field:
     """Return the wrenches in joints, from what acts behind them and from the forces that close loops.
 
     Parameters
     ----------
     network : Network
         Bodies and connections.
-    carried : array, shape (t, 6, n)
-        What acts behind each joint of the tree, about ``origin``.
-    mu : array, shape (rows, n), or None
+    behind : array, shape (b, 6, n)
+        What acts on each body and those outwards from it, about ``origin``.
+    mu : array, shape (rows, n)
         Forces in the locked rows of cut joints.
     origin : array, shape (3,)
         The point [m].
@@ -114,26 +132,44 @@ def in_joints(network: Network, carried: Field, mu: Field | None, origin: Array)
     array, shape (j, 6, n)
         Wrenches at the joints' points.
     """
-    ties = network.constraints
-    wrench = np.zeros((len(network.joints), *carried.shape[1:]), dtype=carried.dtype)
-    if ties is not None and mu is not None:
-        closing = ties.wrench[:, :, None] * mu[:, None]
-        np.add.at(wrench, ties.joint, closing)
-        carried = carried - _sum(_through(network), shifted(closing, network.point[ties.joint] - origin))
-    moves = network.branch >= 0
-    wrench[moves] = shifted(carried[network.branch[moves]], (origin - network.point[: len(moves)])[moves])
-    return wrench
+    ties, closes = network.constraints, network.closing
+    assert ties is not None
+    assert closes is not None
+    closing = ties.wrench[:, :, None] * mu[:, None]
+    pull = _onto(closes, shifted(closing, network.point[ties.joint] - origin))
+    result = _at_joints(network, behind - _behind(network, pull), origin)
+    np.add.at(result, ties.joint, closing)
+    return result
 
 
-def multipliers(network: Network, carried: Field, origin: Array) -> Field:
+def _onto(incidence: csr_array, wrench: Field) -> Field:
+    """Wrenches of connections on the bodies that they connect, (b, 6, n)."""
+    total: Field = incidence @ wrench.reshape(len(wrench), -1)
+    return total.reshape(-1, *wrench.shape[1:])
+
+
+def _behind(network: Network, load: Field) -> Field:
+    """What acts on each body and those outwards from it; ``load`` is used up."""
+    for body, parent in reversed(network.tree):
+        if parent < len(load):
+            load[parent] += load[body]
+    return load
+
+
+def _at_joints(network: Network, behind: Field, origin: Array) -> Field:
+    joints = network.point[: len(network.joints)]
+    return shifted(behind[network.behind] * network.sign[:, None, None], origin - joints)
+
+
+def multipliers(network: Network, behind: Field, origin: Array) -> Field:
     """Return the forces mu (rows, n) in the locked rows of cut joints, the smallest where rows are redundant.
 
     Parameters
     ----------
     network : Network
         Bodies and connections.
-    carried : array, shape (t, 6, n)
-        What acts behind each joint of the tree, about ``origin``.
+    behind : array, shape (b, 6, n)
+        What acts on each body and those outwards from it, about ``origin``.
     origin : array, shape (3,)
         The point [m].
 
@@ -144,20 +180,11 @@ def multipliers(network: Network, carried: Field, origin: Array) -> Field:
     """
     ties, twist = network.constraints, network.coordinates
     assert ties is not None
-    own = shifted(carried[network.column[ties.dependent]], (origin - twist.point[:, ties.dependent].T))
-    six = np.concatenate((twist.linear, twist.angular))[:, ties.dependent].T
+    k = ties.dependent
+    own = shifted(behind[network.coordinate_behind[k]], origin - twist.point[:, k].T)
+    six = np.concatenate((twist.linear, twist.angular))[:, k].T * network.coordinate_sign[k, None]
     felt = np.einsum("kc,kcn->kn", six, own)
-    return ties.q @ np.linalg.solve(ties.r.T, felt)
-
-
-def _through(network: Network) -> Array:
-    """Which joints of the tree carry what acts in the locked rows, (t, rows)."""
-    ties, path = network.constraints, network.coordinates.path
-    assert ties is not None
-    number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": len(network.bodies)}
-    leads = np.unique(network.column, return_index=True)[1]
-    ends = np.array([(number[network.joints[k].first], number[network.joints[k].second]) for k in ties.joint])
-    return np.asarray((path[ends[:, 1]] - path[ends[:, 0]])[:, leads].T, dtype=float)
+    return np.asarray(ties.q @ np.linalg.solve(ties.r.T, felt))
 
 
 def shifted(wrench: Field, arm: Array) -> Field:
@@ -171,44 +198,33 @@ def shifted(wrench: Field, arm: Array) -> Field:
     return result
 
 
-def _sum(sign: Array, wrench: Field) -> Field:
-    """Sum wrenches (w, 6, n) with signs (t, w); complex ones as pairs of real numbers."""
-    flat = wrench.reshape(len(wrench), -1)
-    if flat.dtype.kind == "c":
-        total: Field = (sign @ np.ascontiguousarray(flat).view(float)).view(complex)
-    else:
-        total = sign @ flat
-    return total.reshape(len(sign), *wrench.shape[1:])
-
-
-def check_complete(system: System, values: Field, vectors: Field, found: Fields) -> None:
+def check_complete(system: System, network: Network) -> None:
     """Refuse systems with forces that are not those of rigid bodies and spring-dampers.
 
     Parameters
     ----------
     system : System
         The equations of motion.
-    values : array, shape (n,)
-        s of each motion.
-    vectors : array, shape (m, n)
-        Motions in minimal coordinates.
-    found : Fields
-        The same with the wrenches that go with them.
+    network : Network
+        Its bodies and connections.
 
     Raises
     ------
     ModelError
-        If the work of these wrenches is not that of the system's matrices.
+        If the work of one motion is not that of the system's matrices, or they are not symmetric.
     """
-    joints = len(found.wrench) - len(system.provenance.springs)
-    work = np.einsum("bcn,bcn->n", found.body, found.body_wrench)
-    work = work + np.einsum("bcn,bcn->n", found.relative[joints:], found.wrench[joints:])
-    inertia, rows = system.inertia_factor @ vectors, system.elastic_rows @ vectors
-    k, c = system.stiffness[:, None], system.damping[:, None]
-    parts = values**2 * inertia * inertia, (k + values * c) * rows * rows
-    whole, size = sum(part.sum(axis=0) for part in parts), sum(np.abs(part).sum(axis=0) for part in parts)
-    if (np.abs(work - whole) > COMPLETE * size).any() or system.gyroscopic is not None or \
-            system.circulatory is not None:  # fmt: skip
+    some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
+    one = np.ones(1)
+    sizes = system.inertia_factor @ some, system.elastic_rows @ some
+    complete = system.gyroscopic is None and system.circulatory is None
+    for factors, weight in (((one, 0 * one, 0 * one), system.stiffness), ((0 * one, one, 0 * one), system.damping),
+                            ((0 * one, 0 * one, one), None)):  # fmt: skip
+        body, relative = motion = motions(system, network, some)
+        found = fields(network, motion, *factors)
+        work = float((body * found.body_wrench).sum() + (relative * found.wrench)[len(network.joints) :].sum())
+        terms = sizes[0][:, 0] ** 2 if weight is None else weight * sizes[1][:, 0] ** 2
+        complete &= abs(work - float(terms.sum())) <= COMPLETE * float(np.abs(terms).sum())
+    if not complete:
         raise ModelError(
             f"sensitivities of '{system.name}': it has forces beyond those of rigid bodies and spring-dampers (loads, "
             f"spin, beams), whose derivatives are not supported yet. Compare variants by model.with_values instead.",

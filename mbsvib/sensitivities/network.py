@@ -47,9 +47,10 @@ class Network:
     """Bodies (b), joints (j), bushings and line springs (s) of a system in numbers, world axes.
 
     ``relative`` (6 (j + s), n) leads from joint coordinates to the motion of each connection's second body against its
-    first at ``point`` (j + s, 3). ``branch`` (j,) is the row of a joint in ``carried`` (t, s + b), which holds +-1
-    where a joint of the tree carries what acts in a spring-damper or on a body, -1 for joints that are cut or fixed;
-    ``column`` (n,) gives the row of each coordinate.
+    first at ``point`` (j + s, 3). ``acting`` (b, s) and ``closing`` (b, rows) hold +1 for the second and -1 for the
+    first body of each spring-damper and of each locked row of a cut joint. ``tree`` lists body and parent (ground: b)
+    from ground outwards; joint j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign
+    is 0; coordinate i likewise, ``coordinate_sign[i]`` and ``coordinate_behind[i]``.
     """
 
     bodies: tuple[Body, ...]
@@ -65,9 +66,13 @@ class Network:
     relative: csr_array
     stiffness: Array
     damping: Array
-    branch: Index
-    column: Index
-    carried: Array
+    tree: tuple[tuple[int, int], ...]
+    behind: Index
+    sign: Array
+    coordinate_behind: Index
+    coordinate_sign: Array
+    acting: csr_array
+    closing: csr_array | None
     constraints: Constraints | None
 
 
@@ -95,18 +100,18 @@ def network(system: System) -> Network:
                       *(s.start if isinstance(s, Spring) else s.position for s in springs)]).reshape(-1, 3)  # fmt: skip
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
-    branch, column = _branches(system, coordinates)
-    leads = np.unique(column, return_index=True)[1] if len(column) else column
-    path = coordinates.path[:, leads].T.astype(float)
-    at = slice(len(joints), None)
+    behind, sign = _carried(system)
+    own = _coordinates(system)
     axes = np.array([body.orientation for body in bodies])
     tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
+    ties = _constraints(system, coordinates, bodies, number)
     return Network(
         bodies, joints, springs, coordinates, reduction.matrix, np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), np.array([body.position for body in bodies]), axes, point,
         _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
-        branch, column, np.concatenate((path[:, second[at]] - path[:, first[at]], path[:, :-1]), axis=1),
-        _constraints(system, coordinates, bodies, number),
+        tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign, *own,
+        _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
+        None if ties is None else _incidence(first[ties.joint], second[ties.joint], len(bodies)), ties,
     )  # fmt: skip
 
 
@@ -123,22 +128,33 @@ def _relative(coordinates: Twists, first: Index, second: Index, point: Array) ->
     return csr_array((found.value, (found.row, found.column)), shape=found.shape)
 
 
-def _branches(system: System, coordinates: Twists) -> tuple[Index, Index]:
-    """Row of each joint among the joints of the tree that move, and of each coordinate; floating bodies come last."""
+def _carried(system: System) -> tuple[Index, Array]:
+    """Body behind each joint of the tree and the joint's sign, 0 for joints that are cut."""
     topology = system.provenance.topology
-    branch = np.full(len(topology.joints), -1, dtype=np.intp)
-    column: list[int] = []
-    row = 0
-    for k in sorted(b.joint for b in topology.branches if b.joint != FLOATS):
-        freedom = len(topology.joints[k].freedom)
-        if freedom:
-            branch[k] = row
-            column += [row] * freedom
-            row += 1
-    for _ in topology.floating:
-        column += [row] * 6
-        row += 1
-    return branch, np.array(column, dtype=np.intp)
+    behind, sign = np.zeros(len(topology.joints), dtype=np.intp), np.zeros(len(topology.joints))
+    for branch in topology.branches:
+        if branch.joint != FLOATS:
+            behind[branch.joint], sign[branch.joint] = branch.body, branch.sign
+    return behind, sign
+
+
+def _coordinates(system: System) -> tuple[Index, Array]:
+    """Body behind each joint coordinate and its sign; those of floating bodies come last."""
+    topology = system.provenance.topology
+    hangs = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+    found = [(hangs[k].body, hangs[k].sign) for k in sorted(hangs) for _ in topology.joints[k].freedom]
+    found += [(branch.body, 1) for branch in topology.branches if branch.joint == FLOATS for _ in range(6)]
+    table = np.array(found, dtype=np.intp).reshape(-1, 2)
+    return table[:, 0], table[:, 1].astype(float)
+
+
+def _incidence(first: Index, second: Index, bodies: int) -> csr_array:
+    """+1 for the second and -1 for the first body of each of n connections, (bodies, n)."""
+    n = len(first)
+    row, column = np.concatenate((second, first)), np.tile(np.arange(n), 2)
+    value = np.repeat([1.0, -1.0], n)
+    moves = row < bodies
+    return csr_array((value[moves], (row[moves], column[moves])), shape=(bodies, n))
 
 
 def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:

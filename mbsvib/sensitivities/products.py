@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.parts import Body, Bushing, Joint, Spring
 from mbsvib.sensitivities.factors import body_factors, joint_factors, spring_factors
-from mbsvib.sensitivities.fields import fields, in_joints
+from mbsvib.sensitivities.fields import fields, in_joints, motions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -87,8 +87,8 @@ def breaking(system: System, network: Network, parameters: Sequence[Parameter]) 
         return result
     joints = len(network.joints)
     one = np.ones(system.dof)
-    motion = fields(system, network, np.eye(system.dof), one, one, one)
-    none = np.zeros((len(network.carried), 6, ties.stress.shape[1]))
+    motion = fields(network, motions(system, network, np.eye(system.dof)), one, one, one)
+    none = np.zeros((len(network.bodies), 6, ties.stress.shape[1]))
     stress = replace(motion, wrench=np.concatenate((
         in_joints(network, none, ties.stress, network.point[:joints].mean(axis=0)),
         np.zeros((len(network.springs), 6, ties.stress.shape[1])),
@@ -111,9 +111,10 @@ def breaking(system: System, network: Network, parameters: Sequence[Parameter]) 
 
 def _form(left: Pair, right: Pair | None) -> Field:
     if right is None:
-        result: Field = 2.0 * (left[0] * left[1]).sum(axis=2)
+        result: Field = np.einsum("kstn,kstn->ksn", *left)
+        result *= 2.0
     else:
-        result = (left[0] * right[1] + left[1] * right[0]).sum(axis=2)
+        result = np.einsum("kstn,kstn->ksn", left[0], right[1]) + np.einsum("kstn,kstn->ksn", left[1], right[0])
     return result
 
 

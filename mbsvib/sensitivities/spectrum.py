@@ -39,10 +39,6 @@ class Spectrum:
     mirrored: Index
     count: int
 
-    def slopes(self, system: System) -> Complex:
-        """Return y^T (2 lambda M + C) x from the factors, (h,)."""
-        return self.gram(system, np.arange(len(self.lead)), np.arange(len(self.lead)))
-
     def gram(self, system: System, left: Index, right: Index) -> Complex:
         """Return y_i^T ((lambda_i + lambda_j) M + C) x_j for pairs (i, j), (pairs,)."""
         y = self.right if self.left is None else self.left

@@ -31,8 +31,9 @@ class Variables:
 
     def chain(self, values: Any) -> Any:
         """Turn derivatives to the parameters (parameters, ...) into those to the variables (variables, ...)."""
-        if len(self.rate) == len(self.names) == len(values) and (self.rate == 1.0).all():
-            return values[self.parameter]
+        if len(self.rate) == len(values) == len(self.names) and (self.rate == 1.0).all() and \
+                (np.diff(self.parameter) == 1).all():  # fmt: skip
+            return values
         result = np.zeros((len(self.names), *values.shape[1:]), dtype=values.dtype)
         rate = self.rate.reshape(-1, *[1] * (values.ndim - 1))
         np.add.at(result, self.variable, rate * values[self.parameter])
