@@ -133,15 +133,19 @@ def _branches(form: Complex, gram: Complex, size: int) -> Complex:
     if np.linalg.cond(pair) * EPS > 1.0:  # a defective pair parts with the square root of any change
         return np.full((len(form), size), np.inf, dtype=complex)
     matrix: Complex = -np.linalg.solve(pair, form.reshape(-1, size, size))
-    values: Complex
     if size == 2:
         half = 0.5 * (matrix[:, 0, 0] - matrix[:, 1, 1])
         root = np.sqrt(half * half + matrix[:, 0, 1] * matrix[:, 1, 0])
-        values = 0.5 * (matrix[:, 0, 0] + matrix[:, 1, 1])[:, None] + root[:, None] * np.array([-1.0, 1.0])
+        mean: Complex = 0.5 * (matrix[:, 0, 0] + matrix[:, 1, 1])
+        values: Complex = np.stack((mean - root, mean + root), axis=1)
     else:
-        values = np.asarray(np.linalg.eigvals(np.where(np.isfinite(matrix), matrix, 0.0)), dtype=np.complex128)
+        values = _eigenvalues(np.where(np.isfinite(matrix), matrix, 0.0))
         values[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
     along = np.where(np.abs(values.imag).max(axis=1, keepdims=True) > np.abs(values.real).max(axis=1, keepdims=True),
                      values.imag, values.real)  # fmt: skip
     result: Complex = np.take_along_axis(values, np.argsort(along, axis=1), axis=1)
     return result
+
+
+def _eigenvalues(matrices: Complex) -> Complex:
+    return np.asarray(np.linalg.eigvals(matrices), dtype=complex)

@@ -32,7 +32,7 @@ COMPLETE = 1e-8
 class Fields:
     """Motions of bodies and connections, (b or j + s, 6, n), and the wrench in each, world axes.
 
-    Bodies at their centres of mass, connections at their points. ``stiff``, ``rate`` and ``square`` (n,) are the factors
+    Bodies at their centres of mass, connections at their points. ``stiff``, ``rate`` and ``square`` (n,) are factors
     of stiffness, damping and inertia, 1, s and s^2.
     """
 
