@@ -132,7 +132,7 @@ def _branches(form: Complex, gram: Complex, size: int) -> Complex:
     pair = gram.reshape(size, size)
     if np.linalg.cond(pair) * EPS > 1.0:  # a defective pair parts with the square root of any change
         return np.full((len(form), size), np.inf, dtype=complex)
-    matrix: Complex = -np.linalg.solve(pair, form.reshape(-1, size, size))
+    matrix: Complex = np.asarray(-np.linalg.solve(pair, form.reshape(-1, size, size)), dtype=complex)
     if size == 2:
         half = 0.5 * (matrix[:, 0, 0] - matrix[:, 1, 1])
         root = np.sqrt(half * half + matrix[:, 0, 1] * matrix[:, 1, 0])
