@@ -114,7 +114,7 @@ def _massless(system: System, realization: str) -> StateSpace:
     d = system.D + system.Cv @ through + system.Ca @ (rate @ found.b)
     return StateSpace(
         system.name, realization, found.a, found.b, c, d, found.transform, found.names, found.units, system.inputs,
-        system.input_units, system.outputs, system.output_units, found.through,
+        system.input_units, system.outputs, system.output_units, found.through if system.massless else None,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from mbsvib.errors import ExportError
 from mbsvib_export.format_version import FORMAT, VERSION
 from mbsvib_export.json_reading import system_data
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, system_data_of
+from mbsvib_export.neutral import SECOND_ORDER, first_order, system_data_of
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _words(data: SystemData) -> dict[str, Any]:
         "state_space": {
             "realization": space.realization,
             "states": _signals(space.states, space.state_units),
-            **{label: getattr(space, label).tolist() for label in FIRST_ORDER},
+            **{label: array.tolist() for label, array in first_order(space).items()},
         },
         "bodies": [
             {"name": name, "displacement": motion.tolist()}

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.errors import ExportError
 from mbsvib.state_space import StateSpace
 from mbsvib_export.format_version import check_version
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, SystemData
+from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +49,8 @@ def system_data(document: Any) -> SystemData:
     first_widths = dict(zip(FIRST_ORDER, (n, i, n, i, n), strict=True))
     matrices: dict[str, Any] = {key: _matrix(second, key, width, "second_order") for key, width in widths.items()}
     space: dict[str, Any] = {key: _matrix(first, key, width, "state_space") for key, width in first_widths.items()}
+    if THROUGH in first:
+        space[THROUGH] = _matrix(first, THROUGH, i, "state_space")
     ports = {**_pair("input", inputs), **_pair("output", outputs)}
     bodies = [_mapping(body, "bodies") for body in _list(top, "bodies", "the document")]
     realization = _word(first, "realization", "state_space")

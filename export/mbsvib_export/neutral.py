@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 
 SECOND_ORDER = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 FIRST_ORDER = ("A", "B", "C", "D", "transform")
+# What a state space has only where damped motions without mass have rates that inputs change at once.
+THROUGH = "through"
+
+
+def first_order(space: StateSpace) -> dict[str, Array]:
+    """Return the matrices of a state space by name, those that it has."""
+    found = {label: getattr(space, label) for label in FIRST_ORDER}
+    return found if space.through is None else found | {THROUGH: space.through}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -127,6 +135,7 @@ class SystemData:
             ("body_motion", self.body_motion, (len(self.bodies), 6, m)),
             *((f"state_space.{label}", getattr(space, label), shape)
               for label, shape in zip(FIRST_ORDER, first, strict=True)),
+            *(() if space.through is None else ((f"state_space.{THROUGH}", space.through, (2 * m, i)),)),
         ]  # fmt: skip
 
     def _names(self) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:

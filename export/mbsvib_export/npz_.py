@@ -9,6 +9,7 @@
     bodies (texts), body_motion (bodies, 6, m)         q -> displacements of the bodies, world axes
     states, state_units                                texts (n,)
     state_space.A .B .C .D, state_space.transform      x' = A x + B u, y = C x + D u, (q, q') = transform x
+    state_space.through                                + through u; only where damped motions have no mass
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from mbsvib.errors import ExportError
 from mbsvib.state_space import StateSpace
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
-from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, SystemData, system_data_of
+from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
         **{key: np.array(getattr(data, key), dtype=str) for key in _TEXTS},
         **{key: np.array(getattr(space, key), dtype=str) for key in _STATE_TEXTS},
         **{key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")},
-        **{f"state_space.{key}": getattr(space, key) for key in FIRST_ORDER},
+        **{f"state_space.{key}": array for key, array in first_order(space).items()},
     }
     return write_whole(path, lambda stream: np.savez(stream, **arrays))
 
@@ -113,7 +114,9 @@ def _system_data(arrays: dict[str, Any]) -> SystemData:
     if wrong := [key for key in expected if key not in (*texts, "name", "realization") and arrays[key].dtype != float]:
         raise ExportError(f"the array '{wrong[0]}' holds {arrays[wrong[0]].dtype}; expected float64.")
     ports = {key: texts[key] for key in (*_STATE_TEXTS, *_TEXTS[2:6])}
-    first: dict[str, Any] = {key: arrays[f"state_space.{key}"] for key in FIRST_ORDER}
+    first: dict[str, Any] = {
+        key: arrays[f"state_space.{key}"] for key in (*FIRST_ORDER, THROUGH) if f"state_space.{key}" in arrays
+    }
     second: dict[str, Any] = {key: arrays[key] for key in (*SECOND_ORDER, "body_motion")}
     space = StateSpace(name=str(arrays["name"]), realization=str(arrays["realization"]), **first, **ports)
     return SystemData(name=space.name, state_space=space, **{key: texts[key] for key in _TEXTS}, **second)

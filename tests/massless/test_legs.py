@@ -9,7 +9,7 @@ from mbsvib import library
 
 
 def light_stewart(split=None):
-    """The Stewart platform with massless legs; ``split`` stiffnesses in series in each, with a massless link between."""
+    """The Stewart platform with massless legs; ``split``: stiffnesses in series in each, a massless link between."""
     given = library.stewart()
     model = mv.Model("light")
     for body in given.bodies.values():

@@ -1,0 +1,58 @@
+"""Exports of systems with massless motions: fewer states, and rates that inputs change at once."""
+
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib_export as mx
+from tests.massless.scenes import along_z
+
+S = (0.0, 0.4j, 3j)
+
+
+def plant():
+    """A mass and a node that a damper holds, with a force on the node."""
+    springs = {"k": ("ground", "b", 2.0, 0), "k1": ("b", "node", 3.0, 0), "c": ("node", "ground", 0, 5.0)}
+    model = along_z({"node": 0.0, "b": 7.0}, springs, relative=True)
+    for body in ("node", "b"):
+        model.add_input(f"F{body}", body, "z")
+        model.add_output(f"v{body}", body, "z", quantity="velocity")
+    return model.linearize()
+
+
+def answer(system, s):
+    square = system.K + s * system.C + s * s * system.M
+    return (system.Cq + s * system.Cv) @ np.linalg.solve(square, system.B) + system.D
+
+
+@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("target", ["control", "scipy", "json", "npz"])
+def test_responses_of_the_descriptor_equations(target, realization, tmp_path):
+    system = plant()
+    if target in ("control", "scipy"):
+        found = getattr(mx, f"to_{target}")(system, realization)
+    elif target == "json":
+        found = mx.from_json(mx.to_json(system, tmp_path / "s.json", realization)).state_space
+    else:
+        found = mx.from_npz(mx.to_npz(system, tmp_path / "s.npz", realization)).state_space
+    assert found.A.shape == (3, 3)
+    for s in S:
+        response = found.C @ np.linalg.solve(s * np.eye(3) - found.A, found.B) + found.D
+        assert_allclose(response, answer(system, s), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("realization", ["physical", "modal"])
+def test_files_lead_back_to_displacements_and_rates(realization, tmp_path):
+    system = plant()
+    path = tmp_path / "s.json"
+    mx.to_json(system, path, realization)
+    jsonschema.validate(json.loads(path.read_text(encoding="utf-8")), mx.json_schema())
+    for data in (mx.from_json(path), mx.from_npz(mx.to_npz(system, tmp_path / "s.npz", realization))):
+        space, s = data.state_space, 0.7j
+        x = np.linalg.solve(s * np.eye(3) - space.A, space.B)
+        q = np.linalg.solve(data.K + s * data.C + s * s * data.M, data.B)
+        assert space.through.any()
+        assert_allclose(space.transform @ x + space.through, np.concatenate((q, s * q)), rtol=1e-12, atol=1e-14)
