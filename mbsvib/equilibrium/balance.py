@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from mbsvib.equilibrium.motion import Stance
     from mbsvib.kinematics import Array
     from mbsvib.loops import Reduction
-    from mbsvib.model import Model
 
 
 # Positions are rounded by eps of the mechanism's size: what that does to its forces is this share of a size of them.
@@ -31,10 +30,9 @@ class Balance:
     ``residual`` (m,) is what is left over and ``size`` (m,) that of what should cancel [N, N m], or of the least that
     positions can tell; ``tangent`` (m, m) is
     -d(residual)/dz, exact where the residual is zero. ``scale`` (m,) makes coordinates alike: 1 rad, or the size of the
-    mechanism. ``names`` are the coordinates', ``reduction`` leads to those of all joints, ``model`` is the model there.
+    mechanism. ``names`` are the coordinates' and ``reduction`` leads to those of all joints.
     """
 
-    model: Model
     reduction: Reduction
     names: tuple[str, ...]
     residual: Array
@@ -85,5 +83,5 @@ def balance(at: Stance) -> Balance:
         residual, size = statics.residual, statics.size
     scale = at.scale[kept]
     size = np.maximum(size, EPS / RESOLVED * (np.abs(found["K"]) @ scale))
-    return Balance(model, reduction, tuple([coordinates.names[k] for k in kept.tolist()]), residual, size,
+    return Balance(reduction, tuple([coordinates.names[k] for k in kept.tolist()]), residual, size,
                    found["K"], scale)  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,6 +49,14 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
         for part in group.values():
             getattr(result, adder or ADDERS[type(part)])(**_words(part, pose, relaxed))
     return result
+
+
+def bare(model: Model) -> Model:
+    """Return a model without what no equilibrium depends on: inputs, outputs, and Maxwell elements, which give way."""
+    plain = copy(model)
+    plain._springs = {name: part for name, part in model._springs.items() if not isinstance(part, Maxwell)}
+    plain._inputs, plain._outputs = {}, {}
+    return plain
 
 
 def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:

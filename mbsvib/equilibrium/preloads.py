@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.elements import eigenrows
 from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.carry import bare
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.refusal import lacking
@@ -51,23 +52,23 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
         If no preload of these holds the pose.
     """
     springs = _chosen(model, chosen)
-    bare = model
+    result = model
     for spring in springs:
         changes = {"preload": None} | ({"free_length": None} if isinstance(spring, Spring) else {})
-        bare = bare.replace(spring.name, **changes)
-    at = stance(bare, start(bare))
+        result = result.replace(spring.name, **changes)
+    at = stance(bare(result), start(model))
     forces = balance(at)
     bases = [_directions(spring, at.size) for spring in springs]
     rows = _rows(at, springs, bases)
     acting = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
     size = np.linalg.lstsq(acting.T, -forces.scale * forces.residual, rcond=RANK)[0]
-    result, used = bare, 0
+    used = 0
     for spring, basis in zip(springs, bases, strict=True):
         value = basis.T @ size[used : used + len(basis)]
         used += len(basis)
         words = {"preload": -float(value[2])} if isinstance(spring, Spring) else {"preload": value.tolist()}
         result = result.replace(spring.name, **words)
-    held = balance(stance(result, start(result)))
+    held = balance(stance(bare(result), at.pose))
     if held.share > BALANCE:
         names = ", ".join(f"'{spring.name}'" for spring in springs[:6]) + (", ..." if len(springs) > 6 else "")
         what, where = lacking(at, held)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.carry import bare, carried
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.path import FOUND, descend, follow, is_stable, stiffness
 from mbsvib.equilibrium.pose import start
@@ -43,15 +44,15 @@ def equilibrium(model: Model, snap: bool = False, cut: Sequence[str] = ()) -> Eq
         If no such pose can be reached.
     """
     cut = tuple(cut)
-    pose = start(model)
-    first = stance(model, pose, cut)
+    pose, plain = start(model), bare(model)
+    first = stance(plain, pose, cut)
     before = balance(first)
     if before.share <= FOUND:
-        return Equilibrium(before.model, 0, (before.share,), (), displacements(pose))
-    found = descend(first) if snap or not _held(model, cut) else follow(model, first, cut)
+        return Equilibrium(carried(model, pose), 0, (before.share,), (), displacements(pose))
+    found = descend(first) if snap or not _held(plain, cut) else follow(plain, first, cut)
     if found.stopped:
         raise _unreachable(found)
-    return Equilibrium(found.balance.model, found.steps, found.residuals, found.shares,
+    return Equilibrium(carried(model, found.stance.pose), found.steps, found.residuals, found.shares,
                        displacements(found.stance.pose))  # fmt: skip
 
 

@@ -1,0 +1,108 @@
+"""Model.equilibrium and Model.moved as users call them, on mechanisms with answers in closed form."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.equilibrium.test_search import G, check, pendulum, reloaded, truss
+
+
+def hanging_chain(links=9, span=1.6):
+    """Equal rods between two pins, folded upwards like an arch to begin with."""
+    model = mv.Model("chain", gravity=G)
+    turn = 2.0 * np.pi / 3.0  # of the arch
+    at = np.linspace(-turn / 2, turn / 2, links + 1)
+    pins = np.stack([np.sin(at), 0 * at, np.cos(at) - np.cos(turn / 2)], axis=1)
+    pins *= span / (pins[-1, 0] - pins[0, 0])
+    for i in range(links):
+        a, b = pins[i : i + 2]
+        tilt = -np.arctan2(b[2] - a[2], b[0] - a[0])
+        model.add_body(f"rod{i}", 0.5, (0.0, 1e-3, 1e-3), (a + b) / 2, orientation=(0, tilt, 0))
+        model.add_joint(f"pin{i}", "revolute", f"rod{i - 1}" if i else "ground", f"rod{i}", a, axis=(0, 1, 0))
+    model.add_joint("last", "revolute", f"rod{links - 1}", "ground", pins[-1], axis=(0, 1, 0))
+    return model
+
+
+def test_a_chain_hangs_in_its_catenary():
+    model = hanging_chain()
+    found = model.equilibrium(report=True)
+    slope = []
+    for body in found.model.bodies.values():
+        along = np.array(body.orientation)[:, 0]
+        slope.append(along[2] / along[0])
+    # each rod's weight bends the line of thrust by the same step of its slope
+    steps = np.diff(slope)
+    assert steps == pytest.approx(np.full(8, steps.mean()), rel=1e-11)
+    assert steps.mean() > 0
+    assert slope[4] == pytest.approx(0.0, abs=1e-11)
+    check(model, found)
+    assert len(found.model.linearize().modes().frequencies) == 7
+
+
+def test_equilibrium_gives_a_model_and_leaves_the_old_one():
+    model = pendulum(0.5)
+    there = model.equilibrium()
+    assert isinstance(there, mv.Model)
+    assert there.gravity == model.gravity
+    assert model.bodies["rod"].position[0] > 0.1
+    assert there.equilibrium().bodies == there.bodies
+    with pytest.raises(mv.EquilibriumError, match=r"Find the pose with model\.equilibrium"):
+        model.linearize()
+    with pytest.raises(mv.EquilibriumError, match="snap through"):
+        truss(100.0).equilibrium()
+    assert truss(100.0).equilibrium(snap=True).bodies["crown"].position[2] < 0
+
+
+def test_a_model_without_loads_is_where_it_is():
+    model = mv.library.stewart()
+    found = model.equilibrium(report=True)
+    assert (found.iterations, found.residuals) == (0, (0.0,))
+    assert found.model.bodies == model.bodies
+    assert found.model.joints == model.joints
+    assert np.array_equal(found.model.linearize().K, model.linearize().K)
+
+
+def test_loops_may_be_cut_elsewhere():
+    model = reloaded(mv.library.stewart(), (300.0, -200.0, -900.0))
+    one = model.equilibrium()
+    other = model.equilibrium(cut=[f"leg{i}.slide" for i in range(1, 6)])
+    assert other.bodies["platform"].position == pytest.approx(one.bodies["platform"].position, abs=1e-14)
+
+
+def test_a_massless_node_goes_to_where_its_springs_balance():
+    model = mv.Model("node", gravity=G)
+    model.add_body("mass", 2.0, (0.1, 0.1, 0.1), (0, 0, -1.0))
+    model.add_body("node", 0.0, (0, 0, 0), (0, 0, -0.5))
+    model.add_joint("rail", "prismatic", "ground", "mass", axis=(0, 0, 1))
+    model.add_joint("rail2", "prismatic", "ground", "node", axis=(0, 0, 1))
+    model.add_spring("upper", "ground", "node", (0, 0, 0), (0, 0, -0.5), 1000.0)
+    model.add_spring("lower", "node", "mass", (0, 0, -0.5), (0, 0, -1.0), 3000.0)
+    there = model.equilibrium()
+    assert there.bodies["node"].position[2] == pytest.approx(-0.5 - 19.62 / 1000, abs=1e-14)
+    assert there.bodies["mass"].position[2] == pytest.approx(-1.0 - 19.62 / 1000 - 19.62 / 3000, abs=1e-14)
+
+
+def test_a_maxwell_element_gives_way_and_its_static_spring_does_not():
+    def model(static):
+        result = mv.Model("mount", gravity=G)
+        result.add_body("mass", 2.0, (0.1, 0.1, 0.1), (0, 0, 1.0))
+        result.add_joint("rail", "prismatic", "ground", "mass", axis=(0, 0, 1))
+        result.add_spring("k", "ground", "mass", (0, 0, 0), (0, 0, 1.0), 1000.0)
+        result.add_maxwell("m", "ground", "mass", (0, 0, 0), (0, 0, 1.0), 500.0, 10.0, static)
+        return result
+
+    there = model(0.0).equilibrium()
+    assert there.linearize().dof == 2  # one of them massless
+    assert there.springs["m"].end[2] == pytest.approx(1.0 - 19.62 / 1000, abs=1e-14)
+    with pytest.raises(mv.ModelError, match="maxwell 'm': static_stiffness = 100 would carry a force"):
+        model(100.0).equilibrium()
+
+
+def test_parts_that_cannot_move_are_refused_by_name():
+    model = mv.Model("beam")
+    model.add_body("tip", 1.0, (0.1, 0.1, 0.1), (1.0, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "tip", (1.0, 0, 0))
+    model.add_joint("hinge2", "revolute", "tip", "ground", (1.0, 0, 0))
+    model.add_gear("gear", "hinge", "hinge2", -1.0)
+    with pytest.raises(mv.ModelError, match="gear 'gear': no gear can be taken to another pose yet"):
+        model.moved({"hinge.rz": 0.1})
