@@ -11,7 +11,6 @@ def arm():
     model.add_joint("wrist", "spherical", "arm", "hand", position=(0, 0, 1))
     model.add_bushing("mount", "arm", "hand", (0, 0, 1), (1e3,) * 6, (1.0,) * 6)
     model.add_spring("strut", "ground", "arm", (1, 0, 0), (0, 0, 0.5), stiffness=1e4, damping=2.0)
-    model.add_maxwell("relief", "ground", "hand", (0, 0, 0.2), (0, 0, 1.3), stiffness=1e3, damping=5.0)
     model.add_input("push", "hand", "x")
     model.add_base_motion("shake", "z")
     model.add_output("sway", "hand", "x")
