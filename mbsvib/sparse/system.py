@@ -194,11 +194,11 @@ class SparseSystem:
 
         return reachable(self, inputs, outputs)
 
-    def reduced(self, count: int, near: float = 0.0) -> System:
+    def reduced(self, count: int, near: float = 0.0, *, correction: bool = False) -> System:
         """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...
 
-        Everything that systems offer works on it, time responses and state space included; what higher modes
-        contribute to a response is missing (frequency_response of the whole system tells how much).
+        Everything that systems offer works on it, time responses, state space and exports included. What higher modes
+        contribute to a response is missing, as ``truncation_error`` tells; its static part may be put into D.
 
         Parameters
         ----------
@@ -206,15 +206,61 @@ class SparseSystem:
             Number of modes.
         near : float
             Frequency [Hz] around which modes are taken; default: the lowest.
+        correction : bool
+            Whether displacements, and forces in springs, get the static part of all other modes. Velocities and
+            accelerations have none.
 
         Returns
         -------
         System
             M = 1, C and K in modal coordinates, with the factors and the way back to the bodies.
-        """
-        return self.modes(count, near=near).reduced
 
-    def state_space(self, realization: str = "modal", modes: int | None = None) -> StateSpace:
+        Raises
+        ------
+        ResponseError
+            If the modes are not the lowest, or lack free motions, and a correction is asked for.
+        """
+        small = self.modes(count, near=near).reduced
+        if not correction:
+            return small
+        if near:
+            raise ResponseError(
+                f"reduced: correction of '{self.name}' around near = {near:g} Hz; modes below that have no static part. "
+                f"Take the lowest modes (near=0), or no correction."
+            )
+        from mbsvib.sparse.truncation import corrected
+
+        return corrected(self, small, count)
+
+    def truncation_error(self, small: System, omega: ArrayLike) -> Array:
+        """Return how far responses of a reduced system are off, as shares of the largest response in these frequencies.
+
+        |G_small - G| / max over omega of |G|, for each output and input
+
+        Parameters
+        ----------
+        small : System
+            What ``reduced`` made of this one.
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Errors; 0 where nothing responds.
+
+        Raises
+        ------
+        ResponseError
+            If the ports are not the same, a frequency is not finite, or is an undamped pole.
+        """
+        from mbsvib.sparse.truncation import truncation_error
+
+        return truncation_error(self, small, omega)
+
+    def state_space(
+        self, realization: str = "modal", modes: int | None = None, *, correction: bool = False
+    ) -> StateSpace:
         """Return first-order equations of the lowest modes.
 
         Parameters
@@ -223,6 +269,8 @@ class SparseSystem:
             "modal", or "physical" with modal amplitudes and their rates as the states.
         modes : int
             Number of modes.
+        correction : bool
+            Whether D holds the static part of all other modes, as in ``reduced``.
 
         Returns
         -------
@@ -236,7 +284,7 @@ class SparseSystem:
         """
         if modes is None:
             self._refuse("state_space", "state_space(modes=k)")
-        return self.reduced(modes).state_space(realization)
+        return self.reduced(modes, correction=correction).state_space(realization)
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", modes: int | None = None

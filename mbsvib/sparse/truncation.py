@@ -1,0 +1,108 @@
+"""What a choice of modes leaves out of the responses of many bodies, and its static part.
+
+Well below the frequencies of the modes that are left out they follow statically: what they add to the displacements is
+the whole static compliance less that of the modes kept, a constant matrix. Where the mechanism can move freely that is
+the compliance about the free motion, under loads that the inertia of the free motion balances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.sparse.operator import operator
+from mbsvib.sparse.response import frequency_response
+from mbsvib.undamped import undamped
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.kinematics import Array
+    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.system import System
+
+RTOL = 1e-13
+
+
+def corrected(system: SparseSystem, small: System, count: int) -> System:
+    """Return the system of the lowest modes with the static displacements of all others in its D.
+
+    D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the modes kept, free motions left aside
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The whole system.
+    small : System
+        That of its lowest modes.
+    count : int
+        Number of modes asked for, for messages.
+
+    Returns
+    -------
+    System
+        The same but for D.
+
+    Raises
+    ------
+    ResponseError
+        If free motions are not all among the modes, or cannot be told from slow ones.
+    """
+    t = operator(system, None, system.dof)
+    rigid = t.rigid.shape[1]
+    basis = undamped(small, RTOL)
+    if t.sigma or basis.rigid < rigid:
+        free = f"at least {rigid}" if rigid else "others"
+        raise ResponseError(
+            f"reduced: static correction of '{system.name}' with {count} modes; free motions have no static part, so "
+            f"all of them must be among the modes kept and be told from slow ones: ask for more modes ({free}), or for "
+            f"no correction."
+        )
+    force = np.asarray(system.input_rows.toarray().T)
+    if rigid:
+        momentum = t.wt @ t.away[:, :rigid]
+        force = force - momentum @ (t.rigid.T @ force)
+    motion = t.factor.solve(t.right(force))
+    if rigid:
+        motion = motion - t.rigid @ (t.away[:, :rigid].T @ (t.w @ motion))
+    whole = np.asarray(system.output_rows[0] @ motion)
+    phi = basis.shapes[:, basis.rigid :]
+    kept = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
+    return replace(small, D=small.D + (whole - kept))
+
+
+def truncation_error(system: SparseSystem, small: System, omega: ArrayLike) -> Array:
+    """Return how far the responses of a reduced system are off those of the whole.
+
+    |G_small - G| / max over omega of |G|, for each output and input
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The whole system.
+    small : System
+        What was made of it.
+    omega : array-like, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Errors; 0 where nothing responds.
+
+    Raises
+    ------
+    ResponseError
+        If the ports are not the same, a frequency is not finite, or is an undamped pole.
+    """
+    if (small.inputs, small.outputs) != (system.inputs, system.outputs):
+        raise ResponseError(f"truncation_error: '{small.name}' has the inputs {', '.join(small.inputs)} and outputs "
+                            f"{', '.join(small.outputs)}; expected those of '{system.name}', {', '.join(system.inputs)}"
+                            f" and {', '.join(system.outputs)}.")  # fmt: skip
+    whole = frequency_response(system, omega)
+    off = np.abs(small.frequency_response(omega) - whole)
+    size = np.abs(whole).max(axis=2, keepdims=True, initial=0.0)
+    return np.asarray(off / np.where(size > 0.0, size, 1.0))
