@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mbsvib import library, plots
     from mbsvib.assembly import linearize
     from mbsvib.files import load, save
+    from mbsvib.library import from_dh
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
     from mbsvib.system import System
@@ -40,6 +41,7 @@ __all__ = [
     "StateSpace",
     "System",
     "__version__",
+    "from_dh",
     "library",
     "linearize",
     "load",
@@ -51,6 +53,7 @@ _HOMES = {
     "Modes": "mbsvib.modes",
     "StateSpace": "mbsvib.state_space",
     "System": "mbsvib.system",
+    "from_dh": "mbsvib.library",
     "library": "mbsvib.library",
     "plots": "mbsvib.plots",
     "linearize": "mbsvib.assembly",

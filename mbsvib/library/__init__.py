@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from mbsvib.errors import ModelError, nearest
 from mbsvib.library._chain import chain
 from mbsvib.library._cubic import cubic_hexapod
+from mbsvib.library._dh import from_dh
 from mbsvib.library._inclined_chain import inclined_chain
 from mbsvib.library._ladder import ladder
 from mbsvib.library._quadruped import quadruped
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from mbsvib.model import Model
 
 __all__ = [
-    "build", "chain", "cubic_hexapod", "inclined_chain", "ladder", "models", "quadruped", "quarter_car", "stewart",
-    "stewart_isolator", "tree",
+    "build", "chain", "cubic_hexapod", "from_dh", "inclined_chain", "ladder", "models", "quadruped", "quarter_car",
+    "stewart", "stewart_isolator", "tree",
 ]  # fmt: skip
 
 _FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}

@@ -19,12 +19,15 @@ HIP, FIRST_GEAR, SECOND_GEAR, FOOT = (0.12, 0.30), (0.20, 0.30), (0.32, 0.24), (
 LENGTHWISE = 0.25
 PARTS = (("hip", HIP, FIRST_GEAR, 0.6), ("thigh", FIRST_GEAR, SECOND_GEAR, 0.8), ("shank", SECOND_GEAR, FOOT, 0.5))
 RADIUS = 0.02
+# A worm with its motor's rotor: mass [kg], radius and length [m] of a cylinder across the leg's plane's normal.
+WORM = (0.08, 0.012, 0.04)
 
 
 def quadruped(
     *, trunk_mass: float = 12.0, yaw_stiffness: float = 4e3, yaw_damping: float = 2.0,
     gear_stiffness: float = 2e3, gear_damping: float = 2.0,
     foot_stiffness: ArrayLike = (4e4, 4e4, 8e4), foot_damping: ArrayLike = (40.0, 40.0, 80.0),
+    worm_ratio: float | None = None,
 ) -> Model:  # fmt: skip
     """Build the chapter's quadruped robot: 13 bodies, 18 degrees of freedom.
 
@@ -33,6 +36,9 @@ def quadruped(
     and ``fl.gear2`` are worm gears, revolute joints about x; each has a torsion spring-damper, ``fl.yaw.k`` and so
     on. The foot ``fl.foot`` is a spring-damper in three directions between shank and ground. Forces Fx ... Mz act at
     the trunk's centre of mass, displacements x ... rz are measured there.
+
+    With ``worm_ratio`` the worms are bodies of their own (21 bodies, still 18 degrees of freedom): ``fl.worm1`` and
+    ``fl.worm2`` turn about y on ``fl.worm1.shaft`` ... in the part before, and drive the gear by ``fl.worm1.mesh`` ...
 
     The chapter gives the topology only; masses, geometry, stiffness and damping are chosen.
 
@@ -46,6 +52,8 @@ def quadruped(
         Of a worm gear, about x [N m/rad, N m s/rad].
     foot_stiffness, foot_damping : array-like, shape (3,)
         Of a foot along x, y, z [N/m, N s/m].
+    worm_ratio : float, optional
+        Turns of a leg's part per turn of its worm [rad/rad], such as 1/40; default: worms without inertia.
 
     Returns
     -------
@@ -86,6 +94,8 @@ def quadruped(
             body, name = f"{corner}.{part}", f"{corner}.{joint}"
             model.add_joint(name, "revolute", before, body, point, axis=axis)
             model.add_bushing(f"{name}.k", before, body, point, *spring)
+            if worm_ratio is not None and joint != "yaw":
+                _add_worm(model, f"{corner}.worm{joint[-1]}", before, name, point, worm_ratio)
             before = body
         model.add_bushing(f"{corner}.foot", "ground", before, points[3], *foot)
     for load, direction in zip(shape.LOADS, shape.DIRECTIONS, strict=True):
@@ -100,3 +110,11 @@ def _add_rod(model: Model, name: str, mass: float, start: Vector, end: Vector) -
     middle = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), 0.5 * (start[2] + end[2]))
     axes = check.frame_along((line[0] / length, line[1] / length, line[2] / length))
     model.add_body(name, mass, shape.cylinder(mass, RADIUS, length), middle, axes)
+
+
+def _add_worm(model: Model, name: str, carrier: str, gear: str, point: Vector, ratio: float) -> None:
+    mass, radius, length = WORM
+    across = (0.0, 1.0, 0.0)
+    model.add_body(name, mass, shape.cylinder(mass, radius, length), point, check.frame_along(across))
+    model.add_joint(f"{name}.shaft", "revolute", carrier, name, point, axis=across)
+    model.add_worm(f"{name}.mesh", f"{name}.shaft", gear, ratio)

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from mbsvib.library import build, inclined_chain, models, quadruped, quarter_car
+from tests.support.compare import assert_same_matrices
 from tests.support.exact import Exact
 
 
@@ -106,3 +107,20 @@ def test_unknown_models():
         build("C0RF1")
     with pytest.raises(mv.ModelError, match="Known: chain, tree"):
         build("")
+
+
+def test_quadruped_with_worms_of_their_own():
+    """The rotors' inertia counts by the square of the reduction, which a motor of 40 turns a turn makes large."""
+    plain, driven = quadruped(), quadruped(worm_ratio=1 / 40)
+    assert len(driven.bodies) == 21
+    system, gears = driven.linearize(), [f"{corner}.gear{i}" for corner in ("fl", "fr", "rl", "rr") for i in (1, 2)]
+    assert system.dof == 18
+    assert not system.redundant
+    assert_same_matrices(system, Exact(driven), 1e-11)
+    pinned = driven.linearize(independent=[f"{gear}.rz" for gear in gears])
+    before = plain.linearize()
+    k = before.coordinates.index("fl.gear1.rz")
+    rotor = 0.5 * 0.08 * 0.012**2
+    other = 0.08 * (0.12**2 + 0.06**2) + 0.08 * (3 * 0.012**2 + 0.04**2) / 12  # the next worm, carried along
+    i = pinned.coordinates.index("fl.gear1.rz")
+    assert_allclose(pinned.M[i, i] - before.M[k, k], 1600 * rotor + other, rtol=1e-10)
