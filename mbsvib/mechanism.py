@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from mbsvib.composite import Pieces
     from mbsvib.parts._part import Composed, Part
+    from mbsvib.parts.coupler import Coupling
+    from mbsvib.parts.rotor import Rotor
     from mbsvib.topology import Topology
 
 GROUND = "ground"
@@ -47,8 +49,10 @@ class Mechanism:
         self._springs: dict[str, Bushing | Spring] = {}
         self._nodes: dict[str, Part] = {}  # bodies that beams and superelements bring, and whose they are
         self._elements: dict[str, Part] = {}  # likewise their elements
+        self._made: dict[str, Part] = {}  # and all names that they take
         self._composed: dict[str, Composed] = {}  # beams and superelements
         self._couplers: dict[str, Coupling] = {}
+        self._rotors: dict[str, Rotor] = {}
         self._pieces: Pieces | None = None  # what these have become in an expanded model
         self._topology: Topology | None = None  # what bodies and joints imply, until one more is added
 
@@ -235,8 +239,8 @@ class Mechanism:
         return part
 
     def _check_name(self, name: str, what: str) -> None:
-        check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._nodes, self._elements,
-                   self._couplers)  # fmt: skip
+        check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._made,
+                   self._couplers, self._rotors)  # fmt: skip
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")
 

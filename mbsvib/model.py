@@ -11,13 +11,16 @@ from mbsvib import _checks as check
 from mbsvib.equilibrium.methods import Posed
 from mbsvib.errors import ModelError, nearest
 from mbsvib.beams import Beam
-from mbsvib.beams.adders import FlexibleMechanism
 from mbsvib.couplers.adders import CoupledMechanism
 from mbsvib.loads.adders import LoadedMechanism
 from mbsvib.massless.adders import RelaxingMechanism
 from mbsvib.mechanism import GROUND, check_name
 from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.parts import ports as _ports
+from mbsvib.parts.rotor import Rotor
+from mbsvib.spin.adders import SpinningMechanism
+from mbsvib.superelements.adders import ReducedMechanism
+from mbsvib.superelements.superelement import Superelement
 from mbsvib.parts.coupler import Coupler, Gear, Rack, Worm
 
 if TYPE_CHECKING:
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse import SparseSystem
     from mbsvib.system import System
 
-class Model(LoadedMechanism, FlexibleMechanism, CoupledMechanism, RelaxingMechanism, Posed):
+class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechanism, SpinningMechanism, Posed):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 
     SI units and radians; positions and axes in world coordinates. Where a body is asked for, its name or the
@@ -221,7 +224,8 @@ class Model(LoadedMechanism, FlexibleMechanism, CoupledMechanism, RelaxingMechan
         """Every number of bodies, joints, springs and loads by its name (``"leg1.k.stiffness"``); read-only."""
         from mbsvib.parameters import Parameters
 
-        parts = (self._bodies, self._composed, self._joints, self._springs, self._couplers, self._loads)
+        parts = (self._bodies, self._composed, self._joints, self._springs, self._couplers, self._rotors,
+                 self._loads)  # fmt: skip
         return Parameters([part for group in parts for part in group.values()])
 
     def with_values(self, values: Mapping[str, float]) -> Model:
@@ -252,6 +256,7 @@ class Model(LoadedMechanism, FlexibleMechanism, CoupledMechanism, RelaxingMechan
         for name, part in self._composed.items():
             model._compose(changed.get(name, part))
         model._couplers = {name: changed.get(name, part) for name, part in self._couplers.items()}
+        model._rotors = {name: changed.get(name, part) for name, part in self._rotors.items()}
         model._loads = {name: changed.get(name, part) for name, part in self._loads.items()}
         model._inputs, model._outputs = dict(self._inputs), dict(self._outputs)
         return model
@@ -354,7 +359,8 @@ class Model(LoadedMechanism, FlexibleMechanism, CoupledMechanism, RelaxingMechan
 
     def _groups(self) -> tuple[tuple[str, Mapping[str, Any]], ...]:
         return (("add_body", self._bodies), ("", self._composed), ("add_joint", self._joints), ("", self._springs),
-                ("", self._couplers), ("add_load", self._loads), ("", self._inputs), ("", self._outputs))  # fmt: skip
+                ("", self._couplers), ("add_rotor", self._rotors), ("add_load", self._loads), ("", self._inputs),
+                ("", self._outputs))  # fmt: skip
 
     def __repr__(self) -> str:
         counts = ((self._bodies, "bodies"), (self._joints, "joints"), (self._springs, "springs"),
@@ -365,6 +371,7 @@ class Model(LoadedMechanism, FlexibleMechanism, CoupledMechanism, RelaxingMechan
 ADDERS: dict[type, str] = {
     Body: "add_body",
     Beam: "add_beam",
+    Superelement: "add_superelement",
     Joint: "add_joint",
     Bushing: "add_bushing",
     Spring: "add_spring",
@@ -373,6 +380,7 @@ ADDERS: dict[type, str] = {
     Gear: "add_gear",
     Worm: "add_worm",
     Rack: "add_rack",
+    Rotor: "add_rotor",
     Load: "add_load",
     Input: "add_input",
     BaseMotion: "add_base_motion",

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.beams.material import Material
     from mbsvib.beams.sections import Circle, Rectangle, Section, Tube
     from mbsvib.parts import Body
+    from mbsvib.superelements import Superelement
 
 
 class FlexibleMechanism(Mechanism):
@@ -83,19 +84,22 @@ class FlexibleMechanism(Mechanism):
         self._compose(part)
         return part
 
-    def _compose(self, part: Beam) -> None:
+    def _compose(self, part: Beam | Superelement) -> None:
         nodes, elements = part.node_names, part.element_names
         for name in part.made:
             self._check_name(name, f"{type(part).__name__.lower()} '{part.name}': part")
         self._composed[part.name] = part
         self._nodes |= dict.fromkeys(nodes, part)
         self._elements |= dict.fromkeys(elements, part)
+        self._made |= dict.fromkeys(part.made, part)
         self._topology = None
 
     def _expanded(self) -> Self:
         """Return the same mechanism in plain parts: nodes as bodies, elements as free joints and bushings."""
         from mbsvib.beams.expansion import dampers, elements, masses, node_bodies
         from mbsvib.composite import Pieces
+        from mbsvib.superelements import Superelement
+        from mbsvib.superelements import expansion as _reduced
 
         if getattr(self, "gravity", None) is not None:
             self._refuse_composed("gravity", "leave gravity out (Model(gravity=None)), or make it of rigid bodies.")
@@ -103,6 +107,12 @@ class FlexibleMechanism(Mechanism):
         plain._bodies, plain._joints, plain._springs = dict(self._bodies), dict(self._joints), dict(self._springs)
         plain._composed, plain._topology = {}, None
         mass, elastic = [], []
+        for part in self._composed.values():
+            if isinstance(part, Superelement):
+                plain._bodies |= {body.name: body for body in _reduced.node_bodies(part)}
+                plain._joints |= dict(_reduced.links(part))
+                mass += _reduced.masses(part)
+                elastic += _reduced.elastic(part)
         for beam in self.beams.values():
             plain._bodies |= {body.name: body for body in node_bodies(beam)}
             for joint, spring in elements(beam):

@@ -16,9 +16,11 @@ VERSION = 1
 SECTIONS: dict[str, tuple[str, ...]] = {
     "bodies": ("body",),
     "beams": ("beam",),
+    "superelements": ("superelement",),
     "joints": ("joint",),
     "springs": ("spring", "bushing", "maxwell"),
     "couplers": ("coupler", "gear", "worm", "rack"),
+    "rotors": ("rotor",),
     "loads": ("load",),
     "inputs": ("input", "base_motion"),
     "outputs": ("output", "force_output"),
@@ -62,7 +64,7 @@ def unfit(item: Parameter, value: Any) -> str | None:
     if "Sequence[str]" in allowed:
         listed = value if isinstance(value, list) else [value]
         return None if all(isinstance(entry, str) for entry in listed) else "a list of texts"
-    if "Mapping[str, Any]" in allowed:
+    if any(kind.startswith("Mapping[") for kind in allowed):
         return None if isinstance(value, dict) else "a mapping of words"
     if "Mapping[str, float]" in allowed:
         numeric = isinstance(value, dict) and all(_numeric([entry]) for entry in value.values())

@@ -1,0 +1,221 @@
+"""Reduced matrices from files: MATLAB .mat, Nastran OP4, and DMIG cards of Nastran punch files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from os import PathLike
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reduced:
+    """Matrices ``M``, ``C`` (or None) and ``K`` (n, n) as ``add_superelement`` takes them; ``labels`` (n,) tell grid
+    point and component (1 to 6, 0 for an internal coordinate) of each row where the file knows them.
+    """
+
+    M: Array
+    C: Array | None
+    K: Array
+    labels: tuple[tuple[int, int], ...] = ()
+
+    def ordered(self, grids: Iterable[int]) -> Reduced:
+        """Return the matrices with the six components of some grid points first, in their order, then all others.
+
+        Parameters
+        ----------
+        grids : iterable of int
+            Numbers of the grid points, in the order of the superelement's nodes.
+
+        Returns
+        -------
+        Reduced
+            The same model.
+
+        Raises
+        ------
+        ModelError
+            If a grid point has not all six components.
+        """
+        place = {label: i for i, label in enumerate(self.labels)}
+        first = []
+        for grid in grids:
+            for component in range(1, 7):
+                if (grid, component) not in place:
+                    raise ModelError(f"grid point {grid} has no component {component} in the reduced matrices; an "
+                                     f"interface node needs all six.", element=str(grid))  # fmt: skip
+                first.append(place[grid, component])
+        order = first + [i for i in range(len(self.labels)) if i not in set(first)]
+        at = np.ix_(order, order)
+        return Reduced(self.M[at], None if self.C is None else self.C[at], self.K[at],
+                       tuple([self.labels[i] for i in order]))  # fmt: skip
+
+
+def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | None = None) -> Reduced:
+    """Read reduced matrices from a MATLAB file (scipy.io.loadmat; version 7.3 files are not read).
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    M, K : str
+        Names of its mass and stiffness matrices.
+    C : str, optional
+        Name of its damping matrix.
+
+    Returns
+    -------
+    Reduced
+        The matrices, dense.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read or has no such matrix.
+    """
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(str(path), appendmat=False)
+    except (OSError, ValueError, NotImplementedError) as error:
+        raise ModelError(f"{path}: cannot be read as a MATLAB file: {error} Save it with version -v7.",
+                         element=str(path)) from error  # fmt: skip
+    return _picked(path, {name: value for name, value in content.items() if not name.startswith("__")}, M, K, C)
+
+
+def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str | None = None) -> Reduced:
+    """Read reduced matrices from a Nastran OUTPUT4 file, text or binary.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    M, K : str
+        Names of its mass and stiffness matrices.
+    C : str, optional
+        Name of its damping matrix.
+
+    Returns
+    -------
+    Reduced
+        The matrices, dense.
+
+    Raises
+    ------
+    ModelError
+        If pyNastran is missing, or the file has no such matrix.
+    """
+    try:
+        module: Any = import_module("pyNastran.op4.op4")
+    except ImportError as error:
+        raise ModelError("read_op4 needs pyNastran: pip install 'mbsvib[nastran]'.", element=str(path)) from error
+    if not Path(path).is_file():
+        raise ModelError(f"{path}: there is no such file.", element=str(path))
+    found = module.OP4(debug=False).read_op4(str(path))
+    content = {name: getattr(value, "data", value[1] if isinstance(value, tuple) else value)
+               for name, value in found.items()}  # fmt: skip
+    return _picked(path, content, M, K, C)
+
+
+def read_punch(
+    path: str | PathLike[str], M: str = "MAAX", K: str = "KAAX", C: str | None = None
+) -> Reduced:
+    """Read reduced matrices from the DMIG cards of a Nastran punch file (``EXTSEOUT(DMIGPCH)``), real and symmetric.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    M, K : str
+        Names of its mass and stiffness matrices.
+    C : str, optional
+        Name of its damping matrix.
+
+    Returns
+    -------
+    Reduced
+        The matrices with labels: grid points in ascending order, then scalar points, which have no component.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, has no such matrix, or a card is not understood.
+    """
+    try:
+        lines = Path(path).read_text("utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path}: cannot be read: {error}", element=str(path)) from error
+    entries: dict[str, dict[tuple[tuple[int, int], tuple[int, int]], float]] = {}
+    name, column = "", (0, 0)
+    for number, line in enumerate(lines, 1):
+        card = line[:8].strip().upper()
+        try:
+            if card == "DMIG" or card == "DMIG*":
+                words = _fields(line, card)
+                if words[1] == "0":
+                    if words[2] not in ("1", "6"):
+                        raise ValueError("only square and symmetric matrices are read")
+                    continue
+                name, column = words[0], (int(words[1]), int(words[2] or 0))
+                entries.setdefault(name, {})
+                rest = words[4:] if card == "DMIG" else []
+            elif name and card in ("*", "+", "") and line.strip():
+                rest = _fields(line, "DMIG*" if card == "*" else "DMIG")
+            else:
+                name = name if not line.strip() or line.startswith("$") else ""
+                continue
+            for i in range(0, len(rest) - 2, 4):
+                if rest[i]:
+                    entries[name][(int(rest[i]), int(rest[i + 1] or 0)), column] = _real(rest[i + 2])
+        except (ValueError, IndexError) as error:
+            raise ModelError(f"{path}, line {number}: the DMIG card is not understood: {error}",
+                             element=str(path)) from error  # fmt: skip
+    labels = sorted({label for part in entries.values() for pair in part for label in pair},
+                    key=lambda label: (label[1] == 0, label))  # fmt: skip
+    place = {label: i for i, label in enumerate(labels)}
+    content = {}
+    for key, part in entries.items():
+        matrix = np.zeros((len(labels), len(labels)))
+        for (row, other), value in part.items():
+            matrix[place[row], place[other]] = matrix[place[other], place[row]] = value
+        content[key] = matrix
+    found = _picked(path, content, M, K, C)
+    return Reduced(found.M, found.C, found.K, tuple(labels))
+
+
+def _fields(line: str, card: str) -> list[str]:
+    """Fields of a card after its name: eight columns each, or sixteen where it has a star."""
+    width = 16 if card.endswith("*") else 8
+    text = line[8:72].ljust(64)
+    return [text[i : i + width].strip() for i in range(0, 64, width)]
+
+
+def _real(text: str) -> float:
+    """Nastran writes 1.5D+3 and 1.5+3 for 1.5e3."""
+    plain = text.upper().replace("D", "E")
+    return float(re.sub(r"(?<=[0-9.])([+-]\d+)$", r"E\1", plain) if "E" not in plain else plain)
+
+
+def _picked(path: Any, content: Mapping[str, Any], M: str, K: str, C: str | None) -> Reduced:
+    found = []
+    for name in (M, K) if C is None else (M, K, C):
+        if name not in content:
+            known = ", ".join(sorted(content)) or "none"
+            raise ModelError(f"{path}: there is no matrix '{name}'; the file has {known}.",
+                             element=str(path), field=name)  # fmt: skip
+        value = content[name]
+        found.append(np.asarray(value.toarray() if hasattr(value, "toarray") else value, dtype=float))
+    return Reduced(found[0], found[2] if C is not None else None, found[1])
