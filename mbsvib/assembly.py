@@ -263,6 +263,11 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         parts = given(parts)
         found, stays, separation = separate(scene, reduction, found, names, model, independent)
         names, kept = tuple([names[i] for i in stays]), [kept[i] for i in stays]
+    if model._rotors:
+        from mbsvib.spin.terms import with_spin
+
+        found = with_spin(model, scene, found)
+        parts += tuple(model.rotors.values())
     if model._pieces is not None:
         parts = model._pieces.said(parts)
     return System(

@@ -43,6 +43,8 @@ def explain(system: System) -> str:
         from mbsvib.loads.explain import explain_loads
 
         lines += ["loads", *explain_loads(system)]
+    if system.gyroscopic is not None or system.circulatory is not None:
+        lines += ["symmetry", *_unsymmetric(system)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system))]
     return "\n".join(lines)
 
@@ -64,7 +66,8 @@ def _topology(system: System) -> list[str]:
     if topology.joints:
         lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
     acting = set(system.row_owner.tolist())
-    idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting]
+    forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
+    idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting and name not in forces]
     if idle:
         left = "the mechanism" if system.provenance.dropped is None else "what is left"
         lines.append(f"  without effect, as no motion of {left} acts on them: {listed(idle)}")
@@ -111,6 +114,24 @@ def dropped(gone: Dropped) -> list[str]:
     if gone.unseen:
         result.append(f"dropped, as no output out of {listed(gone.outputs)} sees them: {listed(gone.unseen)}")
     return result or ["nothing was dropped: the inputs reach, and the outputs see, everything"]
+
+
+def _unsymmetric(system: System) -> list[str]:
+    """What spins, and what else takes symmetry from C and K."""
+    from mbsvib.parts.rotor import Rotor
+
+    rotors = [part for part in system.provenance.parts if isinstance(part, Rotor)]
+    lines = []
+    for rotor in rotors[:SHOWN]:
+        axis = " ".join(f"{entry:.6g}" for entry in rotor.axis)
+        moment = "" if rotor.inertia is None else f"{rotor.inertia:.6g} kg m^2 on "
+        what = f"{moment}body '{rotor.body}'{'' if moment else ' itself'}"
+        lines.append(f"  rotor '{rotor.name}': {what}, {rotor.speed:.6g} rad/s about ({axis})")
+    if system.gyroscopic is not None:
+        lines.append("  C = dampers + gyroscopic terms: modes have right and left vectors")
+    if system.circulatory is not None:
+        lines.append("  K = stiffness + circulatory terms (dampers that turn along, follower loads): it may flutter")
+    return lines
 
 
 def _massless(system: System) -> list[str]:

@@ -30,6 +30,8 @@ MIXED = 0.1
 ROUNDING = 2.0
 # A step larger than this share of the eigenvalue is no correction of rounding.
 CORRECTION = 1e-2
+# A real part that is smaller than its error, and than this share of the eigenvalue, is none.
+UNTOLD = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,11 @@ def refined(system: System, state: EnergyState, start: Spectrum) -> Spectrum:
         return found
     for _ in range(ROUNDS):
         found = _improved(factors, state, found)
-    return replace(found, errors=_bounds(factors, state, found))
+    errors = _bounds(factors, state, found)
+    values = found.values.copy()
+    # rounding must not tell whether a motion that no damper feels grows or decays
+    values.real[found.turns & (np.abs(values.real) <= np.minimum(errors, UNTOLD) * np.abs(values))] = 0.0
+    return replace(found, values=values, errors=errors)
 
 
 def _products(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:

@@ -19,6 +19,7 @@ name                                    unit                        what it is
 ``BUSHING.preload.x`` ... ``.rz``       N, N m                      where given
 ``GEAR.ratio``, ``RACK.radius``         -, m                        of gears and worms; of racks
 ``COUPLER.coefficient.1`` (2 ...)       -                           in the order of the sum
+``ROTOR.speed``, ``ROTOR.inertia``      rad/s, kg m^2               inertia where given
 ``LOAD.force.x``, ``LOAD.torque.x``     N, N m                      world axes; ``LOAD.position.x``, m, where given
 ``BEAM.E``, ``.rho``, ``.nu`` or ``.G``  N/m^2, kg/m^3, -           of its material
 ``BEAM.radius`` (wall, width, height)   m                           of its section, or ``.A``, ``.Iy``, ``.Iz``, ``.J``
@@ -53,7 +54,7 @@ _OF_BEAMS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2",
              "ky": "-", "kz": "-", "alpha": "1/s", "beta": "s", "damping_ratio": "-"}  # fmt: skip
 _TENSOR = ("xx", "yy", "zz", "xy", "xz", "yz")
 _END = re.compile(
-    r"\.(?:(?P<field>mass|pitch|inertia(?=\.)|position(?=\.)|start(?=\.)|end(?=\.)|orientation(?=\.)|stiffness|damping|static_stiffness|preload|"
+    r"\.(?:(?P<field>mass|pitch|speed|inertia|position(?=\.)|start(?=\.)|end(?=\.)|orientation(?=\.)|stiffness|damping|static_stiffness|preload|"
     r"free_length|force(?=\.)|torque(?=\.)|E|G|rho|nu|A|Iy|Iz|J|ky|kz|ratio|coefficient(?=\.)|radius|wall|width|height|alpha|beta|damping_ratio)"
     r"(?:\.(?P<first>[a-z]{1,2}|[1-9][0-9]*)(?:\.(?P<second>[a-z]{1,2}))?)?)$"
 )
@@ -203,7 +204,7 @@ def unit(name: str) -> str:
     if field == "preload":
         return "N m" if first is not None and first[0] == "r" else "N"
     plain = {"mass": "kg", "inertia": "kg m^2", "orientation": "rad", "pitch": "m/rad", "force": "N", "torque": "N m",
-             "ratio": "-", "coefficient": "-", **_OF_BEAMS}  # fmt: skip
+             "ratio": "-", "coefficient": "-", "speed": "rad/s", **_OF_BEAMS}  # fmt: skip
     if field not in ("stiffness", "damping", "static_stiffness"):
         return plain.get(field, "m")
     per = " s" if field == "damping" else ""

@@ -64,6 +64,9 @@ def linearize_batch(
     """
     refuse_loaded(model, "values: batches of loaded models are not supported yet; linearize the variants one by one, "
                          "with model.with_values.")  # fmt: skip
+    for rotor in model.rotors:
+        raise ModelError(f"values: rotor '{rotor}' spins, which batches do not support yet; linearize the variants one "
+                         f"by one, with model.with_values.", element=rotor, field="values")  # fmt: skip
     parameters = model.parameters
     variants = checked(parameters, values)
     scene = single.scene(model, cut)

@@ -64,6 +64,12 @@ def wants_sparse(
             raise ModelError(f"linearize: '{light}' is massless or has a massless node, which method='sparse' does not "
                              f"support yet; use method='dense'.", element=light, field="method")  # fmt: skip
         return False
+    if model._rotors:
+        if method == "sparse":
+            rotor = next(iter(model._rotors))
+            raise ModelError(f"linearize: rotor '{rotor}' spins, which method='sparse' does not support yet; use "
+                             f"method='dense'.", element=rotor, field="method")  # fmt: skip
+        return False
     if model._couplers:
         if method == "sparse":
             coupler = next(iter(model._couplers))

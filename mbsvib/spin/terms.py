@@ -1,0 +1,92 @@
+"""What spin adds to the equations: -[h]x in C for each body's rotation, and in K what dampers do that turn along.
+
+The torque of a body with the angular momentum h is d/dt (I theta' + h + theta x h) = I theta'' - [h]x theta'. A damper
+between two bodies that spin together at W sees the rate of their relative displacement d in axes that turn with them,
+d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.parts import BaseMotion, Bushing
+from mbsvib.spin.steady import check_steady, cross, own_spin, tensor, together, world
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.assembly import Scene
+    from mbsvib.model import Model
+
+    Array = NDArray[np.float64]
+
+
+def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, Any]:
+    """Return the matrices of a mechanism with what its rotors add.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    scene : Scene
+        The same in numbers.
+    found : dict of str to array
+        Its matrices without spin.
+
+    Returns
+    -------
+    dict of str to array
+        The same with ``gyroscopic`` and ``circulatory``, where they are not zero, and as part of C and K.
+
+    Raises
+    ------
+    ModelError
+        If a spin is not steady, or a body is not symmetric about the axis on which it spins.
+    """
+    check_steady(model, scene)
+    _check_surroundings(model)
+    motion, number = found["body_motion"], {body.name: i for i, body in enumerate(scene.bodies)}
+    m = motion.shape[-1]
+    parts = {"gyroscopic": np.zeros((m, m)), "circulatory": np.zeros((m, m))}
+    for rotor in model.rotors.values():
+        i = number[rotor.body]
+        axis = np.array(rotor.axis)
+        moment = float(axis @ tensor(scene.bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
+        turn = motion[i, 3:]
+        parts["gyroscopic"] -= turn.T @ cross(moment * rotor.speed * axis) @ turn
+    spins = own_spin(model)
+    for spring in scene.elements:
+        if isinstance(spring, Bushing) and together(model, spins, spring.first, spring.second):
+            damping = world(spring, spring.damping)
+            turning = np.kron(np.eye(2), cross(spins[spring.first]))
+            seen = [_at(motion[number[name]], scene.bodies[number[name]].position, spring.position)
+                    for name in (spring.first, spring.second)]  # fmt: skip
+            relative = seen[1] - seen[0]
+            parts["circulatory"] -= relative.T @ damping @ turning @ relative
+    result = dict(found)
+    for name, letter in (("gyroscopic", "C"), ("circulatory", "K")):
+        part = 0.5 * (parts[name] - parts[name].T)
+        if part.any():
+            before = found.get(name)
+            result[name] = part if before is None else before + part
+            result[letter] = found[letter] + part
+    return result
+
+
+def _at(motion: Array, center: Any, point: Any) -> Array:
+    """Motion (6, m) of the point of a body."""
+    arm = np.array(point) - np.array(center)
+    return np.concatenate((motion[:3] - cross(arm) @ motion[3:], motion[3:]))
+
+
+def _check_surroundings(model: Model) -> None:
+    """Refuse what would act on spinning bodies in ways that are not computed."""
+    rotor = next(iter(model.rotors))
+    for name, part in model.inputs.items():
+        if isinstance(part, BaseMotion) and any(part.wrench[3:]):
+            raise ModelError(f"base motion '{name}' turns the ground, whose speed (not only its acceleration) acts on "
+                             f"rotor '{rotor}'; this is not supported: let the ground only shift, or turn a body by "
+                             f"a torque.", element=name, field="direction")  # fmt: skip

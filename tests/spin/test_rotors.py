@@ -1,0 +1,124 @@
+"""Rotors against closed forms: rotor and stator, the free top, a wheel on a body, internal damping."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+
+def rotor_and_stator(speed):
+    """Negrut & Ortiz, ASME J. Comput. Nonlinear Dynam. 1 (2006): data of their example."""
+    model = mv.Model("rotor and stator")
+    model.add_body("stator", 200.0, (50.0, 50.0, 10.0))
+    model.add_body("rotor", 1300.0, (500.0, 500.0, 1000.0), position=(0, 0, 0.75))
+    model.add_joint("bearing", "revolute", "stator", "rotor", position=(0, 0, 0), axis=(0, 0, 1))
+    model.add_bushing("mount", "ground", "stator", position=(0, 0, 0), stiffness=(1e3, 1e3, 1e3, 1e4, 1e4, 1e5),
+                      damping=(1.0, 1.0, 1.0, 10.0, 10.0, 100.0))  # fmt: skip
+    model.add_rotor("spin", "rotor", speed, (0, 0, 2.0))
+    return model
+
+
+def whirl_roots(speed):
+    """(1500 s^2 + s + 1000)(1281.25 s^2 + (10 -+ 1000 i W) s + 1e4) - 975^2 s^4 = 0, and what does not whirl."""
+    with mp.workdps(40):
+        w, result = mp.mpf(speed), []
+        for sign in (-1, 1):
+            one, two = [1000, 1, 1500], [mp.mpf(10000), mp.mpc(10, sign * 1000 * w), mp.mpf("1281.25")]
+            product = [sum(one[i] * two[k - i] for i in range(3) if 0 <= k - i < 3) for k in range(5)]
+            product[4] -= 975**2
+            result += mp.polyroots(product, asc=True, maxsteps=200, extraprec=200)
+        result += mp.polyroots([1000, 1, 1500], asc=True) + mp.polyroots([100000, 100, 10], asc=True)
+        return [complex(root) for root in result]
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-9, 10.0, -40.0, 1000.0])
+def test_rotor_and_stator(speed):
+    system = rotor_and_stator(speed).linearize()
+    values = system.modes().eigenvalues.tolist()
+    assert values[:2] == [0.0, 0.0]
+    values = values[2:]
+    for root in whirl_roots(speed):
+        value = values.pop(min(range(len(values)), key=lambda i: abs(values[i] - root)))
+        assert abs(value - root) <= 1e-12 * abs(root)
+    assert system.modes().errors.max() <= 1e-12
+    assert (system.gyroscopic is None) == (speed == 0.0)
+
+
+def test_free_top():
+    """A free symmetric body nutates with W Ia / It; everything else drifts: zeros, exactly."""
+    model = mv.Model("top")
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    turn = np.linalg.qr(np.column_stack((axis, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])))[0]
+    model.add_body("top", 3.0, (0.3, 0.2, 0.2), orientation=turn * np.sign(np.linalg.det(turn)))
+    model.add_rotor("spin", "top", 7.0, axis)
+    modes = model.linearize().modes()
+    assert np.count_nonzero(modes.eigenvalues == 0.0) == 10
+    np.testing.assert_allclose(modes.natural[-1], 7.0 * 0.3 / 0.2, rtol=1e-14)
+    assert not modes.eigenvalues.real.any()
+    assert modes.rigid == 5
+
+
+def test_wheels_on_a_body():
+    """Wheels add their angular momenta; h on a gimballed body of two equal stiffnesses: (k - I w^2)^2 = (h w)^2."""
+    model = mv.Model("gyro")
+    model.add_body("frame", 2.0, (0.3, 0.3, 0.4))
+    model.add_joint("gimbal", None, "ground", "frame", position=(0, 0, 0), free=("rx", "ry"))
+    model.add_bushing("k", "ground", "frame", position=(0, 0, 0), stiffness=(0, 0, 0, 12.0, 12.0, 0))
+    model.add_rotor("one", "frame", 100.0, (0, 0, 1), inertia=0.01)
+    model.add_rotor("two", "frame", 40.0, (0, 0, -1), inertia=0.005)
+    system = model.linearize()
+    h = 0.01 * 100.0 - 0.005 * 40.0
+    np.testing.assert_allclose(system.gyroscopic, [[0.0, h], [-h, 0.0]], rtol=1e-15)
+    low = (np.sqrt(h * h + 4.0 * 0.3 * 12.0) - h) / 0.6
+    np.testing.assert_allclose(system.modes().natural, [low, low + h / 0.3], rtol=1e-14)
+    assert not system.modes().eigenvalues.real.any()
+
+
+def shaft(speed, internal=2.0, external=1.0):
+    """A disk on a massless shaft between journals, seen along its axis: the shaft's dampers turn with it."""
+    model = mv.Model("shaft")
+    model.add_body("journal", 0.1, (1e-3, 1e-3, 1e-3))
+    model.add_body("disk", 4.0, (0.02, 0.02, 0.04))
+    model.add_joint("bearing", "revolute", "ground", "journal", position=(0, 0, 0), axis=(0, 0, 1))
+    model.add_bushing("bend", "journal", "disk", position=(0, 0, 0), stiffness=(400, 400, 1e4, 50, 50, 90),
+                      damping=(internal, internal, 0, 0, 0, 0))  # fmt: skip
+    model.add_bushing("air", "ground", "disk", position=(0, 0, 0), damping=(external, external, 0, 0, 0, 0))
+    model.add_rotor("one", "journal", speed, (0, 0, 1))
+    model.add_rotor("two", "disk", speed, (0, 0, 1))
+    return model
+
+
+@pytest.mark.parametrize("speed", [10.0, 14.999, 15.001, 30.0])
+def test_internal_damping(speed):
+    """m z'' + (ce + ci) z' + (k - i ci W) z = 0: unstable beyond W = sqrt(k/m) (1 + ce/ci) = 15 rad/s."""
+    system = shaft(speed).linearize()
+    values = system.modes().eigenvalues
+    for root in np.roots([4.0, 3.0, 400.0 - 2.0j * speed]):
+        assert np.abs(values - root).min() <= 1e-12 * abs(root)
+    assert system.modes().stable == (speed < 15.0)
+    assert "circulatory" in system.explain()
+
+
+def test_speed_is_a_parameter(tmp_path):
+    model = rotor_and_stator(10.0)
+    model.add_rotor("wheel", "stator", 3.0, (1, 0, 0), inertia=2.0)
+    assert model.parameters["spin.speed"] == 10.0
+    assert model.parameters.units["spin.speed"] == "rad/s"
+    assert model.parameters.units["wheel.inertia"] == "kg m^2"
+    assert "spin.inertia" not in model.parameters
+    faster = model.with_values({"*.speed": 20.0, "wheel.inertia": 0.5})
+    assert (faster.rotors["spin"].speed, faster.rotors["wheel"].inertia) == (20.0, 0.5)
+    assert model.replace("spin", speed=-1.0).rotors["spin"].speed == -1.0
+    for suffix in ("yaml", "json"):
+        mv.save(faster, tmp_path / f"model.{suffix}")
+        again = mv.load(tmp_path / f"model.{suffix}")
+        assert dict(again.rotors) == dict(faster.rotors)
+        np.testing.assert_array_equal(again.linearize().C, faster.linearize().C)
+    assert model.linearize().parameters["spin.speed"] == 10.0
+
+
+def test_a_model_at_rest_is_as_without_rotors():
+    still, plain = rotor_and_stator(0.0), rotor_and_stator(1.0)
+    plain._rotors.clear()
+    np.testing.assert_array_equal(still.linearize().modes().eigenvalues, plain.linearize().modes().eigenvalues)

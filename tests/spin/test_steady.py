@@ -1,0 +1,104 @@
+"""Spins that are not steady, or not supported, are refused by name."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ModelError
+from tests.spin.test_rotors import rotor_and_stator, shaft
+
+
+def base(**inertia):
+    model = mv.Model("base")
+    model.add_body("carrier", 2.0, (0.3, 0.4, 0.5))
+    model.add_body("disk", 1.0, inertia.get("disk", (0.1, 0.1, 0.2)), position=(0, 0, 0.1))
+    return model
+
+
+def refused(model, *words):
+    with pytest.raises(ModelError) as error:
+        model.linearize()
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_values():
+    model = base()
+    for words, said in (
+        ({"body": "ground", "speed": 1.0, "axis": (0, 0, 1)}, "'ground'"),
+        ({"body": "disk", "speed": np.nan, "axis": (0, 0, 1)}, "rad/s"),
+        ({"body": "disk", "speed": 1.0, "axis": (0, 0, 0)}, "axis"),
+        ({"body": "disk", "speed": 1.0, "axis": (0, 0, 1), "inertia": 0.0}, "positive"),
+        ({"body": "dish", "speed": 1.0, "axis": (0, 0, 1)}, "disk"),
+    ):
+        with pytest.raises(ModelError, match=said):
+            model.add_rotor("spin", **words)
+    with pytest.raises(ModelError, match="taken by a body"):
+        model.add_rotor("disk", "disk", 1.0, (0, 0, 1))
+
+
+def test_bodies():
+    model = base(disk=(0.1, 0.12, 0.2))
+    model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    refused(model, "rotor 'spin'", "body 'disk'", "not symmetric")
+    model = base()
+    model.add_rotor("spin", "disk", 5.0, (1, 0, 0))
+    refused(model, "rotor 'spin'", "not symmetric")
+    model.replace("spin", axis=(0, 0, 1)).linearize()
+
+
+def test_moving_axes():
+    """A wheel whose axis the body's own spin would turn; a body that a joint holds; a body that is carried around."""
+    model = base()
+    model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    model.add_rotor("wheel", "disk", 5.0, (0, 1, 0), inertia=0.01)
+    refused(model, "rotor 'wheel'", "axis that moves", "'spin'")
+    for words in ({"kind": "revolute", "axis": (0, 1, 0)}, {"kind": "fixed"}, {"kind": "prismatic", "axis": (0, 0, 1)},
+                  {"kind": "revolute", "axis": (0, 0, 1), "position": (0.1, 0, 0)}):  # fmt: skip
+        model = base()
+        model.add_joint("hold", first="carrier", second="disk", **{"position": (0, 0, 0), **words})
+        model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+        refused(model, "rotor 'spin'", "joint 'hold'", "inertia")
+        model.replace("spin", inertia=0.2).linearize()
+    model = base()
+    model.add_joint("hold", None, "carrier", "disk", position=(0, 0, 0), free=("x", "rz"))
+    model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    refused(model, "joint 'hold'", "from all sides")
+    for words in ({"kind": "cylindrical", "axis": (0, 0, -1)}, {"kind": "spherical"},
+                  {"kind": "planar", "axis": (0, 0, 1), "position": (3.0, 0, 0)}):  # fmt: skip
+        model = base()
+        model.add_joint("hold", first="carrier", second="disk", **{"position": (0, 0, 0), **words})
+        model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+        assert model.linearize().gyroscopic is not None
+
+
+def test_springs():
+    model = base()
+    model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    for words, said in (
+        ({"position": (0, 0, 0), "stiffness": (1, 1, 1, 1, 1, 1)}, "wound up"),
+        ({"position": (0.1, 0, 0), "stiffness": (1, 1, 1, 0, 0, 0)}, "off its axis"),
+    ):
+        held = base()
+        held.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+        held.add_bushing("mount", "carrier", "disk", **words)
+        refused(held, "rotor 'spin'", "'mount'", said)
+    held = base()
+    held.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    held.add_bushing("film", "carrier", "disk", position=(0, 0, 0), stiffness=(1, 2, 1, 1, 3, 0), damping=(1,) * 6)
+    held.linearize()  # a bearing whose film is stiffer one way stays with what does not spin
+    uneven = shaft(10.0).replace("bend", stiffness=(400, 300, 0, 0, 0, 0))
+    refused(uneven, "'bend'", "from all sides")
+    line = base()
+    line.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+    line.add_spring("wire", "ground", "disk", start=(1, 0, 0), end=(0.2, 0, 0), stiffness=3.0)
+    refused(line, "'wire'", "off its axis")
+
+
+def test_what_does_not_know_spin_refuses_it():
+    model = rotor_and_stator(3.0)
+    for words in ({"method": "sparse"}, {"values": {"spin.speed": np.arange(3.0)}}):
+        with pytest.raises(ModelError, match="rotor 'spin'"):
+            model.linearize(**words)
+    model.add_base_motion("tilt", "rx")
+    refused(model, "base motion 'tilt'", "rotor 'spin'")
