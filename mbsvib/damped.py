@@ -141,7 +141,9 @@ def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array) -> Array:
     """First-order errors of the roots: those of omega and, of the same order, of gamma."""
     size = np.abs(pairs)
     gap = np.abs(pairs[:, :1] - pairs[:, 1:])
-    spread = basis.errors * (2.0 * np.abs(basis.square) + np.abs(gamma) * size.max(axis=1, initial=0.0))
+    moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * size.max(axis=1, initial=0.0)
+    # stiffness of both signs may cancel to an omega of exactly zero, whose relative error is not finite
+    spread = np.multiply(basis.errors, moved, out=np.zeros_like(moved), where=moved > 0.0)
     # at critical damping the root moves with the square root of a perturbation
     worst = np.minimum(np.divide(spread[:, None], gap, out=np.full_like(gap, np.inf), where=gap > 0.0),
                        np.sqrt(spread)[:, None])  # fmt: skip

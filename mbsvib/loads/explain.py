@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from mbsvib.loads.shares import ELASTIC, energies
 from mbsvib.loads.statics import BALANCE
 
 if TYPE_CHECKING:
     from mbsvib.system import System
+
+# Coordinates whose stiffness is shown.
+SHOWN = 12
 
 
 def explain_loads(system: System) -> list[str]:
@@ -38,8 +44,27 @@ def explain_loads(system: System) -> list[str]:
     for joints in statics.spread:
         lines.append(f"  forces in the loops closed by {_listed(joints)} are redundant: those of least norm were "
                      f"taken, moments divided by the size of the loop; stiffness does not depend on it")  # fmt: skip
+    lines += _stiffness(system)
     if system.circulatory is not None:
         lines.append("  follower loads or torques make K unsymmetric")
+    return lines
+
+
+def _stiffness(system: System) -> list[str]:
+    """The diagonal of K by kinds, and what each element of a loaded scene adds to it where it adds most."""
+    names, kinds, parts = energies(system, np.eye(system.dof))
+    total = np.diagonal(system.K)
+    lines = []
+    for i, coordinate in enumerate(system.coordinates[:SHOWN]):
+        each = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
+        text = " ".join(f"{value:+.6g} {kind}" for kind, value in each.items() if value)
+        unit = "N/m" if system.coordinate_units[i] == "m" else "N m/rad"
+        lines.append(f"  stiffness along {coordinate}: {total[i]:.6g} {unit} = {text or 'nothing'}")
+    for name, kind, part in zip(names, kinds, parts, strict=True):
+        if kind != ELASTIC:
+            most = int(np.argmax(np.abs(part)))
+            where = system.coordinates[most]
+            lines.append(f"  {kind} of '{name}': {part[most]:+.6g} of these along {where}, where it is largest")
     return lines
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,7 +69,7 @@ def load(
     carried = to_joints(wrench[:, :, None])[:, :, 0]
     pairs = Pairs.join(applied.pairs, Pairs(to_joints.first, to_joints.second, to_joints.start, to_joints.point,
                                             carried[:3], carried[3:]))  # fmt: skip
-    owners = (*applied.names[: applied.loads], *(joint.name for joint in topology.joints), *topology.bodies)
+    owners = (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies)
     statics = Statics(
         applied, carried, pairs, position, felt, residual, size, owners,
         tuple([group.joints for group in reduction.groups if group.redundant]),
@@ -104,15 +105,14 @@ def geometric_rows(statics: Statics, moved: Array, motion: Array, scene: Scene) 
     """
     applied, pairs = statics.applied, statics.pairs
     turned = np.concatenate((motion[:, 3:], np.zeros((1, 3, motion.shape[-1]))))
-    whose = _owners(applied, scene)
+    springs = len(scene.owners)
     turning, k_turning, of_turning = turning_rows(statics.felt, pairs.force, pairs.torque, moved, turned)
     across, k_across = line_rows(statics.felt, pairs.force, moved, turned)
-    body, direction, k_body = body_rows(_fixed(applied, pairs), statics.position)
+    body, direction, k_body = body_rows(fixed(applied, pairs), statics.position)
     follower, k_follower, of_follower = follower_rows(applied, motion)
     rows = np.concatenate((turning, across, np.einsum("nc,ncm->nm", direction, motion[body, 3:]), follower))
     stiffness = np.concatenate((k_turning, k_across, k_body, k_follower))
-    of_bodies = len(scene.owners) + applied.loads + len(scene.topology.joints) + body
-    owner = np.concatenate((whose[of_turning], whose[statics.felt.line_owner], of_bodies, whose[of_follower]))
+    owner = springs + np.concatenate((of_turning, statics.felt.line_owner, len(pairs.first) + body, of_follower))
     used = np.flatnonzero(rows.any(axis=1) & (stiffness != 0.0))
     return rows[used], stiffness[used], owner[used]
 
@@ -137,19 +137,23 @@ def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index)
     found["K"] = product(found["elastic_rows"], found["stiffness"])
 
 
-def _owners(applied: Applied, scene: Scene) -> Index:
-    """The number of the owner of each pair's rows: a spring's own number; loads and joints come behind the springs."""
-    of_spring = {part.name: i for i, part in enumerate(scene.elements)}
-    springs = len(scene.owners)
-    mine = [springs + k if k < applied.loads else of_spring[name] for k, name in enumerate(applied.names)]
-    joints = range(springs + applied.loads, springs + applied.loads + len(scene.topology.joints))
-    return np.array([*mine, *joints], dtype=np.intp)
+def fixed(applied: Applied, pairs: Pairs) -> Pairs:
+    """Return the pairs with the forces of follower loads, which have a form of their own, set to zero.
 
+    Parameters
+    ----------
+    applied : Applied
+        What loads the mechanism.
+    pairs : Pairs
+        All forces between bodies.
 
-def _fixed(applied: Applied, pairs: Pairs) -> Pairs:
-    """The pairs without the follower loads, which have a form of their own."""
+    Returns
+    -------
+    Pairs
+        As many.
+    """
     if not applied.follower.any():
         return pairs
-    keep = np.ones(len(pairs.first), dtype=bool)
-    keep[: applied.loads] = ~applied.follower
-    return Pairs(*(getattr(pairs, key)[..., keep] for key in Pairs.__slots__))
+    force = pairs.force.copy()
+    force[:, : applied.loads][:, applied.follower] = 0.0
+    return replace(pairs, force=force)

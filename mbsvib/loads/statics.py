@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.pairs import Pairs
     from mbsvib.loads.wrenches import Applied
+    from mbsvib.system import System
     from mbsvib.topology import Topology
 
 # What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off
@@ -28,7 +29,7 @@ class Statics:
 
     ``pairs`` are the applied forces, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
     ``residual`` (m,) is what is left over along each coordinate, ``size`` (m,) that of the forces that should cancel.
-    ``owners`` are the names of those who own rows of geometric stiffness; ``spread`` names the joints among which
+    ``owners`` own rows of geometric stiffness: all pairs, then all bodies; ``spread`` names the joints among which
     redundant constraints leave the forces undetermined.
     """
 
@@ -107,6 +108,25 @@ def check_balance(
         f"Find the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
         body=body, coordinate=names[worst], missing=float(-residual[worst]), unit=unit,
     )  # fmt: skip
+
+
+def joint_wrenches(system: System) -> dict[str, Array]:
+    """Return the wrench in each joint at the pose, on its second body, world axes.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    dict of str to array, shape (6,)
+        Force [N] and moment [N m] at the joint's point.
+    """
+    joints, statics = system.provenance.topology.joints, system.provenance.statics
+    if statics is None:
+        return {joint.name: np.zeros(6) for joint in joints}
+    return {joint.name: statics.joints[:, k].copy() for k, joint in enumerate(joints)}
 
 
 def _who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
