@@ -62,6 +62,16 @@ def test_the_table_shown_is_the_one_printed(names):
     assert str(names["system"].modes()).splitlines()[: len(shown)] == shown
 
 
+def test_the_lamp_hangs_as_shown(names):
+    found, held = names["found"], names["held"]
+    frequency = [model.linearize().modes().frequencies[0] for model in (found.model, held)]
+    shown = f"{found.displacements['arm'][4]:+.4f} rad, {frequency[0]:.4f} Hz\n" \
+            f"{held.springs['spring'].preload:.3f} N, {frequency[1]:.4f} Hz\n"  # fmt: skip
+    assert shown in blocks("text")
+    with pytest.raises(mv.EquilibriumError, match="body 'arm' lacks"):
+        names["raised"].linearize()
+
+
 def test_the_yaml_is_the_same_model(names, folder):
     model, system = mv.load(folder / "table.yaml"), names["system"]
     other = model.linearize()

@@ -16,6 +16,7 @@ from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.motion import Stance, along_tree, close, stance
 from mbsvib.equilibrium.scaled import with_share
 from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.loops import EPS
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
@@ -108,7 +109,7 @@ def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]
     residuals: list[float] = []
     for _ in range(NEWTON_STEPS):
         values, _ = stiffness(forces)
-        if not forces.residual.any() or values[0] < -ZERO_STIFFNESS * np.abs(values).max():
+        if forces.share <= EPS or values[0] < -ZERO_STIFFNESS * np.abs(values).max():
             break
         there = step_from(at, newton_step(forces))
         after = None if there is None else forces_at(there)
