@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 REALIZATIONS = ("physical", "modal")
-_RATE = {"m": "m/s", "rad": "rad/s"}
+_RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mbsvib_export.batch_ import BatchData, from_npz_batch, to_npz_batch
     from mbsvib_export.control_ import to_control, to_frd
     from mbsvib_export.json_ import from_json, json_schema, to_json
     from mbsvib_export.names_ import SignalNames
@@ -20,28 +21,34 @@ if TYPE_CHECKING:
     from mbsvib_export.scipy_ import to_scipy
 
 __all__ = [
+    "BatchData",
     "SignalNames",
     "SystemData",
     "from_json",
     "from_npz",
+    "from_npz_batch",
     "json_schema",
     "to_control",
     "to_frd",
     "to_json",
     "to_npz",
+    "to_npz_batch",
     "to_scipy",
 ]
 
 _HOMES = {
+    "BatchData": "batch_",
     "SignalNames": "names_",
     "SystemData": "neutral",
     "from_json": "json_",
     "from_npz": "npz_",
+    "from_npz_batch": "batch_",
     "json_schema": "json_",
     "to_control": "control_",
     "to_frd": "control_",
     "to_json": "json_",
     "to_npz": "npz_",
+    "to_npz_batch": "batch_",
     "to_scipy": "scipy_",
 }
 

@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 from mbsvib.errors import ExportError
 from mbsvib.system import System
 from mbsvib_export.names_ import SignalNames
-from mbsvib_export.neutral import state_space_of
+from mbsvib_export.neutral import refuse_many, state_space_of
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
     import control
     from numpy.typing import ArrayLike
 
+    from mbsvib.batch import Batch
+    from mbsvib.sparse import SparseSystem
     from mbsvib.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
 _INSTALL = "control>=0.10.1"
 
 
-def to_control(system: System | StateSpace | SystemData, realization: str = "physical") -> control.StateSpace:
+@overload
+def to_control(system: System | StateSpace | SystemData, realization: str = ...) -> control.StateSpace: ...
+
+
+@overload
+def to_control(system: Batch, realization: str = ...) -> list[control.StateSpace]: ...
+
+
+def to_control(
+    system: System | StateSpace | SystemData | Batch, realization: str = "physical"
+) -> control.StateSpace | list[control.StateSpace]:
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
     x' = A x + B u,  y = C x + D u, the matrices bit for bit those of ``system.state_space(realization)``; no state is
@@ -33,14 +45,15 @@ def to_control(system: System | StateSpace | SystemData, realization: str = "phy
 
     Parameters
     ----------
-    system : System, StateSpace or SystemData
-        The equations of motion, or a state space that is ready.
+    system : System, StateSpace, SystemData or Batch
+        The equations of motion, or a state space that is ready; a batch gives a list. Of a system that is held sparse
+        give some modes, ``system.reduced(20, correction=True)``; ``system.truncation_error`` tells what is missing.
     realization : str
         The states of a System: "physical" (q and q') or "modal".
 
     Returns
     -------
-    control.StateSpace
+    control.StateSpace, or a list of them
         Continuous in time; SI units and radians.
 
     Raises
@@ -51,6 +64,10 @@ def to_control(system: System | StateSpace | SystemData, realization: str = "phy
         If the realization is unknown.
     """
     control = need("control", "to_control", _INSTALL)
+    from mbsvib.batch import Batch
+
+    if isinstance(system, Batch):
+        return [to_control(each, realization) for each in system.state_space(realization)]
     space = state_space_of(system, realization, "to_control")
     if not space.inputs and 1 in (len(space.outputs), len(space.states)):
         raise ExportError(
@@ -66,7 +83,7 @@ def to_control(system: System | StateSpace | SystemData, realization: str = "phy
     )  # fmt: skip
 
 
-def to_frd(system: System, omega: ArrayLike) -> control.FrequencyResponseData:
+def to_frd(system: System | SparseSystem, omega: ArrayLike) -> control.FrequencyResponseData:
     """Return the frequency response of a system as data of python-control, with the names of inputs and outputs.
 
     G(i w) as ``system.frequency_response`` computes it, from the factors of the matrices and not from a state space,
@@ -74,7 +91,7 @@ def to_frd(system: System, omega: ArrayLike) -> control.FrequencyResponseData:
 
     Parameters
     ----------
-    system : System
+    system : System or SparseSystem
         The equations of motion.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s].
@@ -92,7 +109,8 @@ def to_frd(system: System, omega: ArrayLike) -> control.FrequencyResponseData:
         If a frequency is not finite or is an undamped pole of the system.
     """
     control = need("control", "to_frd", _INSTALL)
-    if not isinstance(system, System):
+    if not isinstance(system, System) and type(system).__name__ != "SparseSystem":
+        refuse_many(system, "to_frd")
         raise ExportError(f"to_frd: system = {type(system).__name__}; expected a System (model.linearize()), whose "
                           f"factors the response is computed from.")  # fmt: skip
     return control.FrequencyResponseData(

@@ -179,12 +179,40 @@ def state_space_of(source: System | StateSpace | SystemData, realization: str, c
         return source.state_space(realization)
     ready = source.state_space if isinstance(source, SystemData) else source
     if not isinstance(ready, StateSpace):
+        refuse_many(source, caller)
         raise ExportError(f"{caller}: system = {type(source).__name__}; expected a System (model.linearize()), a "
                           f"StateSpace (system.state_space()) or SystemData (from_json, from_npz).")  # fmt: skip
     if realization not in ("physical", ready.realization):
         raise ExportError(f"{caller}: realization = {realization!r}, and the state space given is "
                           f"{ready.realization!r}; give the System instead, or leave the realization out.")  # fmt: skip
     return ready
+
+
+def refuse_many(source: object, caller: str) -> None:
+    """Refuse what is not a single system of few coordinates, with the way to one.
+
+    Parameters
+    ----------
+    source : object
+        What an exporter was given.
+    caller : str
+        Name of the exporter, for messages.
+
+    Raises
+    ------
+    ExportError
+        If it is a batch or held sparse.
+    """
+    kind = type(source).__name__
+    if kind == "SparseSystem":
+        name, dof = getattr(source, "name", ""), getattr(source, "dof", 0)
+        raise ExportError(f"{caller}: '{name}' has {dof} degrees of freedom and is held sparse; export some of its "
+                          f"modes, {caller}(system.reduced(20, correction=True)). system.truncation_error tells what "
+                          f"is missing then.")  # fmt: skip
+    if kind == "Batch":
+        name, count = getattr(source, "name", ""), len(source)  # type: ignore[arg-type]
+        raise ExportError(f"{caller}: '{name}' is a batch of {count} variants; export them one by one, "
+                          f"{caller}(batch[i]), or all in one file by to_npz_batch.")  # fmt: skip
 
 
 def system_data_of(source: System | SystemData, realization: str, caller: str) -> SystemData:

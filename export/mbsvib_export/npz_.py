@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     from mbsvib.system import System
 
-_TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
-_STATE_TEXTS = ("states", "state_units")
+TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
+STATE_TEXTS = ("states", "state_units")
 
 
 def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
@@ -65,8 +65,8 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
         "version": np.array(VERSION),
         "name": np.array(data.name),
         "realization": np.array(space.realization),
-        **{key: np.array(getattr(data, key), dtype=str) for key in _TEXTS},
-        **{key: np.array(getattr(space, key), dtype=str) for key in _STATE_TEXTS},
+        **{key: np.array(getattr(data, key), dtype=str) for key in TEXTS},
+        **{key: np.array(getattr(space, key), dtype=str) for key in STATE_TEXTS},
         **{key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")},
         **{f"state_space.{key}": array for key, array in first_order(space).items()},
     }
@@ -93,7 +93,9 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            return _system_data(dict(arrays))
+            found = dict(arrays)
+        check_version(str(found.get("format")), int(found.get("version", 0)))
+        return system_data_from(found)
     except OSError as error:
         raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
                           f"to_npz.") from error  # fmt: skip
@@ -104,19 +106,35 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
                           f"again.") from error  # fmt: skip
 
 
-def _system_data(arrays: dict[str, Any]) -> SystemData:
-    check_version(str(arrays.get("format")), int(arrays.get("version", 0)))
-    expected = (*_TEXTS, *_STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
+def system_data_from(arrays: dict[str, Any]) -> SystemData:
+    """Return the system that arrays, by the keys of the file, describe.
+
+    Parameters
+    ----------
+    arrays : dict
+        Texts and matrices.
+
+    Returns
+    -------
+    SystemData
+        Matrices, names and units.
+
+    Raises
+    ------
+    ExportError
+        If an array is missing or of another kind.
+    """
+    expected = (*TEXTS, *STATE_TEXTS, *SECOND_ORDER, "name", "realization", "body_motion",
                 *(f"state_space.{key}" for key in FIRST_ORDER))  # fmt: skip
     if missing := [key for key in expected if key not in arrays]:
         raise ExportError(f"the array '{missing[0]}' is missing; expected the arrays that to_npz writes.")
-    texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*_TEXTS, *_STATE_TEXTS)}
+    texts: dict[str, Any] = {key: tuple(map(str, arrays[key].tolist())) for key in (*TEXTS, *STATE_TEXTS)}
     if wrong := [key for key in expected if key not in (*texts, "name", "realization") and arrays[key].dtype != float]:
         raise ExportError(f"the array '{wrong[0]}' holds {arrays[wrong[0]].dtype}; expected float64.")
-    ports = {key: texts[key] for key in (*_STATE_TEXTS, *_TEXTS[2:6])}
+    ports = {key: texts[key] for key in (*STATE_TEXTS, *TEXTS[2:6])}
     first: dict[str, Any] = {
         key: arrays[f"state_space.{key}"] for key in (*FIRST_ORDER, THROUGH) if f"state_space.{key}" in arrays
     }
     second: dict[str, Any] = {key: arrays[key] for key in (*SECOND_ORDER, "body_motion")}
     space = StateSpace(name=str(arrays["name"]), realization=str(arrays["realization"]), **first, **ports)
-    return SystemData(name=space.name, state_space=space, **{key: texts[key] for key in _TEXTS}, **second)
+    return SystemData(name=space.name, state_space=space, **{key: texts[key] for key in TEXTS}, **second)

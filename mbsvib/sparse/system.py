@@ -225,8 +225,8 @@ class SparseSystem:
             return small
         if near:
             raise ResponseError(
-                f"reduced: correction of '{self.name}' around near = {near:g} Hz; modes below that have no static part. "
-                f"Take the lowest modes (near=0), or no correction."
+                f"reduced: correction of '{self.name}' around near = {near:g} Hz; modes below that have no static "
+                f"part. Take the lowest modes (near=0), or no correction."
             )
         from mbsvib.sparse.truncation import corrected
 

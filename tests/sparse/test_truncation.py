@@ -71,6 +71,10 @@ def test_error_against_the_whole_response():
     assert better[2] < 1e-4
     space = system.state_space(modes=8, correction=True)
     assert len(space.states) == 16
+    assert space.state_units[:2] == ("modal", "modal/s")
+    physical = system.state_space("physical", modes=3)
+    assert physical.states == ("mode1", "mode2", "mode3", "d(mode1)/dt", "d(mode2)/dt", "d(mode3)/dt")
+    assert physical.state_units == ("modal",) * 3 + ("modal/s",) * 3
     assert space.D[0, 0] == pytest.approx(system.reduced(8, correction=True).D[0, 0], rel=1e-12)
 
 

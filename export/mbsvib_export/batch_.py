@@ -1,0 +1,139 @@
+"""Many variants at once: .npz files with the axis of variants in front.
+
+``numpy.load(path)`` alone reads them. The keys are those of ``npz_``, with n variants in front of every matrix, and
+
+    format, version                                    "mbsvib-batch", 1
+    parameters (texts), values (parameters, n)         what varies, and its value in each variant
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
+from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from mbsvib.batch import Batch
+
+    Array = NDArray[np.float64]
+
+FORMAT = "mbsvib-batch"
+VERSION = 1
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class BatchData:
+    """What a file keeps of a batch: one ``SystemData`` for each variant, and the ``values`` (n,) of what varies."""
+
+    name: str
+    systems: tuple[SystemData, ...]
+    values: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.systems)
+
+    def __getitem__(self, i: int) -> SystemData:
+        return self.systems[i]
+
+    def __repr__(self) -> str:
+        return f"BatchData({self.name!r}: {len(self)} variants of {', '.join(self.values)})"
+
+
+def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = "physical") -> Path:
+    """Write all variants of a batch to one .npz file of numpy: whole or not at all.
+
+    Parameters
+    ----------
+    batch : Batch
+        Variants of one model, ``model.linearize(values=...)``.
+    path : str or path
+        File to write, taken as it is: no suffix is added.
+    realization : str
+        States of the state spaces: "physical" or "modal".
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, or no batch is given.
+    ResponseError
+        If the realization is unknown.
+    """
+    from mbsvib.batch import Batch
+
+    if not isinstance(batch, Batch):
+        raise ExportError(f"to_npz_batch: batch = {type(batch).__name__}; expected a Batch "
+                          f"(model.linearize(values=...)). For a single system: to_npz.")  # fmt: skip
+    each = [SystemData.of(system, realization) for system in batch]
+    spaces = [data.state_space for data in each]
+    one = each[0]
+    arrays: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION),
+        "name": np.array(one.name),
+        "realization": np.array(realization),
+        "parameters": np.array(list(batch.parameters), dtype=str),
+        "values": np.array(list(batch.parameters.values())).reshape(len(batch.parameters), len(batch)),
+        **{key: np.array(getattr(one, key), dtype=str) for key in TEXTS},
+        **{key: np.array(getattr(spaces[0], key), dtype=str) for key in STATE_TEXTS},
+        **{key: np.stack([getattr(data, key) for data in each]) for key in (*SECOND_ORDER, "body_motion")},
+        **{f"state_space.{key}": np.stack([first_order(space)[key] for space in spaces])
+           for key in first_order(spaces[0])},
+    }  # fmt: skip
+    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+
+
+def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
+    """Return the variants that ``to_npz_batch`` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    BatchData
+        Matrices, names and units of each variant, and the values of what varies.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
+    """
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays = dict(file)
+        kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
+        if (kind, version) != (FORMAT, VERSION):
+            raise ExportError(f"format = {kind!r}, version {version}; expected {FORMAT!r}, version {VERSION}. A single "
+                              f"system is read by from_npz.")  # fmt: skip
+        names, values = arrays.pop("parameters").tolist(), arrays.pop("values")
+        shared = {key: arrays.pop(key) for key in ("name", "realization", *TEXTS, *STATE_TEXTS)}
+        systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
+                        for i in range(values.shape[1]))  # fmt: skip
+        return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
+    except OSError as error:
+        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
+                          f"to_npz_batch.") from error  # fmt: skip
+    except ExportError as error:
+        raise ExportError(f"{os.fspath(path)}: {error}") from error
+    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
+        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz_batch, or a damaged one ({error}); write it "
+                          f"again.") from error  # fmt: skip
