@@ -173,7 +173,8 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         Raises
         ------
         ModelError
-            If the name is taken or the direction unknown.
+            If the name is taken or the direction unknown. Where the ground turns, linearize refuses gravity, loads
+            and rotors of other directions than its axis: they do not turn with it.
         """
         check_name(name, "input", self._inputs)
         part = _ports.make_base_motion(name, direction, position)

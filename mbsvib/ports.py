@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.base_motion import check_turning
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows
 from mbsvib.parts import BaseMotion, ForceOutput, Input
@@ -67,7 +68,8 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     Raises
     ------
     ModelError
-        If an absolute displacement or velocity is asked for while the ground moves.
+        If an absolute displacement or velocity is asked for while the ground moves, or the ground turns under gravity,
+        a load or a rotor.
     """
 
     def row(part: Input | Output) -> tuple[float, ...]:
@@ -82,6 +84,7 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     input_units, output_units = [], []
     for i, source in enumerate(model.inputs.values()):
         if isinstance(source, BaseMotion):
+            check_turning(model, source)
             base_motions.append((i, source))
             input_units.append(unit(source.wrench, _BASE))
         else:
