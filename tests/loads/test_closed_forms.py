@@ -93,7 +93,7 @@ def test_trifilar_pendulum():
     for k in range(3):
         angle = 2 * np.pi * k / 3
         at = radius * np.array([np.cos(angle), np.sin(angle), 0])
-        model.add_joint(f"wire{k}", "distance", "ground", "plate", position=at + [0, 0, length], end=at)
+        model.add_joint(f"wire{k}", "distance", "ground", "plate", position=np.add(at, (0, 0, length)), end=at)
     expected = sorted([G / length, G / length, mass * G * radius**2 / (inertia * length)])
     assert squares(model) == pytest.approx(expected, rel=1e-12)
 
@@ -106,7 +106,7 @@ def test_trifilar_pendulum_on_springs():
     for k in range(3):
         angle = 2 * np.pi * k / 3
         at = radius * np.array([np.cos(angle), np.sin(angle), 0])
-        model.add_spring(f"wire{k}", "ground", "plate", at + [0, 0, length], at, 1e6, preload=mass * G / 3)
+        model.add_spring(f"wire{k}", "ground", "plate", np.add(at, (0, 0, length)), at, 1e6, preload=mass * G / 3)
     system = model.linearize()
     yaw = system.coordinates.index("plate.rz")
     assert system.K[yaw, yaw] == pytest.approx(mass * G * radius**2 / length, rel=1e-12)
@@ -179,8 +179,8 @@ def test_four_bar_under_gravity():
     assert system.dof == 1
     assert len(system.redundant) == 3
     assert abs(residual[0]) < 1e-12
-    assert system.K == pytest.approx(stiffness, rel=1e-12)
-    assert system.M == pytest.approx(mass, rel=1e-12)
+    assert np.abs(system.K - stiffness).max() < 1e-12 * np.abs(stiffness).max()
+    assert np.abs(system.M - mass).max() < 1e-12 * mass.max()
     assert "redundant" in system.explain()
 
 
