@@ -38,9 +38,10 @@ SCENES = ("C4", "C10", "C50", "C200", "T5", "T7", "L5", "L20", "stewart")
 STAGES = ("build", "linearise", "modes", "undamped", "base_mb", "peak_mb")
 
 
-def run(script, label, scene, budget, limit):
+def run(script, label, scene, budget, limit, options=()):
     """Run one method on one scene in a new process; return what it answers, or why it does not."""
-    command = [sys.executable, "-m", f"benchmarks.peers.{script}", label, scene, "--budget", str(budget)]
+    command = [sys.executable, "-m", f"benchmarks.peers.{script}", label, scene, "--budget", str(budget),
+               *options]  # fmt: skip
     try:
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=limit, check=False)
     except subprocess.TimeoutExpired:

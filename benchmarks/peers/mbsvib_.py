@@ -14,18 +14,22 @@ NOTE = "eigenvalues, shapes and an error estimate for each"
 
 @dataclass(frozen=True)
 class Linear:
-    """A system with the accuracy that is asked of its modes."""
+    """A system, dense or sparse, with the accuracy that is asked of its modes."""
 
     system: System
     rtol: float
 
     def eigenvalues(self):
         """Damped, all 2m."""
-        return modes(self.system, self.rtol).eigenvalues
+        return modes(self.system, self.rtol, clean=False).eigenvalues
 
     def omega(self):
         """Undamped [rad/s]."""
-        return undamped(self.system, self.rtol).omega
+        return undamped(self.system, self.rtol, clean=False).omega
+
+    def lowest(self, n):
+        """The n lowest undamped frequencies [rad/s], of a chain whose damping is proportional."""
+        return self.system.modes(n).natural
 
 
 def method(rtol):

@@ -7,13 +7,22 @@ mechanism. Each spring-damper of these scenes acts in a joint: it becomes that j
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mbsvib import library
 
-# Name: (makes the model, what the figure calls it)
-SCENES = {
+
+class Scenes(dict[str, Any]):
+    """Scenes by name: (makes the model, what the figure calls it); C and a number is a chain of so many bodies."""
+
+    def __missing__(self, name):
+        n = int(name.removeprefix("C"))
+        return (lambda: library.chain(n), f"chain, {n} bodies")
+
+
+SCENES = Scenes({
     "C4": (lambda: library.chain(4), "chain, 4 bodies"),
     "C10": (lambda: library.chain(10), "chain, 10 bodies"),
     "C50": (lambda: library.chain(50), "chain, 50 bodies"),
@@ -23,7 +32,7 @@ SCENES = {
     "L5": (lambda: library.ladder(5), "ladder, 15 bodies, 5 DOF"),
     "L20": (lambda: library.ladder(20), "ladder, 60 bodies, 20 DOF"),
     "stewart": (library.stewart_isolator, "Stewart, 14 bodies, 12 DOF"),
-}
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
