@@ -37,12 +37,14 @@ class Separation:
 
     ``condensed`` names the coordinates that follow from statics, ``first_order`` those with one state in place of two;
     ``kept`` and ``dropped`` are the smallest pivot of W that counts as mass and the largest that does not.
+    ``transform`` T (n, m) leads back to all coordinates before condensation, None where nothing is condensed.
     """
 
     condensed: tuple[str, ...]
     first_order: tuple[str, ...]
     kept: float
     dropped: float
+    transform: Array | None = None
 
 
 def separate(
@@ -118,7 +120,8 @@ def separate(
     else:
         check_mass(found["M"], left)
     gone = () if condensation is None else tuple(names[i] for i in condensation.dependent)
-    return found, kept, Separation(gone, slow, least, most)
+    transform = None if condensation is None else condensation.transform
+    return found, kept, Separation(gone, slow, least, most, transform)
 
 
 def _regular(mass: Array, size: Array) -> bool:

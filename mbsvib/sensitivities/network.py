@@ -13,14 +13,16 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
+from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
-from mbsvib.parts import Body, Bushing, Joint, Spring
+from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.kinematics import Array, Index, Twists
+    from mbsvib.parts._part import Part
     from mbsvib.system import System
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
@@ -89,8 +91,9 @@ def network(system: System) -> Network:
     Network
         Its bodies and connections in numbers.
     """
-    topology, reduction = system.provenance.topology, system.provenance.reduction
+    topology = system.provenance.topology
     parts = system.provenance.parts
+    _refuse_nodes(parts)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
     springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
@@ -106,13 +109,30 @@ def network(system: System) -> Network:
     tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
     ties = _constraints(system, coordinates, bodies, number)
     return Network(
-        bodies, joints, springs, coordinates, reduction.matrix, np.array([body.mass for body in bodies]),
+        bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), np.array([body.position for body in bodies]), axes, point,
         _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign, *own,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         None if ties is None else _incidence(first[ties.joint], second[ties.joint], len(bodies)), ties,
     )  # fmt: skip
+
+
+def _refuse_nodes(parts: Sequence[Part]) -> None:
+    relaxing = next((part for part in parts if isinstance(part, Maxwell)), None)
+    if relaxing is not None:
+        raise ModelError(
+            f"sensitivities: '{relaxing.name}' is a Maxwell element, which they do not support yet. Put a massless "
+            f"body between a spring and a damper, or compare variants by model.with_values instead.",
+            element=relaxing.name,
+        )  # fmt: skip
+
+
+def _closure(system: System) -> Array | None:
+    """Joint coordinates of minimal ones; motions that follow from statics do no work, and need no derivative."""
+    matrix, massless = system.provenance.reduction.matrix, system.provenance.massless
+    condensed = None if massless is None else massless.transform
+    return matrix if condensed is None else condensed if matrix is None else matrix @ condensed
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:
