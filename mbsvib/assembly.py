@@ -216,13 +216,9 @@ def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple
     from mbsvib.loads.felt import felt
     from mbsvib.loads.wrenches import applied, refuse_loaded
 
-    if model._pieces is not None:
-        refuse_loaded(model, "beams and superelements under load are not supported yet; leave the load out.")
-    for coupler in model._couplers:
-        refuse_loaded(model, f"loads of a mechanism with couplers ('{coupler}') are not supported yet; leave the load "
-                             f"out.")  # fmt: skip
     acting = applied(model, number)
-    return acting, felt(acting, topology.joints, number)
+    coupled = {name.rpartition(".")[0] for coupler in model._couplers.values() for name, _ in coupler.terms}
+    return acting, felt(acting, topology.joints, number, coupled)
 
 
 def system(model: Model, scene: Scene, independent: Sequence[str] | None = None) -> System:
@@ -255,6 +251,10 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         from mbsvib.loads.loaded import load
 
         statics = load(scene, relative, reduction, found, model.name)
+    if scene.port.wrench_outputs:
+        from mbsvib.loads.joint_forces import joint_force_rows
+
+        joint_force_rows(scene, relative, reduction, found, statics)
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:

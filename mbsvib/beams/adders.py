@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
+from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.beams import beam as _beam
 from mbsvib.beams.beam import Beam
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from mbsvib.beams.material import Material
     from mbsvib.beams.sections import Circle, Rectangle, Section, Tube
+    from mbsvib.model import Model
     from mbsvib.parts import Body
     from mbsvib.superelements import Superelement
 
@@ -94,16 +96,15 @@ class FlexibleMechanism(Mechanism):
         self._made |= dict.fromkeys(part.made, part)
         self._topology = None
 
-    def _expanded(self) -> Self:
+    def _expanded(self) -> Model:
         """Return the same mechanism in plain parts: nodes as bodies, elements as free joints and bushings."""
         from mbsvib.beams.expansion import dampers, elements, masses, node_bodies
         from mbsvib.composite import Pieces
+        from mbsvib.loads.wrenches import is_loaded
         from mbsvib.superelements import Superelement
         from mbsvib.superelements import expansion as _reduced
 
-        if getattr(self, "gravity", None) is not None:
-            self._refuse_composed("gravity", "leave gravity out (Model(gravity=None)), or make it of rigid bodies.")
-        plain = copy(self)
+        plain: Any = copy(self)
         plain._bodies, plain._joints, plain._springs = dict(self._bodies), dict(self._joints), dict(self._springs)
         plain._composed, plain._topology = {}, None
         mass, elastic = [], []
@@ -121,6 +122,24 @@ class FlexibleMechanism(Mechanism):
             elastic += dampers(beam)
         nodes = frozenset(plain._bodies) - frozenset(self._bodies)
         plain._pieces = Pieces(tuple(mass), tuple(elastic), nodes, tuple(self._composed.values()))
+        return self._loaded(plain) if is_loaded(plain) else plain
+
+    def _loaded(self, plain: Model) -> Model:
+        """Return the plain model with what its elements carry in the loaded pose."""
+        from mbsvib.beams.prestress import bent_lines, carried, weights
+
+        for name in self._composed.keys() - self.beams.keys():
+            raise ModelError(f"superelement '{name}': a model under load does not support superelements yet; leave the "
+                             f"load out, or model it by beams.", element=name)  # fmt: skip
+        plain._loads = dict(plain._loads)
+        if plain.gravity is not None:
+            for beam in self.beams.values():
+                plain._loads |= {load.name: load for load in weights(beam, plain.gravity)}
+        elements = carried(plain, tuple(self.beams.values()))
+        plain._springs |= elements
+        assert plain._pieces is not None
+        bent = [piece for beam in self.beams.values() for piece in bent_lines(beam, elements)]
+        plain._pieces = replace(plain._pieces, elastic=(*plain._pieces.elastic, *bent))
         return plain
 
     def _refuse_composed(self, what: str, hint: str) -> None:

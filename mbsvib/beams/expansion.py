@@ -34,12 +34,12 @@ def elements(beam: Beam) -> list[tuple[Joint, Bushing]]:
     """Return joint and bushing of each element, both in its axes at its midpoint."""
     result = []
     for i, (length, axes) in enumerate(beam.frames()):
-        middle = _middle(beam, i)
+        at = middle(beam, i)
         k = element.stiffness(length, beam.properties, beam.material, beam.shear)
         first, second = beam.node(i), beam.node(i + 1)
         name = beam.element_names[i]
-        free = _joint.make(name, "free", first, second, middle, axes, None, None, None, None)
-        spring = _bushing.make(name, first, second, middle, k, tuple([beam.beta * value for value in k]), axes)
+        free = _joint.make(name, "free", first, second, at, axes, None, None, None, None)
+        spring = _bushing.make(name, first, second, at, k, tuple([beam.beta * value for value in k]), axes)
         result.append((free, spring))
     return result
 
@@ -85,7 +85,7 @@ def modal_damper(beam: Beam) -> Piece:
     forces = (modes.shapes[: k.size, modes.rigid :] * k.reshape(-1, 1)).T
     matrix = np.concatenate([turned(forces[:, 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], axis=1)
     nodes = tuple([
-        Node(beam.node(i + 1), _middle(beam, i), against=beam.node(i)) for i in range(len(frames))
+        Node(beam.node(i + 1), middle(beam, i), against=beam.node(i)) for i in range(len(frames))
     ])  # fmt: skip
     return Piece(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / modes.omega[modes.rigid :] ** 3)
 
@@ -100,6 +100,7 @@ def _node(beam: Beam, i: int) -> Node:
     return Node(beam.node(i), beam.points[i])
 
 
-def _middle(beam: Beam, i: int) -> Vector:
+def middle(beam: Beam, i: int) -> Vector:
+    """Return the midpoint of element i."""
     (a, b, c), (d, e, f) = beam.points[i : i + 2]
     return (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))

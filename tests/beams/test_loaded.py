@@ -1,0 +1,154 @@
+"""Loaded beams: buckling loads, frequencies under tension, own weight, and what elements carry."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from scipy.special import jv
+
+import mbsvib as mv
+from mbsvib.beams import Material, Rectangle
+from tests.beams.reference import assembled, matrices
+
+ALLOY = Material(E=7e10, nu=0.3, rho=2700.0)
+BAR = Rectangle(0.02, 0.03)
+P = BAR.properties(ALLOY.poisson)
+LENGTH = 1.2
+
+
+def column(n, load, pinned=False, section=BAR, gravity=None, **words):
+    model = mv.Model("column", gravity=gravity)
+    foot = None if pinned else "ground"
+    model.add_beam("c", foot, None, section, ALLOY, start=(0, 0, 0), end=(0, 0, LENGTH), elements=n, **words)
+    if pinned:
+        model.add_joint("foot", None, "ground", "c.0", position=(0, 0, 0), free=("rx", "ry"))
+        model.add_joint("head", None, "ground", f"c.{n}", position=(0, 0, LENGTH), free=("z", "rx", "ry"))
+    if load:
+        model.add_load("P", f"c.{n}", (0, 0, load))
+    return model.linearize()
+
+
+def critical(unloaded, loaded):
+    """Factors of the load at which K is singular: K is linear in the load."""
+    inverse = eigh(loaded.K - unloaded.K, unloaded.K, eigvals_only=True)
+    return np.sort(-1.0 / inverse[inverse < 0.0])
+
+
+@pytest.mark.parametrize(("pinned", "part"), [(False, 0.25), (True, 1.0)])
+def test_euler_loads_converge_with_the_fourth_power(pinned, part):
+    exact = part * np.pi**2 * ALLOY.E * np.sort([P.Iy, P.Iz]) / LENGTH**2
+    error = [critical(column(n, 0, pinned), column(n, -1.0, pinned))[:2] / exact - 1.0 for n in (2, 4, 8)]
+    assert np.log2(error[0] / error[1]) == pytest.approx(4.0, abs=0.2)
+    assert np.log2(error[1] / error[2]) == pytest.approx(4.0, abs=0.05)
+    assert (error[2] > 0.0).all()
+
+
+def test_shear_lowers_the_buckling_load():
+    stout = Rectangle(0.2, 0.3)
+    p = stout.properties(ALLOY.poisson)
+    found = critical(column(16, 0, section=stout, shear=True), column(16, -1.0, section=stout, shear=True))[0]
+    euler = np.pi**2 * ALLOY.E * p.Iz / (4 * LENGTH**2)
+    assert found == pytest.approx(euler / (1 + euler / (p.ky * ALLOY.shear_modulus * p.A)), rel=1e-4)
+
+
+def test_stiffness_under_tension_is_that_of_the_book():
+    """K + K_G, K_G = N / (30 L) [[36, 3 L, -36, 3 L], [3 L, 4 L^2, -3 L, -L^2], ...] in both planes."""
+    n, force = 5, 3.0e3
+    h = LENGTH / n
+    system = column(n, force)
+    kg = np.zeros((12, 12))
+    bend = force / (30 * h) * np.array([[36, 3 * h, -36, 3 * h], [3 * h, 4 * h * h, -3 * h, -h * h],
+                                        [-36, -3 * h, 36, -3 * h], [3 * h, -h * h, -3 * h, 4 * h * h]])  # fmt: skip
+    for place, sign in (((1, 5, 7, 11), 1), ((2, 4, 8, 10), -1)):
+        turn = np.array([1, sign, 1, sign])
+        kg[np.ix_(place, place)] += np.outer(turn, turn) * bend
+    k, m = matrices(h, P.A, P.Iy, P.Iz, P.J, ALLOY.E, ALLOY.shear_modulus, ALLOY.rho)
+    points = [(0, 0, h * i) for i in range(n + 1)]
+    axes = [((0, 0, 1), (0, 1, 0), (-1, 0, 0))] * n
+    whole = assembled(points, [np.array(a) for a in axes], lambda i: (np.array(k) + kg, m))
+    square = eigh(whole[0][6:, 6:], whole[1][6:, 6:], eigvals_only=True)
+    # torsion: the rigid halves of a twisted element do not see the tension, and neither does the book
+    assert system.modes().frequencies == pytest.approx(np.sqrt(square) / (2 * np.pi), rel=1e-9)
+
+
+def test_supported_beam_under_tension():
+    force, n = 2.0e4, 24
+    b = np.arange(1, 4) * np.pi / LENGTH
+    found = column(n, force, pinned=True).modes().frequencies
+    for second in (P.Iy, P.Iz):
+        exact = np.sqrt((ALLOY.E * second * b**4 + force * b**2) / (ALLOY.rho * P.A)) / (2 * np.pi)
+        assert (np.abs(found[:, None] / exact - 1.0).min(axis=0) < 2e-5).all()
+
+
+def test_column_buckles_under_its_own_weight():
+    """Greenhill: q L^3 / (E I) = 9/4 times the square of the first zero of J of order -1/3."""
+    load = 2.25 * brentq(lambda x: jv(-1 / 3, x), 1.5, 2.2) ** 2
+    found = critical(column(16, 0), column(16, 0, gravity=(0, 0, -1.0)))[0]
+    assert found * ALLOY.rho * P.A * LENGTH**3 / (ALLOY.E * P.Iz) == pytest.approx(load, rel=2e-3)
+
+
+def test_strip_tips_over_under_a_load_across():
+    """Lateral buckling of a narrow cantilever (Timoshenko & Gere): P = 4.0126 sqrt(E I G J) / L^2."""
+    strip = Rectangle(0.002, 0.06)  # z of the section stands upright
+    p = strip.properties(ALLOY.poisson)
+
+    def system(load, n=24):
+        model = mv.Model("strip")
+        model.add_beam("s", "ground", None, strip, ALLOY, start=(0, 0, 0), end=(1, 0, 0), elements=n)
+        if load:
+            model.add_load("P", f"s.{n}", (0, 0, load))
+        return model.linearize()
+
+    exact = 4.0126 * np.sqrt(ALLOY.E * p.Iz * ALLOY.shear_modulus * p.J)
+    assert critical(system(0), system(-1.0))[0] == pytest.approx(exact, rel=5e-3)
+
+
+def test_beam_held_at_both_ends_shares_the_load_by_stiffness():
+    model = mv.Model("shared")
+    model.add_beam("c", "ground", "ground", BAR, ALLOY, start=(0, 0, 0), end=(0, 0, 1), elements=4)
+    model.add_load("P", "c.1", (0, 0, -1000.0))
+    springs = model._expanded().springs
+    carried = [springs[f"c.e{i}"].preload[0] for i in (1, 2, 3, 4)]
+    assert carried == pytest.approx([750.0, -250.0, -250.0, -250.0], rel=1e-12)
+    assert (model.linearize().modes().frequencies > 0.0).all()
+
+
+def test_elements_carry_the_bending_moment_of_their_weight():
+    n, g = 10, 9.81
+    model = mv.Model("shelf", gravity=(0, 0, -g))
+    model.add_beam("c", "ground", None, BAR, ALLOY, start=(0, 0, 0), end=(LENGTH, 0, 0), elements=n)
+    springs = model._expanded().springs
+    line, h = ALLOY.rho * P.A * g, LENGTH / n
+    rest = LENGTH - h * (np.arange(n) + 0.5)
+    assert [springs[f"c.e{i + 1}"].preload[2] for i in range(n)] == pytest.approx(line * rest, rel=1e-12)
+    # weights at the nodes: the polygon of moments lies on the parabola at the nodes, q h^2 / 8 above it between them
+    moments = line * (rest**2 / 2 + h * h / 8)
+    assert [abs(springs[f"c.e{i + 1}"].preload[4]) for i in range(n)] == pytest.approx(moments, rel=1e-11)
+
+
+def test_body_on_a_loaded_beam_with_a_stay():
+    """Everything in balance by what the beam carries: statics need no preload from the user."""
+    model = mv.Model("crane", gravity=(0, 0, -9.81))
+    model.add_body("load", 20.0, (0.1, 0.2, 0.1), position=(1.1, 0, -0.1))
+    model.add_beam("boom", "ground", "load", BAR, ALLOY, start=(0, 0, 0), end=(1, 0, 0.1), elements=6)
+    model.add_spring("stay", "ground", "boom.3", start=(0, 0.1, 1), end=(0.5, 0, 0.05), stiffness=1e4, preload=50.0)
+    system = model.linearize()
+    assert system.provenance.statics.imbalance < 1e-11
+    assert "boom" in system.provenance.springs
+    assert system.explain()
+    assert (system.modes().frequencies > 0.0).all()
+
+
+def test_beam_that_nothing_holds_is_off_balance():
+    model = mv.Model("falls", gravity=(0, 0, -9.81))
+    model.add_beam("c", None, None, BAR, ALLOY, start=(0, 0, 0), end=(1, 0, 0), elements=2)
+    model.add_joint("hinge", "revolute", "ground", "c.0", position=(0, 0, 0), axis=(0, 1, 0))
+    with pytest.raises(mv.EquilibriumError, match=r"not in balance .* joint 'hinge'"):
+        model.linearize()
+
+
+def test_superelements_under_load_are_refused():
+    model = mv.Model("loaded", gravity=(0, 0, -9.81))
+    model.add_superelement("lump", np.eye(6), None, np.zeros((6, 6)), {"node": (0, 0, 0)})
+    with pytest.raises(mv.ModelError, match=r"superelement 'lump': a model under load"):
+        model.linearize()
