@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
+from mbsvib.couplers.refusal import refuse_coupled
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
@@ -96,6 +97,7 @@ def network(system: System) -> Network:
     _refuse_nodes(parts)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
+    refuse_coupled(parts, "sensitivities", "compare variants by linearize(values=...)")
     springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     coordinates = twists(topology, list(bodies))

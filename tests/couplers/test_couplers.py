@@ -260,7 +260,7 @@ CALLS = [
     (("gear", "g", "s0.j", "nothing like it", 1.0), r"expected a rotation of a joint.*Add joints before"),
     (("gear", "g", "s0.j", "s2.j", 1.0), r"second = 's2.j'; .* The prismatic joint 's2.j' has the coordinates z\."),
     (("gear", "g", "s0.j.rx", "s1.j", 1.0), r"first = 's0.j.rx'; .* The revolute joint 's0.j' has the coordinates rz"),
-    (("gear", "g", "s0.j", "s1.j", 0.0), r"gear 'g': ratio = 0.0; expected turns of second per turn of first.*not zero"),
+    (("gear", "g", "s0.j", "s1.j", 0.0), r"gear 'g': ratio = 0.0; expected turns of second per turn.*not zero"),
     (("gear", "g", "s0.j", "s1.j", "2"), r"ratio = '2'; expected turns"),
     (("gear", "g", "s0.j", "s1.j", np.nan), "NaN"),
     (("gear", "g", 3, "s1.j", 1.0), "first = 3; expected a rotation of a joint"),
@@ -301,10 +301,12 @@ def test_joints_by_object_and_names_in_use():
 def test_paths_without_couplers_refuse_them_by_name():
     model = shafts(2)
     model.add_gear("mesh", "s0.j", "s1.j", 2.0)
-    with pytest.raises(mv.ModelError, match="'mesh' couples joint coordinates, .* use method='dense'"):
+    with pytest.raises(mv.ModelError, match=r"'mesh' couples joint coordinates, .* use method='dense'"):
         model.linearize(method="sparse")
     with pytest.raises(mv.ModelError, match="gear 'mesh': no gear can be taken to another pose yet"):
         model.moved({"s0.j.rz": 0.1})
+    with pytest.raises(mv.ModelError, match=r"sensitivities: gear 'mesh' .* compare variants by linearize\(values"):
+        model.linearize().eigenvalue_sensitivities(["mesh.ratio"])
     model.add_load("push", "s0", force=(0, 0, 1.0))
     with pytest.raises(mv.ModelError, match=r"couplers \('mesh'\) are not supported yet"):
         model.linearize()
