@@ -76,6 +76,11 @@ class Modes:
         """Eigenvalues mode by mode, (n, 2); that of a mode of first order stands twice."""
         return np.asarray(self._paired(self.eigenvalues))
 
+    @cached_property
+    def pair_errors(self) -> Array:
+        """Estimated relative errors mode by mode, (n, 2)."""
+        return np.asarray(self._paired(self.errors))
+
     def _paired(self, values: Any) -> Any:
         if self.first_order is None:
             return values.reshape(-1, 2)

@@ -5,8 +5,9 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 """
 
 from mbsvib.plots.bode import bode
+from mbsvib.plots.campbell import campbell
 from mbsvib.plots.grid import time_grid
 from mbsvib.plots.modes import modes
 from mbsvib.plots.step import step
 
-__all__ = ["bode", "modes", "step", "time_grid"]
+__all__ = ["bode", "campbell", "modes", "step", "time_grid"]

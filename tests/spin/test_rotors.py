@@ -83,7 +83,8 @@ def shaft(speed, internal=2.0, external=1.0):
     model.add_joint("bearing", "revolute", "ground", "journal", position=(0, 0, 0), axis=(0, 0, 1))
     model.add_bushing("bend", "journal", "disk", position=(0, 0, 0), stiffness=(400, 400, 1e4, 50, 50, 90),
                       damping=(internal, internal, 0, 0, 0, 0))  # fmt: skip
-    model.add_bushing("air", "ground", "disk", position=(0, 0, 0), damping=(external, external, 0, 0, 0, 0))
+    if external:
+        model.add_bushing("air", "ground", "disk", position=(0, 0, 0), damping=(external, external, 0, 0, 0, 0))
     model.add_rotor("one", "journal", speed, (0, 0, 1))
     model.add_rotor("two", "disk", speed, (0, 0, 1))
     return model

@@ -1,0 +1,65 @@
+"""Campbell diagrams."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from mbsvib.campbell import Campbell
+
+LINES = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
+
+
+def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
+    """Draw a Campbell diagram: damped frequencies over the speed.
+
+    Parameters
+    ----------
+    data : Campbell
+        What ``mbsvib.campbell.campbell`` returned.
+    orders : sequence of float
+        Lines frequency = order x speed / 2 pi to draw.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Forward whirl full, backward dashed, motions to and fro dotted; critical speeds are circles, what grows is
+        marked by crosses.
+    """
+    with style.context():
+        figure = style.new_figure(6.4, 4.2)
+        axes = figure.subplots()
+        for mode in range(data.whirl.shape[1]):
+            frequency = data.frequencies[:, mode]
+            colour = style.COLOURS[mode % len(style.COLOURS)]
+            for direction, dash in LINES.items():
+                # a piece belongs to the direction at its end: at rest most modes have none
+                own = data.directions[1:, mode] == direction
+                pieces = np.where(np.stack((own, own)), np.stack((frequency[:-1], frequency[1:])), np.nan)
+                if own.any():
+                    x = np.stack((data.speeds[:-1], data.speeds[1:], np.full(len(own), np.nan))).T.reshape(-1)
+                    y = np.stack((*pieces, np.full(len(own), np.nan))).T.reshape(-1)
+                    axes.plot(x, y, color=colour, linestyle=dash)
+            grows = data.eigenvalues[:, mode].real > 0.0
+            if grows.any():
+                axes.plot(data.speeds[grows], frequency[grows], "x", color=colour, markersize=4.0)
+        top = 1.08 * float(data.frequencies.max(initial=0.0)) or 1.0
+        for order in orders:
+            axes.plot(data.speeds, order * np.abs(data.speeds) / (2.0 * np.pi), color=style.MARK, linewidth=0.8)
+        for point in data.critical:
+            axes.plot([point.speed], [point.frequency], "o", color=style.INK, markersize=5.0, mfc="white", zorder=3)
+        axes.set_ylim(0.0, top)
+        axes.set_xlim(float(data.speeds[0]), float(data.speeds[-1]))
+        axes.set_xlabel("speed [rad/s]")
+        axes.set_ylabel("damped frequency [Hz]")
+        axes.set_title("Campbell diagram")
+        axes.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
+    return figure

@@ -1,0 +1,124 @@
+"""Campbell data: frequencies from closed forms, whirl directions, tracks that cross, critical speeds."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.campbell import campbell
+from mbsvib.errors import ModelError
+from mbsvib.plots import campbell as plot
+from tests.spin.test_rotors import rotor_and_stator, shaft, whirl_roots
+
+SPEEDS = np.linspace(0.0, 12.0, 7)
+
+
+def test_every_eigenvalue_is_one_of_the_closed_form():
+    data = campbell(rotor_and_stator(3.0), SPEEDS)
+    for speed, row, errors in zip(SPEEDS, data.eigenvalues, data.errors, strict=True):
+        roots = np.append(whirl_roots(speed), 0.0)
+        assert (np.abs(row[:, None] - roots).min(axis=1) <= 1e-12 * np.maximum(np.abs(row), 1e-9)).all()
+        assert errors.max() <= 1e-12
+    assert data.whirl.shape == (7, 7)
+    np.testing.assert_allclose(data.damping_ratios[:, -1], 0.05, rtol=1e-12)
+
+
+def test_whirl_of_an_isotropic_rotor_is_round():
+    """Spin raises the frequencies of forward whirl and lowers those of backward whirl."""
+    data = campbell(rotor_and_stator(3.0), SPEEDS)
+    round_ = np.isclose(np.abs(data.whirl[1:]), 1.0, atol=1e-6)
+    assert (round_.sum(axis=1) == 4).all()
+    assert ((data.directions[1:] == "forward").sum(axis=1) == 2).all()
+    for mode in np.nonzero(round_.all(axis=0))[0]:
+        sign = np.sign(data.whirl[1, mode])
+        assert (np.sign(data.whirl[1:, mode]) == sign).all()
+        assert (sign * np.diff(data.frequencies[:, mode]) > 0.0).all()
+    back = campbell(rotor_and_stator(3.0), -SPEEDS[::-1])
+    np.testing.assert_allclose(np.sort(back.whirl[0]), np.sort(data.whirl[-1]), atol=1e-9)
+
+
+def test_critical_speeds():
+    """i W is an eigenvalue but for damping: Im(lambda) = W to the last digits, and none is missing."""
+    data = campbell(rotor_and_stator(3.0), SPEEDS, orders=(1.0, 2.0))
+    fine = np.linspace(1e-3, 12.0, 4001)
+    for order in (1.0, 2.0):
+        found = [point for point in data.critical if point.order == order]
+        for point in found:
+            roots = np.array(whirl_roots(point.speed))
+            assert np.abs(roots.imag - order * point.speed).min() <= 1e-11 * order * point.speed
+            assert point.frequency == pytest.approx(order * point.speed / (2.0 * np.pi), rel=1e-11)
+        tracks = campbell(rotor_and_stator(3.0), fine[::20]).eigenvalues.imag
+        above = np.sign(tracks - order * fine[::20, None])
+        assert len(found) == np.count_nonzero(np.diff(above, axis=0))
+    first = [point for point in data.critical if point.order == 1.0]
+    assert [round(point.whirl) for point in first] == [-1, 1, 0, -1]
+    assert "Critical speed" in str(data)
+
+
+def test_jeffcott():
+    """A disk amid a light shaft: whirl at sqrt(k/m) at any speed; disk tilt (k - It w^2) = Ip W w."""
+    data = campbell(shaft(1.0, internal=0.0, external=0.0), np.linspace(0.0, 100.0, 5))
+    for speed, row in zip(data.speeds, data.eigenvalues.imag, strict=True):
+        tilt = (np.sqrt((0.04 * speed) ** 2 + 4.0 * 0.02 * 50.0) + 0.04 * speed * np.array([1, -1])) / 0.04
+        for exact in (10.0, 10.0, *tilt):
+            assert np.abs(row - exact).min() <= 1e-12 * exact
+        assert not data.eigenvalues.real.any()
+    held = np.nonzero(np.ptp(data.frequencies, axis=0) < 1e-9)[0]
+    assert len(held) == 5  # turn, two whirls, along and about the axis
+    held = [mode for mode in held if abs(data.eigenvalues[0, mode].imag - 10.0) > 1e-9]
+    critical = [point.speed for point in data.critical if point.mode not in (0, *held)]
+    # in translation both whirls have one frequency and no direction of their own; backward tilt: It W^2 = k - Ip W^2;
+    # forward: Ip > It has none
+    np.testing.assert_allclose(critical, [10.0, 10.0, np.sqrt(50.0 / 0.06)], rtol=1e-11)
+
+
+def test_internal_damping_shows():
+    data = campbell(shaft(1.0), [5.0, 14.9, 15.1, 20.0])
+    assert data.stable.tolist() == [True, True, False, False]
+    assert "Unstable at 2 of the speeds, first at 15.1" in str(data)
+    grows = np.nonzero((data.eigenvalues.real > 0.0).any(axis=0))[0]
+    assert (data.directions[:, grows] == "forward").all()
+
+
+def test_tracks_do_not_depend_on_the_steps():
+    """Tracks that cross keep their modes, however far apart the speeds are."""
+    model = shaft(1.0)
+    model.add_bushing("more", "ground", "disk", position=(0, 0, 0), stiffness=(0, 90.0, 3e3, 7.0, 0, 0))
+    coarse, fine = campbell(model, [1.0, 90.0]), campbell(model, np.linspace(1.0, 90.0, 60))
+    np.testing.assert_allclose(coarse.eigenvalues[-1], fine.eigenvalues[-1], rtol=1e-10)
+
+
+def test_rotors_at_ratios():
+    model = rotor_and_stator(2.0)
+    model.add_rotor("wheel", "stator", 6.0, (0, 0, 1), inertia=20.0)
+    data = campbell(model, [4.0])
+    assert data.ratios == {"spin": 1.0, "wheel": 3.0}
+    direct = model.with_values({"spin.speed": 4.0, "wheel.speed": 12.0}).linearize().modes()
+    np.testing.assert_allclose(np.sort(data.frequencies[0]), np.sort(direct.damped_frequencies), rtol=1e-13)
+    held = campbell(model, [4.0], "wheel")
+    direct = model.with_values({"wheel.speed": 4.0}).linearize().modes()
+    np.testing.assert_allclose(np.sort(held.frequencies[0]), np.sort(direct.damped_frequencies), rtol=1e-13)
+    assert campbell(model, [4.0], {"spin": 2.0}).ratios == {"spin": 2.0}
+
+
+def test_refusals():
+    model = rotor_and_stator(1.0)
+    with pytest.raises(ModelError, match="'spin'"):
+        campbell(model, [1.0], "spim")
+    for speeds in ([2.0, 1.0], [np.nan], []):
+        with pytest.raises(ModelError, match="speeds"):
+            campbell(model, speeds)
+    plain = mv.Model("plain")
+    with pytest.raises(ModelError, match="no rotor"):
+        campbell(plain, [1.0])
+
+
+def test_plot(tmp_path):
+    data = campbell(shaft(1.0), np.linspace(0.0, 60.0, 13))
+    figure = plot(data, orders=(1.0, 2.0))
+    figure.savefig(tmp_path / "campbell.png")
+    axes = figure.axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed [rad/s]", "damped frequency [Hz]")
+    circles = [line for line in axes.lines if line.get_marker() == "o"]
+    assert len(circles) == len(data.critical)
+    assert any(line.get_marker() == "x" for line in axes.lines)
+    assert repr(data).startswith("Campbell('shaft': 13 speeds, 7 modes")
