@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 EPS = float(np.finfo(float).eps)
 ROUNDS = 3
+# Corrections of vectors by less leave errors that are squares of it.
+SETTLED = 1e-9
 # Vectors share what they do if the quotient of residual and distance is larger: eigenvalues that rounding moves as one.
 MIXED = 0.1
 # Rounding of the forms, in parts of eps times the sum of their terms' sizes; calibrated in the tests.
@@ -95,7 +97,9 @@ def refined(system: System, state: EnergyState, start: Spectrum) -> Spectrum:
     if not len(found.values):
         return found
     for _ in range(ROUNDS):
-        found = _improved(factors, state, found)
+        found, mixed = _improved(factors, state, found)
+        if mixed < SETTLED:
+            break
     errors = _bounds(factors, state, found)
     values = found.values.copy()
     # rounding must not tell whether a motion that no damper feels grows or decays
@@ -157,24 +161,28 @@ def _sized(f: _Factors, values: Complex, vectors: Complex) -> Complex:
     return np.asarray(vectors / np.sqrt(size))
 
 
-def _improved(f: _Factors, state: EnergyState, found: Spectrum) -> Spectrum:
-    """One round: eigenvalues, then both vectors by what all others see of their residuals."""
+def _improved(f: _Factors, state: EnergyState, found: Spectrum) -> tuple[Spectrum, float]:
+    """One round: eigenvalues, then both vectors by what all others see of their residuals; and how much that was."""
     found = _quotients(f, found)
     values, right, left, slopes = found.whole()
     x, y, h = found.right, found.left, np.arange(len(found.values))
     distance = found.values - values[:, None]
     m, c, k = _products(f, left, x)
     share = found.values * (found.values * m + c) + k
-    x = x - right @ _mixing(share, slopes[:, None] * distance, h) - _still(state, f, found, transposed=False)
+    mixing = _mixing(share, slopes[:, None] * distance, h)
+    mixed = float(np.abs(mixing).max(initial=0.0))
+    x = x - right @ mixing - _still(state, f, found, transposed=False)
     if found.kind == "hermitian":
         y = x.conj()
     else:
         m, c, k = (part.T for part in _products(f, y, right))
         share = found.values * (found.values * m + c) + k
-        y = y - left @ _mixing(share, slopes[:, None] * distance, h) - _still(state, f, found, transposed=True)
+        mixing = _mixing(share, slopes[:, None] * distance, h)
+        mixed = max(mixed, float(np.abs(mixing).max(initial=0.0)))
+        y = y - left @ mixing - _still(state, f, found, transposed=True)
         on = _axis(found)
         y[:, on] = x[:, on].conj()
-    return _quotients(f, replace(found, right=x, left=y))
+    return _quotients(f, replace(found, right=x, left=y)), mixed
 
 
 def _mixing(share: Complex, distance: Complex, own: NDArray[np.intp]) -> Complex:

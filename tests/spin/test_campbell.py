@@ -82,9 +82,9 @@ def test_internal_damping_shows():
 def test_tracks_do_not_depend_on_the_steps():
     """Tracks that cross keep their modes, however far apart the speeds are."""
     model = shaft(1.0)
-    model.add_bushing("more", "ground", "disk", position=(0, 0, 0), stiffness=(0, 90.0, 3e3, 7.0, 0, 0))
-    coarse, fine = campbell(model, [1.0, 90.0]), campbell(model, np.linspace(1.0, 90.0, 60))
+    coarse, fine = campbell(model, [1.0, 250.0]), campbell(model, np.linspace(1.0, 250.0, 60))
     np.testing.assert_allclose(coarse.eigenvalues[-1], fine.eigenvalues[-1], rtol=1e-10)
+    assert not np.array_equal(np.argsort(fine.frequencies[0]), np.argsort(fine.frequencies[-1]))
 
 
 def test_rotors_at_ratios():
