@@ -254,7 +254,12 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
     if scene.port.wrench_outputs:
         from mbsvib.loads.joint_forces import joint_force_rows
 
-        joint_force_rows(scene, relative, reduction, found, statics)
+        joint_force_rows(model, scene, relative, reduction, found, statics)
+    if model._rotors:
+        from mbsvib.spin.terms import with_spin
+
+        found = with_spin(model, scene, found)
+        parts += tuple(model.rotors.values())
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:
@@ -263,11 +268,6 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         parts = given(parts)
         found, stays, separation = separate(scene, reduction, found, names, model, independent)
         names, kept = tuple([names[i] for i in stays]), [kept[i] for i in stays]
-    if model._rotors:
-        from mbsvib.spin.terms import with_spin
-
-        found = with_spin(model, scene, found)
-        parts += tuple(model.rotors.values())
     if model._pieces is not None:
         parts = model._pieces.said(parts)
     return System(

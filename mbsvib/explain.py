@@ -37,7 +37,9 @@ def explain(system: System) -> str:
     if system.dof == 0 and system.provenance.dropped is not None:
         lines.append("  No part is reached by an input asked for and seen by an output: y = D u.")
     elif system.dof == 0:
-        lines.append("  The mechanism is fully locked: its joints leave no motion.")
+        condensed = system.provenance.massless is not None
+        lines.append("  No motion has mass or damper: the mechanism follows its inputs at once." if condensed else
+                     "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
     lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
     if system.provenance.statics is not None:
         from mbsvib.loads.explain import explain_loads

@@ -12,7 +12,7 @@ from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.inertia import check_mass
 from mbsvib.loops import ZERO_ENTRY, pivoted_qr
 from mbsvib.massless.condensation import CANCELS, Condensation, condense, unheld
-from mbsvib.massless.null_motion import RANK_FACTOR, Scale, cleaned, null_space, possible, scale_of, unfelt
+from mbsvib.massless.null_motion import RANK_FACTOR, cleaned, null_space, possible, scale_of, unfelt
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -104,8 +104,6 @@ def separate(
     static, damped = unfelt(_damping_parts(found), null, scale.unit)
     condensation = None
     if static.shape[1]:
-        if found.get("gyroscopic") is not None:
-            _check_undamped(static, found, scale, names)
         static = cleaned(static, scale.unit, RANK_FACTOR * scale.noise)
         pins = np.array([name in (independent or ()) for name in names])
         condensation = condense(static, found, scale.unit, names, pins)
@@ -141,13 +139,6 @@ def _damping_parts(found: Mapping[str, Any]) -> list[Array]:
     if found.get("gyroscopic") is not None:
         parts.append(found["gyroscopic"])
     return parts
-
-
-def _check_undamped(static: Array, found: Mapping[str, Any], scale: Scale, names: tuple[str, ...]) -> None:
-    """Gyroscopic terms may tie a massless motion to others without holding it against itself."""
-    tied = unfelt([found["gyroscopic"].T], static, scale.unit)[1]
-    if len(tied):
-        raise unheld(static[:, int(tied[0])], scale.unit, names, "spin alone ties it to others")
 
 
 def _condensed(found: dict[str, Any], condensation: Condensation) -> dict[str, Any]:
@@ -198,7 +189,9 @@ def _first_order(
     scaled = square / scale[:, None] / scale
     if 1.0 / np.linalg.cond(scaled) < CANCELS:
         worst = null @ (np.linalg.svd(scaled)[2][-1] / scale)
-        raise unheld(worst, unit, names, "the dampers that act on it cancel each other")
+        spins = found.get("gyroscopic") is not None
+        raise unheld(worst, unit, names, "spin alone ties it to others" if spins else
+                     "the dampers that act on it cancel each other")  # fmt: skip
     others = np.setdiff1d(np.arange(len(names)), own)
     check_mass(found["M"][np.ix_(others, others)], tuple(names[i] for i in others))
     return found | {"massless": count, "null_inertia": null}, tuple(names[i] for i in own)

@@ -87,3 +87,37 @@ def test_massless_coordinates_of_loops():
     system = model.linearize()
     assert system.provenance.massless is None
     assert_allclose(system.modes().natural ** 2, [30 * 0.25 / (2 * (0.1 + 0.0625))], rtol=1e-13)
+
+
+def gimbal(inertia, kx=2.0, ky=3.0, damping=0.0):
+    """A wheel of constant momentum h = 3 about z on a frame that turns about x and y."""
+    model = mv.Model("gimbal")
+    model.add_body("frame", 0.0, inertia)
+    model.add_joint("u", "universal", "ground", "frame", position=(0, 0, 0), axis=(1, 0, 0), axis2=(0, 1, 0))
+    model.add_rotor("wheel", "frame", speed=3.0, axis=(0, 0, 1), inertia=1.0)
+    model.add_bushing("k", "ground", "frame", (0, 0, 0), stiffness=(0, 0, 0, kx, ky, 0),
+                      damping=(0, 0, 0, 0, damping, 0))  # fmt: skip
+    model.add_input("M", "frame", "rx")
+    model.add_output("t", "frame", "rx")
+    return model
+
+
+def test_spin_that_ties_a_massless_motion_to_others_is_refused():
+    """About y nothing moves mass, and spin alone holds it against x: neither condensed nor of first order."""
+    with pytest.raises(mv.ModelError, match=r"'u\.ry'.*spin alone ties it to others"):
+        gimbal((0.1, 0.0, 0.1)).linearize()
+
+
+def test_spin_beside_a_damped_massless_motion():
+    """(I s^2 + kx)(c s + ky) + h^2 s^2 = 0: three eigenvalues."""
+    inertia, kx, ky, c, h = 0.1, 2.0, 3.0, 0.7, 3.0
+    system = gimbal((inertia, 0.0, inertia), kx, ky, c).linearize()
+    assert (system.dof, system.massless) == (2, 1)
+    expected = np.roots([inertia * c, inertia * ky + h * h, kx * c, kx * ky])
+    assert_allclose(np.sort_complex(system.poles()), np.sort_complex(expected), rtol=1e-11)
+    for s in (0.5j, 4j):
+        answer = (c * s + ky) / ((inertia * s**2 + kx) * (c * s + ky) + h * h * s**2)
+        assert_allclose(system.frequency_response([s.imag])[0, 0], [answer], rtol=1e-11)
+        space = system.state_space()
+        found = space.C @ np.linalg.solve(s * np.eye(3) - space.A, space.B) + space.D
+        assert_allclose(found, [[answer]], rtol=1e-11)
