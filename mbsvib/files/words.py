@@ -64,11 +64,11 @@ def unfit(item: Parameter, value: Any) -> str | None:
     if "Sequence[str]" in allowed:
         listed = value if isinstance(value, list) else [value]
         return None if all(isinstance(entry, str) for entry in listed) else "a list of texts"
-    if any(kind.startswith("Mapping[") for kind in allowed):
-        return None if isinstance(value, dict) else "a mapping of words"
     if "Mapping[str, float]" in allowed:
         numeric = isinstance(value, dict) and all(_numeric([entry]) for entry in value.values())
         return None if numeric else "a number for each of several names"
+    if any(kind.startswith("Mapping[") for kind in allowed):
+        return None if isinstance(value, dict) else "a mapping of words"
     if "bool" in allowed:
         return None if isinstance(value, bool) else "true or false"
     return "a text" if "str" in allowed else None
