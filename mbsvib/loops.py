@@ -36,6 +36,8 @@ NEAR_SINGULAR = 1e-4
 ZERO_ENTRY = 4.0 * EPS
 # Kept and dropped pivots closer than this leave the rank itself in doubt.
 RANK_GAP = 1e3
+# Points closer than this share of their distance from the origin are one point, told apart by rounding.
+SAME_POINT = 16.0 * EPS
 # Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
 TIE_BREAK = 1e-6
 
@@ -217,7 +219,9 @@ def _solve(
     cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
     points = np.concatenate((cuts.rows.point[:, cut], coordinates.point[:, columns]), axis=1)
     low, high = points.min(axis=1), points.max(axis=1)
-    length = float((high - low).max()) or 1.0
+    length, distance = float((high - low).max()), float(max(high.max(), -low.min()))
+    if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding
+        length = 1.0
     scale = np.where(coordinates.turns[columns], 1.0, length)
     scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
     a = scaled(phi[rows[:, None], columns], cuts, rows, scale, length)
@@ -226,7 +230,7 @@ def _solve(
     qr, order, tau = pivoted_qr(a[:, candidate] if len(held) else a)
     pivots = np.abs(qr.diagonal())
     # positions are rounded relative to the origin, entries of Phi therefore relative to origin distance / loop size
-    noise = EPS * max(a.shape) * max(1.0, float(max(high.max(), -low.min())) / length)
+    noise = EPS * max(a.shape) * max(1.0, distance / length)
     largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
     rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
     right = qr[:rank, rank:]

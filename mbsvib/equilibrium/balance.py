@@ -71,7 +71,7 @@ def balance(at: Stance) -> Balance:
     locked, coordinates = numbers.locked, numbers.coordinates
     with warnings.catch_warnings():  # a pose on the way, not the one that is asked for
         warnings.simplefilter("ignore", NearSingularWarning)
-        reduction = reduce(coordinates, numbers.cuts, relative.dense(0, locked))
+        reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative))
     found = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
     kept = reduction.independent
     residual = np.zeros(len(kept))

@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.equilibrium import joints, springs
 from mbsvib.errors import ModelError
 from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
+from mbsvib.parts.coupler import Coupling
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.pose import Pose
@@ -73,7 +74,7 @@ def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
         if isinstance(part, Load) and part.follower and not pose.stays(part.body):
             words |= {key: pose.turned(part.body, words[key]) for key in ("force", "torque") if key in words}
         return words
-    if isinstance(part, (BaseMotion, ForceOutput)):
+    if isinstance(part, (BaseMotion, ForceOutput, Coupling)):
         return words
     what = type(part).__name__.lower()
     raise ModelError(f"{what} '{part.name}': no {what} can be taken to another pose yet; give the model in that pose.",

@@ -28,6 +28,10 @@ ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
 SKEWED = 1e-12
 
 
+class NoWordsError(ModelError):
+    """A part that its own words cannot describe in another pose, wherever that is."""
+
+
 def rotations(joint: Joint) -> tuple[int, ...]:
     """Return the numbers 0, 1, 2 of the joint's free rotations."""
     return tuple(DIRECTIONS.index(name) - 3 for name, _ in joint.freedom if name[0] == "r")
@@ -162,7 +166,7 @@ def _frame(joint: Joint, one: Array, two: Array, free: tuple[int, ...], pose: Po
         before = pose.turned(joint.first, joint.axes)[:, locked]
         if np.abs(before - axes[:, locked] @ (axes[:, locked].T @ before)).max() > SKEWED:
             who = f"joint '{joint.name}'"
-            raise ModelError(
+            raise NoWordsError(
                 f"{who}: its free rotations have turned against its locked translations, which no joint with "
                 f"free = {joint.free} can say in this pose. Make it of two joints with a small body between them.",
                 element=who, field="free",

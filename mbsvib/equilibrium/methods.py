@@ -48,7 +48,9 @@ class Posed:
         """
         from mbsvib.equilibrium.moved import moved
 
-        return moved(cast("Model", self), values, relaxed, cut)
+        model = cast("Model", self)
+        model._refuse_composed("model.moved", "add it in the pose where it is wanted.")
+        return moved(model, values, relaxed, cut)
 
     @overload
     def equilibrium(
@@ -99,6 +101,8 @@ class Posed:
         from mbsvib.equilibrium.search import equilibrium
 
         model = cast("Model", self)
+        hint = "linearize takes the pose of a beam as the loaded one, and finds what its elements carry."
+        model._refuse_composed("model.equilibrium", hint)
         if preload:
             from mbsvib.equilibrium.preloads import preloaded
 

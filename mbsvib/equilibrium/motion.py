@@ -9,7 +9,9 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from mbsvib.assembly import cut_rows
+from mbsvib.couplers.rows import with_couplers
 from mbsvib.equilibrium.carry import carried
+from mbsvib.equilibrium.couplers import point_of, terms, travelled
 from mbsvib.equilibrium.joints import displacement, opening
 from mbsvib.equilibrium.rotations import exponential
 from mbsvib.kinematics import relative_motion, twists
@@ -39,6 +41,7 @@ class Stance:
     """A model in one pose: the model as ``described``, its ``pose``, and what moves it from there.
 
     ``model`` is the model in that pose with its springs as described; ``size`` [m] is the size of the mechanism.
+    ``travel`` (terms,) tells how far the coordinates that couplers couple have gone, whole turns included.
     """
 
     described: Model
@@ -49,18 +52,36 @@ class Stance:
     coordinates: Twists
     cuts: Cuts | None
     size: float
+    travel: Array
 
     @property
     def scale(self) -> Array:
         """Units (n,) in which all joint coordinates are of like size: 1 rad, or the size of the mechanism."""
         return np.where(self.coordinates.turns, 1.0, self.size)
 
-    def moved(self, pose: Pose) -> Stance:
-        """Return the same model in another pose."""
-        return stance(self.described, pose, self.cut)
+    @property
+    def closure(self) -> Array:
+        """Phi (locked rows, n): what cut joints and couplers lock, in units of 1 rad and the size of the mechanism."""
+        if self.cuts is None:
+            return np.zeros((0, len(self.coordinates.names)))
+        phi = relative_motion(self.coordinates, self.cuts.rows).dense(0, len(self.cuts.rows.first))
+        if self.cuts.couplings is not None:
+            phi = np.concatenate((phi, self.cuts.couplings.dense(self.coordinates)))
+        return np.asarray(phi * self.cuts.row_scale(self.size)[:, None])
+
+    def at(self, pose: Pose) -> Stance:
+        """Return the same model in another pose that is not far off."""
+        return stance(self.described, pose, self.cut, self.travel)
+
+    def moved(self, q: Array) -> Stance:
+        """Return the same model after finite joint motions (n,); loops are not looked at."""
+        travel = self.travel
+        if self.cuts is not None and self.cuts.couplings is not None:
+            travel = travel + terms(self.cuts.couplings, self.coordinates) @ q
+        return stance(self.described, along_tree(self, q), self.cut, travel)
 
 
-def stance(described: Model, pose: Pose, cut: Sequence[str] = ()) -> Stance:
+def stance(described: Model, pose: Pose, cut: Sequence[str] = (), near: Array | None = None) -> Stance:
     """Return a model in one pose with the way to move it.
 
     Parameters
@@ -71,6 +92,8 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = ()) -> Stance:
         The pose.
     cut : sequence of str
         Joints at which loops are to be cut.
+    near : array, shape (terms,), optional
+        About how far the coupled coordinates have gone, to tell whole turns; default: not at all.
 
     Returns
     -------
@@ -81,8 +104,13 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = ()) -> Stance:
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     coordinates = twists(topology, bodies)
-    return Stance(described, pose, model, tuple(cut), topology, coordinates,
-                  cut_rows(topology, bodies, dict(pose.number)), size_of(described))  # fmt: skip
+    cuts = cut_rows(topology, bodies, dict(pose.number))
+    travel = np.zeros(0)
+    if model._couplers:
+        parts = tuple(model._couplers.values())
+        cuts = with_couplers(cuts, parts, topology, bodies, dict(pose.number), coordinates)
+        travel = travelled(described, pose, near)
+    return Stance(described, pose, model, tuple(cut), topology, coordinates, cuts, size_of(described), travel)
 
 
 def size_of(model: Model) -> float:
@@ -139,26 +167,28 @@ def along_tree(at: Stance, q: Array) -> Pose:
 
 
 def openings(at: Stance) -> Array:
-    """Return how far the loops are open, one value for each locked direction of the cut joints [m, rad]."""
-    values = [np.zeros(0)]
+    """Return how far loops and couplers are open, one value for each row of ``closure``, in the same units."""
+    if at.cuts is None:
+        return np.zeros(0)
+    values: list[Array] = [np.zeros(0)]
     for here in (at.topology.joints[k] for k in at.topology.cut):
         joint = at.described.joints[here.name]
-        inner = min(joint.first, joint.second, key=at.pose.number.__getitem__)
-        open_by = opening(joint, at.pose, joint.point or at.described.bodies[inner].position)
+        open_by = opening(joint, at.pose, point_of(joint, at.described, at.pose))
         values.append(np.array([six for _, six in here.locked]).reshape(-1, 6) @ open_by)
-    return np.concatenate(values)
+    couplings = at.cuts.couplings
+    if couplings is not None:
+        values.append(np.asarray(np.bincount(couplings.row, couplings.value * at.travel, len(couplings.touched))))
+    return np.concatenate(values) * at.cuts.row_scale(at.size)
 
 
-def close(at: Stance, pose: Pose, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance, float]:
+def close(at: Stance, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance, float]:
     """Close the loops by the smallest joint motions that do it, starting from a pose not far off.
 
-    q <- q - pinv(Phi) e  with the exact openings e of the cut joints
+    q <- q - pinv(Phi) e  with the exact openings e of cut joints and couplers
 
     Parameters
     ----------
     at : Stance
-        A stance of the model.
-    pose : Pose
         Where to start from.
     may_move : array of bool, shape (n,), optional
         Joint coordinates that may be used; default: all.
@@ -170,23 +200,20 @@ def close(at: Stance, pose: Pose, may_move: NDArray[np.bool_] | None = None) -> 
     float
         How far they are still open at most, in units of 1 rad and the size of the mechanism.
     """
-    here = at.moved(pose)
-    if here.cuts is None:
-        return here, 0.0
-    weight = np.where(here.cuts.translates, 1.0 / at.size, 1.0)
+    if at.cuts is None:
+        return at, 0.0
     allowed = slice(None) if may_move is None else may_move
-    best, left = here, np.inf
+    here, best, left = at, at, np.inf
     for _ in range(CORRECTIONS):
-        error = openings(here) * weight
+        error = openings(here)
         now = float(np.abs(error).max(initial=0.0))
         if not now < left:  # it gets no closer
             break
         best, gain, left = here, left, now
         if now < CLOSED and now > 0.1 * gain:
             break
-        phi = relative_motion(here.coordinates, here.cuts.rows).dense(0, len(weight))
         scale = here.scale[allowed]
-        step = np.zeros(phi.shape[1])
-        step[allowed] = -scale * lstsq(phi[:, allowed] * weight[:, None] * scale, error, cond=RANK)[0]
-        here = here.moved(along_tree(here, step))
+        step = np.zeros(len(here.scale))
+        step[allowed] = -scale * lstsq(here.closure[:, allowed] * scale, error, cond=RANK)[0]
+        here = here.moved(step)
     return best, left

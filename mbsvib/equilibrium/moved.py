@@ -11,7 +11,6 @@ from mbsvib.equilibrium.carry import carried
 from mbsvib.equilibrium.motion import along_tree, close, stance
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
-from mbsvib.kinematics import relative_motion
 from mbsvib.loops import reduce
 from mbsvib.topology import span
 
@@ -75,13 +74,13 @@ def moved(
 def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert here.cuts is not None
-    phi = relative_motion(here.coordinates, here.cuts.rows).dense(0, len(here.cuts.names))
+    phi = here.closure / here.cuts.row_scale(here.size)[:, None]
     reduction = reduce(here.coordinates, here.cuts, phi, names)
     depends = np.ones(len(target), dtype=bool)
     depends[reduction.independent] = False
     longest = float(np.abs(target / here.scale).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    here, left = close(here, here.pose, depends)
+    here, left = close(here, depends)
     while done < 1.0:
         share = min(step, 1.0 - done)
         independent = share * target[~depends]
@@ -90,7 +89,7 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
         q[depends] = _dependent(here, depends, independent)
         # a motion of the others that is many times the one asked for is a jump, or a dead point
         small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
-        there, left = close(here, along_tree(here, q), depends) if small else (here, np.inf)
+        there, left = close(here.moved(q), depends) if small else (here, np.inf)
         if left <= TOLERANCE and _near(here, there):
             here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
@@ -102,9 +101,7 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
 
 def _dependent(here: Stance, depends: NDArray[np.bool_], independent: Array) -> Array:
     """First guess of the dependent coordinates for a step of the independent ones."""
-    assert here.cuts is not None
-    phi = relative_motion(here.coordinates, here.cuts.rows).dense(0, len(here.cuts.names))
-    phi = phi * np.where(here.cuts.translates, 1.0 / here.size, 1.0)[:, None] * here.scale
+    phi = here.closure * here.scale
     right = phi[:, ~depends] @ (independent / here.scale[~depends])
     solution = np.linalg.lstsq(phi[:, depends], -right, rcond=1e-9)[0]
     return np.asarray(solution * here.scale[depends])
@@ -119,7 +116,7 @@ def _near(here: Stance, there: Stance) -> bool:
 
 def _unreachable(here: Stance, target: Array, names: list[str], done: float, left: float) -> ModelError:
     reached = ", ".join(f"{name} = {done * target[here.coordinates.names.index(name)]:.6g}" for name in names)
-    loops = ", ".join(here.topology.cut_joints)
+    loops = ", ".join(here.cuts.joints if here.cuts else ())
     open_by = f" beyond it they stay open by {left:.1e} of the mechanism's size" if np.isfinite(left) else \
         " there the other joints would have to jump"  # fmt: skip
     return ModelError(

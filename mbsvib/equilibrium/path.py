@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.motion import Stance, along_tree, close, stance
+from mbsvib.equilibrium.joints import NoWordsError
+from mbsvib.equilibrium.motion import Stance, close, stance
 from mbsvib.equilibrium.scaled import with_share
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.loops import EPS
@@ -59,7 +60,9 @@ class Found:
 def step_from(at: Stance, step: Array) -> Stance | None:
     """Return the stance after a motion of all joints with loops closed, or None where there is none."""
     try:
-        there, left = close(at, along_tree(at, step))
+        there, left = close(at.moved(step))
+    except NoWordsError:
+        raise
     except (ModelError, SingularPoseError):
         return None
     return there if left <= CLOSED else None
@@ -69,6 +72,8 @@ def forces_at(at: Stance) -> Balance | None:
     """Return the forces in a pose, or None where they are not defined."""
     try:
         return balance(at)
+    except NoWordsError:
+        raise
     except (ModelError, SingularPoseError):
         return None
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equilibrium.joints import NoWordsError
 from mbsvib.equilibrium.rotations import inverse_jacobian, logarithm, second_order
-from mbsvib.errors import ModelError
 from mbsvib.parts import Maxwell, Spring
 
 if TYPE_CHECKING:
@@ -77,9 +77,11 @@ def _maxwell(part: Maxwell, pose: Pose, words: dict[str, Any], relaxed: bool) ->
     before, after = (float(np.linalg.norm(np.subtract(b, a))) for a, b in ((part.start, part.end), (start, end)))
     if not relaxed and part.static_stiffness and abs(after - before) > 16 * ROUNDING * before:
         who = f"maxwell '{part.name}'"
-        raise ModelError(f"{who}: static_stiffness = {part.static_stiffness:g} would carry a force in another pose, "
-                         f"which a Maxwell element cannot say; make it an add_spring of its own.",
-                         element=who, field="static_stiffness")  # fmt: skip
+        raise NoWordsError(
+            f"{who}: static_stiffness = {part.static_stiffness:g} would carry a force in another pose, "
+            f"which a Maxwell element cannot say; make it an add_spring of its own.",
+            element=who, field="static_stiffness",
+        )  # fmt: skip
     return words | {"start": start, "end": end}
 
 

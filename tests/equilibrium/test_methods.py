@@ -99,10 +99,20 @@ def test_a_maxwell_element_gives_way_and_its_static_spring_does_not():
 
 
 def test_parts_that_cannot_move_are_refused_by_name():
-    model = mv.Model("beam")
+    model = mv.Model("mast")
     model.add_body("tip", 1.0, (0.1, 0.1, 0.1), (1.0, 0, 0))
-    model.add_joint("hinge", "revolute", "ground", "tip", (1.0, 0, 0))
-    model.add_joint("hinge2", "revolute", "tip", "ground", (1.0, 0, 0))
-    model.add_gear("gear", "hinge", "hinge2", -1.0)
-    with pytest.raises(mv.ModelError, match="gear 'gear': no gear can be taken to another pose yet"):
-        model.moved({"hinge.rz": 0.1})
+    rod, steel = {"type": "circle", "radius": 0.02}, {"E": 2.1e11, "nu": 0.3, "rho": 7800}
+    model.add_beam("tube", "ground", "tip", rod, steel, start=(0, 0, 0), end=(1.0, 0, 0))
+    with pytest.raises(mv.ModelError, match=r"beam 'tube': model\.moved does not support a beam yet"):
+        model.moved({"tip.x": 0.1})
+    with pytest.raises(mv.ModelError, match=r"beam 'tube': model\.equilibrium does not support"):
+        model.equilibrium()
+
+
+def test_a_joint_without_words_for_the_pose_of_equilibrium_is_named():
+    model = mv.Model("odd", gravity=G)
+    model.add_body("part", 1.0, (0.1, 0.1, 0.1), (0.3, 0.1, 0))
+    model.add_joint("odd", None, "ground", "part", (0.0, 0.0, 0.0), free=("y", "rx", "ry"))
+    model.add_bushing("k", "ground", "part", (0.0, 0.0, 0.0), (100, 100, 100, 5, 5, 5))
+    with pytest.raises(mv.ModelError, match="joint 'odd': its free rotations have turned"):
+        model.equilibrium()

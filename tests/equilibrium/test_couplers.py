@@ -1,0 +1,100 @@
+"""Gears, worms and racks in finite motion: whole turns count, whether their joints are cut or not."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.equilibrium.couplers import gone
+from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.pose import start
+from mbsvib.equilibrium.rotations import exponential
+from tests.equilibrium.test_moved import four_bar
+
+
+def turned(there, model, name):
+    """The rotation of a body about z since ``model``."""
+    relative = np.array(there.bodies[name].orientation) @ np.array(model.bodies[name].orientation).T
+    return np.arctan2(relative[1, 0], relative[0, 0])
+
+
+def gearbox(ratio):
+    model = mv.Model("gearbox")
+    for name, x in (("pinion", 0.0), ("wheel", 0.5)):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), (x + 0.01, 0, 0))
+        model.add_joint(f"{name}.axle", "revolute", "ground", name, (x, 0, 0))
+    model.add_gear("mesh", "pinion.axle", "wheel.axle", ratio)
+    return model
+
+
+@pytest.mark.parametrize("angle", [0.5, -2.0, 20.0])
+@pytest.mark.parametrize("ratio", [-0.25, -7.0])
+def test_gears_keep_their_ratio_over_many_turns(angle, ratio):
+    model = gearbox(ratio)
+    there = model.moved({"pinion.axle.rz": angle})
+    assert np.exp(1j * turned(there, model, "pinion")) == pytest.approx(np.exp(1j * angle), abs=1e-12)
+    assert np.exp(1j * turned(there, model, "wheel")) == pytest.approx(np.exp(1j * ratio * angle), abs=1e-11)
+    assert there.couplers == model.couplers
+    assert there.linearize().dof == 1
+
+
+def test_a_rack_goes_as_far_as_its_pinion_rolls():
+    model = mv.Model("rack")
+    model.add_body("pinion", 1.0, (0.1, 0.1, 0.1))
+    model.add_body("rack", 1.0, (0.1, 0.1, 0.1), (0, -0.05, 0))
+    model.add_joint("axle", "revolute", "ground", "pinion", (0, 0, 0))
+    model.add_joint("rail", "prismatic", "ground", "rack", axis=(1, 0, 0))
+    model.add_rack("teeth", "axle", "rail", 0.05)
+    there = model.moved({"axle.rz": 9.0})
+    assert there.bodies["rack"].position[0] == pytest.approx(0.45, abs=1e-14)
+    back = there.moved({"rail.z": -0.45})
+    assert np.allclose(back.bodies["pinion"].orientation, np.eye(3), rtol=0, atol=1e-13)
+
+
+def test_gears_on_the_joints_of_a_loop():
+    """A wheel geared to the joint that the loop is cut at, or to one of the tree: the same wheel."""
+    for pin in "ABCD":
+        model, _ = four_bar()
+        model.add_body("wheel", 1.0, (0.1, 0.1, 0.1), (0, 0, 1.0))
+        model.add_joint("axle", "revolute", "ground", "wheel", (0, 0, 1.0))
+        model.add_gear("mesh", f"{pin}.rz", "axle.rz", 3.0)
+        there = model.moved({"A.rz": 2.5})
+        part = model.joints[pin]
+        angle = {"ground": 0.0} | {name: turned(there, model, name) for name in model.bodies}
+        expected = 3.0 * (angle[part.second] - angle[part.first])
+        assert np.exp(1j * angle["wheel"]) == pytest.approx(np.exp(1j * expected), abs=1e-11)
+
+
+def test_the_worms_of_a_quadruped_turn_with_its_legs():
+    model = mv.library.quadruped(worm_ratio=1 / 40)
+    system = model.linearize()
+    there = model.moved({"fl.gear1.rz": 0.1}, relaxed=True)
+    system = there.linearize()
+    assert system.dof == model.linearize().dof
+    worm = model.couplers[next(name for name in model.couplers if name.startswith("fl") and "1" in name)]
+    (shaft, one), (_, other) = worm.terms
+    assert abs(other / one) == pytest.approx(40)
+    body = model.joints[shaft.rpartition(".")[0]].second
+    axis = np.array(there.joints[shaft.rpartition(".")[0]].axes)[:, 2]
+    turn = np.array(there.bodies[body].orientation) @ np.array(model.bodies[body].orientation).T
+    cosine = (np.trace(turn) - 1) / 2
+    assert np.abs(turn @ axis - axis).max() < 1e-12
+    assert cosine == pytest.approx(np.cos(4.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("angles", [(0.4, -0.7), (2.5, 1.0)])
+def test_both_angles_of_a_universal_joint_are_read_off(angles):
+    model = mv.Model()
+    model.add_body("cross", 1.0, (0.1, 0.1, 0.1))
+    one, two = np.array([1.0, 0.2, 0.0]), np.array([0.3, 1.0, 0.4])
+    model.add_joint("u", "universal", "ground", "cross", (0, 0, 0), axis=one, axis2=two)
+    there = stance(model, start(model)).moved(np.array(angles))
+    joint = model.joints["u"]
+    unit = [v / np.linalg.norm(v) for v in (one, two)]
+    expected = exponential(angles[0] * unit[0]) @ exponential(angles[1] * unit[1])
+    assert np.allclose(there.pose.turn[0], expected, rtol=0, atol=1e-15)
+    assert [gone(joint, d, there.pose, (0, 0, 0)) for d in ("rx", "ry")] == pytest.approx(angles, abs=1e-14)
+
+
+def test_values_that_a_gear_ties_are_refused():
+    with pytest.raises(mv.ModelError, match="pin fewer of them"):
+        gearbox(2.0).moved({"pinion.axle.rz": 0.1, "wheel.axle.rz": 0.2})
