@@ -57,5 +57,5 @@ class RelaxingMechanism(Mechanism):
         self._check_name(part.node, f"maxwell '{name}': node")
         springs: dict[str, Any] = self._springs
         springs[name] = part
-        self._elements[part.node] = part
+        self._made[part.node] = part
         return part
