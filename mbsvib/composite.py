@@ -71,6 +71,16 @@ class Composite:
         parts = [np.matmul(matrix, base[index]).reshape(-1, base.shape[1]) for index, matrix in self.blocks]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
+    def back(self, forces: Array) -> Array:
+        """Return the forces (base, n) along the base rows of forces (rows, n) along the composite rows."""
+        result, start = np.zeros((len(self.rows.first), forces.shape[1])), 0
+        for index, matrix in self.blocks:
+            e, r, b = matrix.shape
+            part = np.einsum("erb,ern->ebn", matrix, forces[start : start + e * r].reshape(e, r, -1))
+            np.add.at(result, index.reshape(-1), part.reshape(e * b, -1))
+            start += e * r
+        return result
+
     def of_sparse(self, base: csr_matrix) -> csr_matrix:
         """Return the composite rows of sparse base rows."""
         from scipy.sparse import csr_matrix

@@ -34,7 +34,8 @@ class Ports:
     """Inputs and outputs in numbers: ``rows`` hold the force inputs, then the motion outputs.
 
     ``force_inputs`` and ``motion_outputs`` give the column of B and the row of the outputs that each row belongs to,
-    ``derivative`` 0, 1 or 2 per motion output; the other kinds are listed with their place.
+    ``derivative`` 0, 1 or 2 per motion output; the other kinds are listed with their place. ``wrench_outputs``, forces
+    in joints and all forces on a body or the ground, are (row, "joint" or "body", number, direction).
     """
 
     rows: Rows
@@ -46,6 +47,7 @@ class Ports:
     force_outputs: tuple[tuple[int, int, Array], ...]
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
+    wrench_outputs: tuple[tuple[int, str, int, Array], ...] = ()
 
 
 def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
@@ -80,7 +82,7 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
 
     rows: list[tuple[float, ...]] = []
     force_inputs, motion_outputs, derivative = [], [], []
-    base_motions, inertial, force_outputs = [], [], []
+    base_motions, inertial, force_outputs, wrench_outputs = [], [], [], []
     input_units, output_units = [], []
     for i, source in enumerate(model.inputs.values()):
         if isinstance(source, BaseMotion):
@@ -94,7 +96,13 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     springs = list(model.springs)
     for i, output in enumerate(model.outputs.values()):
         if isinstance(output, ForceOutput):
-            force_outputs.append((i, springs.index(output.element), np.array(output.wrench)))
+            wrench = np.array(output.wrench)
+            if output.element in model.springs:
+                force_outputs.append((i, springs.index(output.element), wrench))
+            elif output.element in number:
+                wrench_outputs.append((i, "body", number[output.element], wrench))
+            else:
+                wrench_outputs.append((i, "joint", list(model.joints).index(output.element), wrench))
             output_units.append(unit(output.wrench, _FORCE))
             continue
         motion_outputs.append(i)
@@ -115,7 +123,7 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     return Ports(
         Rows.stack(rows), np.array(force_inputs, dtype=np.intp), np.array(motion_outputs, dtype=np.intp),
         np.array(derivative, dtype=np.intp), tuple(base_motions), tuple(inertial), tuple(force_outputs),
-        tuple(input_units), tuple(output_units),
+        tuple(input_units), tuple(output_units), tuple(wrench_outputs),
     )  # fmt: skip
 
 

@@ -69,14 +69,36 @@ class Beam(Composed):
             yield field, None, getattr(self, field)
 
     def number(self, field: str) -> Any:
-        """Return the value of a parameter."""
+        """Return the value of a parameter.
+
+        Parameters
+        ----------
+        field : str
+            Its field, such as ``"E"``.
+
+        Returns
+        -------
+        float or tuple
+            Its value.
+        """
         for part in (self.material, self.section):
             if hasattr(part, field):
                 return getattr(part, field)
         return getattr(self, field)
 
     def with_numbers(self, values: Mapping[str, Any]) -> Beam:
-        """Return the beam with other values of some parameters, checked as when it was added."""
+        """Return the beam with other values of some parameters, checked as when it was added.
+
+        Parameters
+        ----------
+        values : mapping
+            New values by field.
+
+        Returns
+        -------
+        Beam
+            The changed beam.
+        """
         words = self.words()
         of_material = {field: value for field, value in values.items() if field in ("E", "rho", "nu", "G")}
         own = {field: value for field, value in values.items() if hasattr(self, field)}
@@ -91,7 +113,18 @@ class Beam(Composed):
         return self.section.properties(self.material.poisson)
 
     def node(self, i: int) -> str:
-        """Return the name of the body at node i: the node itself, or what holds this end."""
+        """Return the name of the body at node i: the node itself, or what holds this end.
+
+        Parameters
+        ----------
+        i : int
+            Number of the node, from 0.
+
+        Returns
+        -------
+        str
+            Name of a body or ground.
+        """
         if i == 0 and self.a is not None:
             return self.a
         if i == len(self.points) - 1 and self.b is not None:

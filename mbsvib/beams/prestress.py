@@ -163,7 +163,7 @@ def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
         spring = elements[name]
         if spring.preload is None:
             continue
-        tension = -float(spring.preload[0])  # type: ignore[arg-type]
+        tension = -float(spring.preload[0])
         rows, values = [], []
         ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
         for (across, about, sign), phi in zip(((1, 5, 1.0), (2, 4, -1.0)), ratios, strict=True):

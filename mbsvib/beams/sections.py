@@ -45,7 +45,18 @@ class Section:
         _check(self)
 
     def properties(self, nu: float) -> Properties:
-        """Return the properties as they are given; ``nu`` (Poisson's ratio) does not matter."""
+        """Return the properties as they are given.
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
         return Properties(self.A, self.Iy, self.Iz, self.J, self.ky, self.kz)
 
 
@@ -61,7 +72,18 @@ class Circle:
         _check(self)
 
     def properties(self, nu: float) -> Properties:
-        """Return the properties; shear factor 6 (1 + nu) / (7 + 6 nu) (Cowper, 1966)."""
+        """Return the properties; shear factor 6 (1 + nu) / (7 + 6 nu) (Cowper, 1966).
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
         area, bending, factor = pi * self.radius**2, 0.25 * pi * self.radius**4, 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
         return Properties(area, bending, bending, 2.0 * bending, self.ky or factor, self.kz or factor)
 
@@ -81,7 +103,18 @@ class Tube:
             raise check.refuse("tube", "wall", self.wall, f"at most the outer radius {self.radius:g} m")
 
     def properties(self, nu: float) -> Properties:
-        """Return the properties; shear factor of a thick tube (Cowper, 1966)."""
+        """Return the properties; shear factor of a thick tube (Cowper, 1966).
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
         outer, inner = self.radius, self.radius - self.wall
         area = pi * self.wall * (outer + inner)
         bending = 0.25 * area * (outer * outer + inner * inner)
@@ -104,7 +137,18 @@ class Rectangle:
         _check(self)
 
     def properties(self, nu: float) -> Properties:
-        """Return the properties; torsion after Saint-Venant, shear factor 10 (1 + nu) / (12 + 11 nu) (Cowper, 1966)."""
+        """Return the properties; torsion after Saint-Venant, shear factor 10 (1 + nu) / (12 + 11 nu) (Cowper, 1966).
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
         b, h = self.width, self.height
         factor = 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
         return Properties(b * h, b * h**3 / 12.0, h * b**3 / 12.0, _torsion(max(b, h), min(b, h)),

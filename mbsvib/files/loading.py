@@ -120,7 +120,7 @@ def _wrong(model: Model, section: str, kind: str, key: str, value: Any) -> str |
     if expected is not None:
         return _mismatch(key, value, expected)
     # the call would advise to add bodies first, which in a file they always are
-    if "Body" in options(known[key]) and not _is_body(model, value):
+    if "Body" in options(known[key]) and "Joint" not in options(known[key]) and not _is_body(model, value):
         return f"there is no body '{value}'.{_known(value, [*model.bodies, *model._nodes, GROUND])}"
     return None
 

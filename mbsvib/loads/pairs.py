@@ -76,3 +76,25 @@ class Pairs:
             lengths[1] += lengths[2]
             size += lengths[:2] @ place
         return wrench, size
+
+
+def spread(pairs: Pairs, position: Array) -> Array:
+    """Return the wrenches of pairs on the bodies, one column a pair.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Forces and torques between bodies.
+    position : array, shape (3, bodies + 1)
+        Centres of mass and the origin [m].
+
+    Returns
+    -------
+    array, shape (6, bodies + 1, n)
+        Forces, then moments about the centres of mass.
+    """
+    first, second = pairs.incidence(position.shape[1] - 1)
+    a, b = (np.concatenate((pairs.force, pairs.torque + crossed_product(arm, pairs.force)))
+            for arm in pairs.arms(position))  # fmt: skip
+    result: Array = b[:, None] * second.T - a[:, None] * first.T
+    return result

@@ -58,11 +58,33 @@ class Superelement(Composed):
         return iter(())
 
     def number(self, field: str) -> Any:
-        """Return the value of a parameter."""
+        """Return the value of a parameter.
+
+        Parameters
+        ----------
+        field : str
+            Its field, such as ``"E"``.
+
+        Returns
+        -------
+        object
+            Its value.
+        """
         return getattr(self, field)
 
     def with_numbers(self, values: Mapping[str, Any]) -> Superelement:
-        """Return the part itself, which has no parameters."""
+        """Return the part itself, which has no parameters.
+
+        Parameters
+        ----------
+        values : mapping
+            New values by field.
+
+        Returns
+        -------
+        Superelement
+            This one.
+        """
         return self
 
     @property
@@ -93,7 +115,18 @@ class Superelement(Composed):
         return (*dict.fromkeys((*self.node_names, *links)), *self.carriers)
 
     def body_of(self, i: int) -> str:
-        """Return the name of the body that node i is, or that holds it."""
+        """Return the name of the body that node i is, or that holds it.
+
+        Parameters
+        ----------
+        i : int
+            Number of the node, from 0.
+
+        Returns
+        -------
+        str
+            Name of a body or ground.
+        """
         name = self.nodes[i][0]
         return dict(self.bodies).get(name, f"{self.name}.{name}")
 
