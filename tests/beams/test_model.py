@@ -227,7 +227,7 @@ def test_closed_forms_of_sections():
     tube, full = Tube(0.1, 0.1).properties(0.3), Circle(0.1).properties(0.3)
     assert [tube.A, tube.Iy, tube.J, tube.ky] == pytest.approx([full.A, full.Iy, full.J, full.ky], rel=1e-14)
     strip = Tube(1.0, 1e-6).properties(0.3)
-    assert (strip.A, strip.J) == pytest.approx((2e-6 * np.pi, 2e-6 * np.pi), rel=1e-5)
+    assert max(abs(value / (2e-6 * np.pi) - 1) for value in (strip.A, strip.J)) < 1e-5
     # Timoshenko & Goodier, Theory of Elasticity, table of k1: 0.1406, 0.229, 1/3 for a/b = 1, 2, infinity
     sides = ((1.0, 1.0), (2.0, 1.0), (1.0, 2.0), (1e4, 1.0))
     square, flat, high, thin = (Rectangle(*pair).properties(0.3).J for pair in sides)
