@@ -306,12 +306,13 @@ def matrices(
     felt = locked + len(springs.owner)
     motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
     factor = scene.inertia.factor(motion)
-    if acting is not None:
-        springs = springs.only(acting)
     elastic = reduction.apply_exactly(relative.dense(locked, felt, acting))
-    if reduction.matrix is not None and acting is not None:
-        moves = np.asarray(elastic.any(axis=1))
-        springs, elastic = springs.only(moves), elastic[moves]
+    if acting is not None:
+        if reduction.matrix is not None:
+            moves = np.asarray(elastic.any(axis=1))
+            acting, elastic = acting.copy(), elastic[moves]
+            acting[acting] = moves
+        springs = springs.only(acting)
     ports_end = felt + len(scene.port.rows.first)
     seen = reduction.apply(relative.dense(felt, ports_end))
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner

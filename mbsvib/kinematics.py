@@ -96,7 +96,7 @@ class Triplets:
 
     def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
         """Return the rows start..stop, those that ``keep`` picks of them, as an array (..., rows, columns)."""
-        first, last = np.searchsorted(self.row, (start, stop))
+        first, last = self.row.searchsorted(start), self.row.searchsorted(stop)
         row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
         count = stop - start
         if not (keep is None or keep.all()):
