@@ -60,7 +60,8 @@ def varied_couplings(given: Couplings, scene: Scene, values: Values) -> Coupling
 def couplings_of(given: Couplings, i: int) -> Couplings:
     """Return the terms of one variant."""
     rows = given.measured
-    point, force, moment = (array if array.ndim == 2 else array[:, i] for array in (rows.point, rows.force, rows.moment))
+    vectors = (rows.point, rows.force, rows.moment)
+    point, force, moment = (array if array.ndim == 2 else array[:, i] for array in vectors)
     return replace(
         given, value=given.value if given.value.ndim == 1 else given.value[i],
         measured=Rows(rows.first, rows.second, point, force, moment),

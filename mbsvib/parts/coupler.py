@@ -202,7 +202,7 @@ def coordinate_of(
     ModelError
         If there is no such joint or it has no such coordinate.
     """
-    what = {TURNS: "a rotation", SLIDES: "a translation"}.get(directions, "a coordinate")
+    what = "a rotation" if directions == TURNS else "a translation" if directions == SLIDES else "a coordinate"
     key = given if isinstance(given, str) else getattr(given, "name", given)
     expected = f"{what} of a joint, as JOINT.{directions[-1]}"
     if not isinstance(key, str):
