@@ -71,7 +71,8 @@ class System:
     beside D^T diag(c) D, as spinning bodies add it; ``circulatory`` N (m, m), antisymmetric, is part of K beside
     D^T diag(k) D, as follower loads add it. M is singular if ``massless`` > 0: the motions ``null_inertia``
     (m, massless) move no mass but dampers (their damping is regular), each has one first-order state in place of two,
-    and there are 2m - massless eigenvalues.
+    and there are 2m - massless eigenvalues. Massless motions that no damper feels are not among the coordinates: they
+    follow from statics, and what inputs do to them at once is in D (``explain()`` names them).
     """
 
     name: str

@@ -16,6 +16,8 @@ parts, the order of the sections does not matter. ``type`` names the call where 
     springs:
       leg: {first: ground, second: platform, start: [0, 0, 0], end: [0, 0, 0.2], stiffness: 2e7, damping: 20}
       mount: {type: bushing, first: ground, second: platform, position: [0, 0, 0], stiffness: [1e6, 0, 0, 0, 0, 0]}
+      relief: {type: maxwell, first: ground, second: platform, start: [0, 0, 0], end: [0, 0, 0.2], stiffness: 1e6,
+               damping: 100}
     inputs:
       Fz: {body: platform, direction: z}
       shaker: {type: base_motion, direction: z}

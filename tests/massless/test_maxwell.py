@@ -155,3 +155,26 @@ def test_what_is_not_supported_is_refused_by_name():
         isolator().linearize(method="sparse")
     with pytest.raises(mv.ModelError, match=r"'leg\.z' moves no mass, which batches do not support"):
         isolator().linearize(values={"m.mass": [1.0, 2.0]})
+
+
+def test_six_directions_by_a_massless_body_between_two_bushings():
+    """What a spring-damper in series in six directions takes: a node that is free, and two bushings."""
+    k0, k1, c = np.arange(1.0, 7.0), np.arange(6.0, 0.0, -1.0), np.array([1.0, 2.0, 3.0, 0.5, 0.7, 0.9])
+    mass = np.array([2.0, 2.0, 2.0, 0.1, 0.2, 0.25])
+    model = mv.Model("mount")
+    model.add_body("b", 2.0, mass[3:])
+    model.add_body("node", 0.0, (0, 0, 0))
+    model.add_joint("yields", "free", "b", "node", position=(0, 0, 0))
+    model.add_bushing("static", "ground", "b", (0, 0, 0), stiffness=k0)
+    model.add_bushing("series", "ground", "node", (0, 0, 0), stiffness=k1)
+    model.add_bushing("damper", "node", "b", (0, 0, 0), damping=c)
+    for direction in ("x", "y", "z", "rx", "ry", "rz"):
+        model.add_input(f"F{direction}", "b", direction)
+        model.add_output(direction, "b", direction)
+    system = model.linearize()
+    assert (system.dof, system.massless) == (12, 6)
+    s = 1j * OMEGA[:, None]
+    expected = 1.0 / (mass * s**2 + k0 + k1 * c * s / (k1 + c * s))
+    found = system.frequency_response(OMEGA)
+    assert_allclose(np.einsum("iiw->wi", found), expected, rtol=1e-11)
+    assert np.abs(found - np.einsum("wi,ij->ijw", expected, np.eye(6))).max() < 1e-12
