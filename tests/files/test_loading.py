@@ -44,6 +44,7 @@ def test_documented_layout_is_read(written):
     same.add_joint("guide", "prismatic", "ground", "platform", axis=(0, 0, 1))
     same.add_spring("leg", "ground", "platform", (0, 0, 0), (0, 0, 0.2), stiffness=2e7, damping=20)
     same.add_bushing("mount", "ground", "platform", (0, 0, 0), (1e6, 0, 0, 0, 0, 0))
+    same.add_maxwell("relief", "ground", "platform", (0, 0, 0), (0, 0, 0.2), stiffness=1e6, damping=100)
     same.add_input("Fz", "platform", "z")
     same.add_base_motion("shaker", "z")
     same.add_output("z", "platform", "z", quantity="acceleration")
