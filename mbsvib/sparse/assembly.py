@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib import elements as _elements
+from mbsvib.errors import ModelError
 from mbsvib.inertia import spatial_inertia
 from mbsvib.ports import ports
 from mbsvib.sparse.constraints import constraints
@@ -25,13 +26,15 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
+    from mbsvib.composite import Shared
     from mbsvib.elements import Elements
     from mbsvib.inertia import SpatialInertia
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics import Array, Index
     from mbsvib.model import Model
     from mbsvib.ports import Ports
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
 
 # Multipliers that pass through a joint fill the factors in the order leaves to root, quadratically; where there are
 # more than this on average (grids; a single spatial loop has 6) a general ordering fills less.
@@ -75,24 +78,55 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     springs, elastic = springs.only(acting), elastic[acting]
     inertia = spatial_inertia(bodies)
     factor = inertia_rows(place, inertia)
+    rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
+    shared = None if model._pieces is None else model._pieces.numbered(number, len(model.springs))
+    if shared is not None:
+        factor, rows, k, c, owner = _with_shared(shared, structure, place, factor, rows, k, c, owner)
     loops = closure.independent
     port = ports(model, bodies, number)
+    for row, *_ in port.wrench_outputs:
+        name = list(model.outputs)[row]
+        raise ModelError(f"output '{name}': method='sparse' does not support forces in joints, or sums of forces, yet; "
+                         f"use method='dense'.", element=name, field="method")  # fmt: skip
     loop_rows = relative_rows(structure, place, loops)
     tableau = build(
-        structure, place, kinematics(structure, place), elastic, springs.stiffness, springs.damping,
-        (factor.T @ factor).tocsr(), loop_rows, np.asarray(loops.force.any(axis=0)), _ordering(closure),
+        structure, place, kinematics(structure, place), rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
+        np.asarray(loops.force.any(axis=0)), _ordering(closure),
     )  # fmt: skip
     check_mobility(structure, closure, place, tableau)
     inputs, outputs, through = _port_rows(port, relative_rows(structure, place, port.rows), springs, elastic, factor,
-                                          inertia, place, structure.position)  # fmt: skip
+                                          inertia, place, structure.position, shared)  # fmt: skip
     return SparseSystem(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
-        springs=tuple(model.springs), topology=topology, structure=structure, constraints=closure, layout=place,
-        tableau=tableau, elastic_rows=elastic, loop_rows=loop_rows, inertia_factor=factor, stiffness=springs.stiffness,
-        damping=springs.damping, row_owner=springs.owner, input_rows=inputs, output_rows=outputs, D=through,
+        springs=(*model.springs, *(() if shared is None else shared.names)), topology=topology,
+        structure=structure, constraints=closure, layout=place,
+        tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
+        row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
         model=snapshot(model),
     )  # fmt: skip
+
+
+def _with_shared(
+    shared: Shared, structure: Tree, place: Layout, factor: csr_matrix, rows: csr_matrix, k: Array, c: Array,
+    owner: Index,
+) -> tuple[csr_matrix, csr_matrix, Array, Array, Index]:  # fmt: skip
+    """Put mass and elastic rows that more than two bodies share below those of bodies and springs."""
+    from scipy.sparse import vstack
+
+    if shared.mass is not None:
+        factor = vstack((factor, shared.mass.of_sparse(relative_rows(structure, place, shared.mass.rows)))).tocsr()
+    if shared.elastic is not None:
+        blend = shared.elastic
+        more = blend.composite.of_sparse(relative_rows(structure, place, blend.composite.rows))
+        more.eliminate_zeros()
+        acts = np.flatnonzero(np.diff(more.indptr))
+        number = {name: shared.first + i for i, name in enumerate(shared.names)}
+        own = np.array([number[name] for name in blend.owner], dtype=np.intp)
+        rows = vstack((rows, more[acts])).tocsr()
+        k, c = np.concatenate((k, blend.stiffness[acts])), np.concatenate((c, blend.damping[acts]))
+        owner = np.concatenate((owner, own[acts]))
+    return factor, rows, k, c, owner
 
 
 def snapshot(model: Model) -> Model:
@@ -162,7 +196,7 @@ def inertia_rows(place: Layout, inertia: SpatialInertia) -> csr_matrix:
 
 def _port_rows(
     port: Ports, seen: csr_matrix, springs: Elements, elastic: csr_matrix, factor: csr_matrix, inertia: SpatialInertia,
-    place: Layout, position: Array,
+    place: Layout, position: Array, shared: Shared | None = None,
 ) -> tuple[csr_matrix, tuple[csr_matrix, csr_matrix, csr_matrix], Array]:  # fmt: skip
     """Rows of the inputs, rows of the outputs by derivative, and what passes straight through (D)."""
     from scipy.sparse import coo_matrix, csr_matrix
@@ -177,7 +211,10 @@ def _port_rows(
         carried = np.empty((len(position), 6, 1))
         carried[:, :3, 0] = np.cross(angular, position - motion.position) + linear
         carried[:, 3:, 0] = angular
-        force = -(factor.T @ inertia.factor(carried)[:, 0])
+        moved = inertia.factor(carried)
+        if shared is not None:
+            moved = shared.carried(moved, linear, angular, np.array(motion.position))
+        force = -(factor.T @ moved[:, 0])
         at = np.flatnonzero(force)
         inputs = inputs + csr_matrix((force[at], (np.full(len(at), column), at)), shape=shape)
         for row, output, point in port.inertial_outputs:

@@ -51,14 +51,10 @@ def wants_sparse(
     if method not in (None, *METHODS):
         raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
                          f"{nearest(str(method), METHODS)}", field="method")  # fmt: skip
-    if model._pieces is not None:
-        if method == "sparse":
-            owner = model._pieces.mass[0].owner
-            raise ModelError(f"linearize: '{owner}' is flexible, which method='sparse' does not support yet; use "
-                             f"method='dense'.", element=owner, field="method")  # fmt: skip
-        return False
+    heavy = frozenset() if model._pieces is None else model._pieces.nodes
     light = next((part.name for part in (*model.bodies.values(), *model.springs.values())
-                  if isinstance(part, Maxwell) or (isinstance(part, Body) and part.mass == 0.0)), None)  # fmt: skip
+                  if isinstance(part, Maxwell) or (isinstance(part, Body) and part.mass == 0.0
+                                                   and part.name not in heavy)), None)  # fmt: skip
     if light is not None:
         if method == "sparse":
             raise ModelError(f"linearize: '{light}' is massless or has a massless node, which method='sparse' does not "
