@@ -27,15 +27,16 @@ RESOLVED = 1e-12
 class Balance:
     """The forces of a model in one pose, along its minimal coordinates.
 
-    ``residual`` (m,) is what is left over and ``size`` (m,) that of what should cancel [N, N m], or of the least that
-    positions can tell; ``tangent`` (m, m) is
-    -d(residual)/dz, exact where the residual is zero. ``scale`` (m,) makes coordinates alike: 1 rad, or the size of the
-    mechanism. ``names`` are the coordinates' and ``reduction`` leads to those of all joints.
+    ``residual`` (m,) is what is left over, ``acting`` (m,) the size of what should cancel [N, N m] and ``size`` (m,)
+    the same, or that of the least that positions can tell; ``tangent`` (m, m) is -d(residual)/dz, exact where the
+    residual is zero. ``scale`` (m,) makes coordinates alike: 1 rad, or the size of the mechanism. ``names`` are the
+    coordinates' and ``reduction`` leads to those of all joints.
     """
 
     reduction: Reduction
     names: tuple[str, ...]
     residual: Array
+    acting: Array
     size: Array
     tangent: Array
     scale: Array
@@ -43,13 +44,22 @@ class Balance:
     @property
     def share(self) -> float:
         """The largest share of the forces along a coordinate that is left over."""
-        return float(np.abs(self.residual / np.where(self.size > 0.0, self.size, 1.0)).max(initial=0.0))
+        return _share(self.residual, self.size)
+
+    @property
+    def strict_share(self) -> float:
+        """The same without allowance for the rounding of positions, as ``linearize`` sees it."""
+        return _share(self.residual, self.acting)
 
     def all_joints(self, step: Array) -> Array:
         """Return the motion of all joints of the tree for one of the minimal coordinates."""
         if self.reduction.matrix is None:
             return step
         return np.asarray(self.reduction.matrix @ step)
+
+
+def _share(residual: Array, size: Array) -> float:
+    return float(np.abs(residual / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
 
 
 def balance(at: Stance) -> Balance:
@@ -74,14 +84,13 @@ def balance(at: Stance) -> Balance:
         reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative))
     found = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
     kept = reduction.independent
-    residual = np.zeros(len(kept))
-    size = residual
+    residual = acting = np.zeros(len(kept))
     if numbers.loads is not None:
         from mbsvib.loads.loaded import load
 
         statics = load(numbers, relative, reduction, found, model.name, checked=False)
-        residual, size = statics.residual, statics.size
+        residual, acting = statics.residual, statics.size
     scale = at.scale[kept]
-    size = np.maximum(size, EPS / RESOLVED * (np.abs(found["K"]) @ scale))
-    return Balance(reduction, tuple([coordinates.names[k] for k in kept.tolist()]), residual, size,
+    size = np.maximum(acting, EPS / RESOLVED * (np.abs(found["K"]) @ scale))
+    return Balance(reduction, tuple([coordinates.names[k] for k in kept.tolist()]), residual, acting, size,
                    found["K"], scale)  # fmt: skip

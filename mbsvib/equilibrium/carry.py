@@ -11,8 +11,11 @@ from mbsvib.equilibrium import joints, springs
 from mbsvib.errors import ModelError
 from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.parts.coupler import Coupling
+from mbsvib.parts.rotor import Rotor
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.model import Model
 
@@ -43,12 +46,35 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
     ModelError
         If a part cannot be described in that pose.
     """
+    return _made(model, lambda part: _words(part, pose, relaxed))
+
+
+def rebuilt(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
+    """Return a model in which some parts have other words.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    changes : mapping
+        New words of parts by name.
+
+    Returns
+    -------
+    Model
+        The changed model.
+    """
+    return _made(model, lambda part: part.words() | changes.get(part.name, {}))
+
+
+def _made(model: Model, words: Callable[[Any], dict[str, Any]]) -> Model:
+    """A model made of all parts of another in its order, by the words that they have now."""
     from mbsvib.model import ADDERS
 
     result = type(model)(model.name, model.gravity)
     for adder, group in model._groups():
         for part in group.values():
-            getattr(result, adder or ADDERS[type(part)])(**_words(part, pose, relaxed))
+            getattr(result, adder or ADDERS[type(part)])(**words(part))
     return result
 
 
@@ -68,6 +94,8 @@ def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
     if isinstance(part, (Spring, Bushing, Maxwell)):
         return springs.words_at(part, pose, relaxed)
     words: dict[str, Any] = part.words()
+    if isinstance(part, Rotor):
+        return words | {"axis": pose.turned(part.body, part.axis)}
     if isinstance(part, (Load, Input, Output)):
         if part.position is not None and not pose.stays(part.body):
             words["position"] = pose.point(part.body, part.position)

@@ -9,24 +9,28 @@ import numpy as np
 
 from mbsvib.elements import eigenrows
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.carry import bare
+from mbsvib.equilibrium.carry import bare, rebuilt
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.refusal import lacking
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics import Rows, relative_motion
 from mbsvib.loads.statics import BALANCE
+from mbsvib.loops import EPS
 from mbsvib.parts import Bushing, Spring
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.equilibrium.balance import Balance
     from mbsvib.equilibrium.motion import Stance
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
 
 # Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
 RANK = 1e-10
+# Poses of equilibrium are settled to this share of the forces; corrections larger than so many roundings are none.
+SETTLED, MOST_ROUNDING = 1e-12, 1e4
 
 
 def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
@@ -52,24 +56,18 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
         If no preload of these holds the pose.
     """
     springs = _chosen(model, chosen)
-    result = model
-    for spring in springs:
-        changes = {"preload": None} | ({"free_length": None} if isinstance(spring, Spring) else {})
-        result = result.replace(spring.name, **changes)
-    at = stance(bare(result), start(model))
-    forces = balance(at)
-    bases = [_directions(spring, at.size) for spring in springs]
-    rows = _rows(at, springs, bases)
-    acting = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
-    size = np.linalg.lstsq(acting.T, -forces.scale * forces.residual, rcond=RANK)[0]
-    used = 0
-    for spring, basis in zip(springs, bases, strict=True):
-        value = basis.T @ size[used : used + len(basis)]
-        used += len(basis)
-        words = {"preload": -float(value[2])} if isinstance(spring, Spring) else {"preload": value.tolist()}
-        result = result.replace(spring.name, **words)
+    none: dict[str, dict[str, Any]] = {
+        spring.name: {"preload": None} | ({"free_length": None} if isinstance(spring, Spring) else {})
+        for spring in springs
+    }
+    at = stance(bare(rebuilt(model, none)), start(model))
+    wrenches = _balancing(at, balance(at), springs, [1.0] * len(springs))
+    result = rebuilt(model, {
+        spring.name: none[spring.name] | {"preload": _as_preload(spring, wrench)}
+        for spring, wrench in zip(springs, wrenches, strict=True)
+    })  # fmt: skip
     held = balance(stance(bare(result), at.pose))
-    if held.share > BALANCE:
+    if held.strict_share > BALANCE:
         names = ", ".join(f"'{spring.name}'" for spring in springs[:6]) + (", ..." if len(springs) > 6 else "")
         what, where = lacking(at, held)
         raise EquilibriumError(
@@ -77,6 +75,67 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
             f"it as well, or let model.equilibrium() find another pose.", **where,
         )  # fmt: skip
     return result
+
+
+def settled(model: Model) -> Model:
+    """Return a model in equilibrium with what the rounding of its positions costs taken out of its springs' forces.
+
+    A spring of stiffness k and length L cannot tell forces below eps k L by its length; where that is more than statics
+    allow, its force is a preload, which can.
+
+    Parameters
+    ----------
+    model : Model
+        The model, in balance but for rounding.
+
+    Returns
+    -------
+    Model
+        The same, with other preloads if need be.
+    """
+    at = stance(bare(model), start(model))
+    forces = balance(at)
+    if forces.strict_share <= SETTLED:
+        return model
+    springs = _chosen(model, True) if any(map(_is_stiff, model.springs.values())) else []
+    told = [_told(spring, at.size) for spring in springs]
+    changes: dict[str, dict[str, Any]] = {}
+    for spring, least, wrench in zip(springs, told, _balancing(at, forces, springs, told), strict=True):
+        if np.abs(wrench * (1.0, 1.0, 1.0, 1 / at.size, 1 / at.size, 1 / at.size)).max() > MOST_ROUNDING * least:
+            return model
+        before = np.array(spring.preload or np.zeros(6)) if isinstance(spring, Bushing) else \
+            np.array((0.0, 0.0, -spring.tension, 0.0, 0.0, 0.0))  # fmt: skip
+        free = {"free_length": None} if isinstance(spring, Spring) else {}
+        changes[spring.name] = free | {"preload": _as_preload(spring, before + wrench)}
+    return rebuilt(model, changes)
+
+
+def _told(spring: Spring | Bushing, size: float) -> float:
+    """The least force that the position of a spring's ends can tell [N]."""
+    if isinstance(spring, Spring):
+        return EPS * abs(spring.stiffness) * size
+    stiffness = np.abs(np.array(spring.stiffness))
+    stiffness = stiffness if stiffness.ndim == 1 else stiffness.max(axis=1)
+    return EPS * float(max(stiffness[:3].max() * size, stiffness[3:].max() / size))
+
+
+def _as_preload(spring: Spring | Bushing, wrench: Array) -> float | list[float]:
+    return -float(wrench[2]) if isinstance(spring, Spring) else [float(value) for value in wrench]
+
+
+def _balancing(
+    at: Stance, forces: Balance, springs: Sequence[Spring | Bushing], weight: Sequence[float]
+) -> list[Array]:
+    """The smallest wrenches on the second bodies (6,) that take away what is left over, each over its weight."""
+    if not springs:
+        return []
+    bases = [_directions(spring, at.size) for spring in springs]
+    rows = _rows(at, springs, bases)
+    each = np.repeat(weight, [len(basis) for basis in bases])
+    acting = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
+    size = each * np.linalg.lstsq((each[:, None] * acting).T, -forces.scale * forces.residual, rcond=RANK)[0]
+    parts = np.split(size, np.cumsum([len(basis) for basis in bases])[:-1])
+    return [basis.T @ part for basis, part in zip(bases, parts, strict=True)]
 
 
 def _chosen(model: Model, chosen: Sequence[Any] | str | bool) -> list[Spring | Bushing]:
@@ -119,7 +178,7 @@ def _directions(spring: Spring | Bushing, size: float) -> Array:
     return np.asarray(np.linalg.qr((units * scale).T)[0].T / scale)
 
 
-def _rows(at: Stance, springs: list[Spring | Bushing], bases: list[Array]) -> Array:
+def _rows(at: Stance, springs: Sequence[Spring | Bushing], bases: list[Array]) -> Array:
     """What such a wrench of one unit does along each joint coordinate of the tree, one row each."""
     tuples: list[tuple[float, ...]] = []
     for spring, basis in zip(springs, bases, strict=True):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.errors import EquilibriumError
-from mbsvib.loads.statics import check_balance
+import numpy as np
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.balance import Balance
@@ -29,12 +28,14 @@ def lacking(at: Stance, forces: Balance) -> tuple[str, dict[str, Any]]:
     dict
         The same as keywords.
     """
-    turns = dict(zip(at.coordinates.names, at.coordinates.turns.tolist(), strict=True))
-    units = tuple(["rad" if turns[name] else "m" for name in forces.names])
-    try:
-        check_balance(forces.residual, forces.size, forces.names, units, at.topology, at.described.name)
-    except EquilibriumError as error:
-        where = {key: getattr(error, key) for key in ("body", "coordinate", "missing", "unit")}
-        return (f"body '{error.body}' lacks {error.missing:.6g} {error.unit} along '{error.coordinate}' "
-                f"({forces.share:.1e} of the forces that should cancel)"), where  # fmt: skip
-    return f"{forces.share:.1e} of the forces is left over", {}
+    share = np.abs(forces.residual / np.where(forces.acting > 0.0, forces.acting, 1.0))
+    worst = int(np.argmax(share))
+    name = forces.names[worst]
+    owner = name.rpartition(".")[0]
+    joint = at.described.joints.get(owner)
+    body = owner if joint is None else joint.first if joint.second == "ground" else joint.second
+    unit = "N m" if at.coordinates.turns[at.coordinates.names.index(name)] else "N"
+    missing = -float(forces.residual[worst])
+    what = (f"body '{body}' lacks {missing:.6g} {unit} along '{name}' ({share[worst]:.1e} of the forces that "
+            f"should cancel)")  # fmt: skip
+    return what, {"body": body, "coordinate": name, "missing": missing, "unit": unit}

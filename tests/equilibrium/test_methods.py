@@ -116,3 +116,40 @@ def test_a_joint_without_words_for_the_pose_of_equilibrium_is_named():
     model.add_bushing("k", "ground", "part", (0.0, 0.0, 0.0), (100, 100, 100, 5, 5, 5))
     with pytest.raises(mv.ModelError, match="joint 'odd': its free rotations have turned"):
         model.equilibrium()
+
+
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("stiffness", [1e4, 1e9, 1e13])
+def test_springs_too_stiff_for_positions_to_tell_their_force_balance_as_well(stiffness, free):
+    model = mv.Model("press", gravity=G)
+    model.add_body("die", 1.0, (0.1, 0.1, 0.1), (0.3, 0.1, 0.7))
+    words = {"free_length": 0.7} if free else {}
+    for i, (x, y) in enumerate(((0, 0), (1, 0), (0, 1))):
+        model.add_bushing(f"k{i}", "ground", "die", (x, y, 0.7), (0.1 * stiffness, 0.1 * stiffness, 0, 0, 0, 0))
+        model.add_spring(f"s{i}", "ground", "die", (x, y, 0), (x, y, 0.7), stiffness, **words)
+    there = model.equilibrium()
+    force = sum(spring.tension for name, spring in there.springs.items() if name[0] == "s")
+    assert force == pytest.approx(-9.81, rel=1e-9)
+    assert there.linearize().modes().frequencies[0] > 0
+    assert there.equilibrium().springs == there.springs
+
+
+def test_geared_pendulums_come_to_rest():
+    model = mv.Model("geared", gravity=G)
+    for name, x, mass in (("a", 0.0, 1.0), ("b", 1.0, 2.0)):
+        model.add_body(name, mass, (0.01, 0.01, 0.01), (x + 0.5, 0, 0))
+        model.add_joint(f"{name}.pin", "revolute", "ground", name, (x, 0, 0), axis=(0, -1, 0))
+    model.add_gear("mesh", "a.pin", "b.pin", -3.0)
+    there = model.equilibrium()
+    position = [np.array(there.bodies[name].position) - (x, 0, 0) for name, x in (("a", 0.0), ("b", 1.0))]
+    a = np.arctan2(position[0][2], position[0][0])
+    assert np.cos(a) - 6.0 * np.cos(-3.0 * a) == pytest.approx(0.0, abs=1e-11)
+    assert there.linearize().K[0, 0] > 0
+    assert position[1] == pytest.approx((0.5 * np.cos(-3 * a), 0, 0.5 * np.sin(-3 * a)), abs=1e-12)
+
+
+def test_rotors_keep_to_their_bodies():
+    model = pendulum(0.5)
+    model.add_rotor("wheel", "rod", speed=100.0, axis=(0, 0, 1), inertia=0.01)
+    there = model.equilibrium()
+    assert there.rotors["wheel"].axis == pytest.approx((np.sin(0.5), 0, np.cos(0.5)), abs=1e-13)
