@@ -24,7 +24,8 @@ class Posed:
 
         Everything that belongs to a body goes with it: joints and their axes, ends of springs, points of inputs,
         outputs and loads, and follower loads turn with it. The directions of inputs and outputs stay as they are in the
-        world. Springs and bushings get the preload that the motion gives them.
+        world. Springs get the tension that the motion gives them. The force of a bushing turns with its first body, its
+        moment goes with the rotation vector between its bodies, up to 170 degrees.
 
         Parameters
         ----------

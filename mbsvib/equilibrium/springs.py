@@ -13,6 +13,7 @@ import numpy as np
 
 from mbsvib.equilibrium.joints import NoWordsError
 from mbsvib.equilibrium.rotations import inverse_jacobian, logarithm, second_order
+from mbsvib.errors import ModelError
 from mbsvib.parts import Maxwell, Spring
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 # A force below this share of stiffness times length is rounding of the length.
 ROUNDING = 1e-15
+# Bushings that carry moments are followed up to this angle [rad] between their bodies.
+FARTHEST = 3.0
 
 
 def words_at(part: Spring | Bushing | Maxwell, pose: Pose, relaxed: bool = False) -> dict[str, Any]:
@@ -92,6 +95,16 @@ def deflection(bushing: Bushing, pose: Pose) -> tuple[Array, Array]:
     return first.T @ gap, logarithm(first.T @ second)
 
 
+def _check_turn(bushing: Bushing, rho: Array) -> None:
+    """Next to half a turn the rotation vector may as well point the other way, and so may the moment."""
+    angle = float(np.linalg.norm(rho))
+    if angle > FARTHEST:
+        who = f"bushing '{bushing.name}'"
+        raise ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
+                         f"(limit {np.degrees(FARTHEST):.0f}). Describe the model in a pose nearer by.",
+                         element=who, field="stiffness")  # fmt: skip
+
+
 def _bushing(bushing: Bushing, pose: Pose, words: dict[str, Any], relaxed: bool) -> dict[str, Any]:
     words |= {"position": pose.point(bushing.second, bushing.position),
               "orientation": pose.turned(bushing.first, bushing.orientation)}  # fmt: skip
@@ -105,6 +118,7 @@ def _bushing(bushing: Bushing, pose: Pose, words: dict[str, Any], relaxed: bool)
         map_ = np.eye(6)
         map_[3:, 3:] = inverse_jacobian(rho)
         if wrench[3:].any() or full[3:].any():
+            _check_turn(bushing, rho)
             tangent = map_.T @ full @ map_
             tangent[3:, 3:] -= second_order(rho, wrench[3:])
             words["stiffness"] = 0.5 * (tangent + tangent.T)

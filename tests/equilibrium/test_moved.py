@@ -256,3 +256,14 @@ def test_spatial_loops_stay_closed(seed):
     names = model.linearize().coordinates
     if names:
         check_pose(model, model.moved({names[0]: 0.05, names[-1]: 0.02}))
+
+
+def test_a_bushing_is_followed_up_to_half_a_turn():
+    model = mv.Model()
+    model.add_body("door", 1.0, (0.1, 0.1, 0.1), (1.0, 0.0, 0.0))
+    model.add_joint("hinge", "revolute", "ground", "door", (0.0, 0.0, 0.0))
+    model.add_bushing("k", "ground", "door", (0.0, 0.0, 0.0), (0, 0, 0, 0, 0, 5.0))
+    assert model.moved({"hinge.rz": 2.9}).springs["k"].preload[5] == pytest.approx(-14.5, rel=1e-14)
+    with pytest.raises(mv.ModelError, match="bushing 'k': is turned by 178 degrees, where its moment is no longer"):
+        model.moved({"hinge.rz": 3.1})
+    assert model.moved({"hinge.rz": 3.1}, relaxed=True).springs["k"].preload is None
