@@ -72,6 +72,11 @@ def test_the_lamp_hangs_as_shown(names):
         names["raised"].linearize()
 
 
+def test_the_mast_sways_as_shown(names):
+    shown = re.search(r"frequencies\.round\(4\)\) +# \[(.*?)\]", README)
+    assert list(map(float, shown[1].split())) == names["mast"].linearize().modes(3).frequencies.round(4).tolist()
+
+
 def test_the_yaml_is_the_same_model(names, folder):
     model, system = mv.load(folder / "table.yaml"), names["system"]
     other = model.linearize()
