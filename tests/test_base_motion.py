@@ -130,7 +130,7 @@ def test_on_a_shaker(seed, bodies, loops):
     for k in range(len(omega)):
         expected = forced[6:, :, k] @ np.linalg.inv(forced[:6, :, k])
         size = np.abs(expected).max(axis=1, keepdims=True)
-        size = np.maximum(size, 1e-9 * size.max())
+        size = np.maximum(size, 1e-5 * size.max())  # what loops hold still is rounding, of the size of the others
         assert np.max(np.abs(found[:, :, k] - expected) / size) < 1e-7
 
 
