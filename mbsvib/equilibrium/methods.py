@@ -50,7 +50,7 @@ class Posed:
         from mbsvib.equilibrium.moved import moved
 
         model = cast("Model", self)
-        model._refuse_composed("model.moved", "add it in the pose where it is wanted.")
+        model._refuse_composed("model.moved", "add it in the pose where it is wanted")
         return moved(model, values, relaxed, cut)
 
     @overload

@@ -146,10 +146,9 @@ def follow(model: Model, first: Stance, cut: tuple[str, ...]) -> Found:
     here, shares = first, [0.0]
     residuals: list[float] = []
     while True:
-        start = stance(with_share(model, share), here.pose, cut)
-        tried = _contracting(start)
+        tried, arrived = _contracting(stance(with_share(model, share), here.pose, cut, here.travel))
         steps += len(tried.residuals) - 1
-        if not tried.stopped:
+        if arrived:
             here, done, residuals = tried.stance, share, list(tried.residuals)
             shares.append(done)
             if done == 1.0:
@@ -157,41 +156,47 @@ def follow(model: Model, first: Stance, cut: tuple[str, ...]) -> Found:
             share = min(1.0, done + 2.0 * (done - shares[-2]))
             continue
         if share - done < SMALLEST_SHARE:
-            whole = stance(model, here.pose, cut)
-            return Found(whole, balance(whole), (*residuals, balance(whole).share), steps, tuple(shares),
-                         f"under {done:.1%} of the load {tried.stopped}")  # fmt: skip
+            last = balance(stance(with_share(model, done), here.pose, cut, here.travel))
+            stopped = f"under {done:.1%} of the load {tried.stopped or _softened(model, first, last)}"
+            whole = stance(model, here.pose, cut, here.travel)
+            forces = balance(whole)
+            return Found(whole, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
         share = done + 0.5 * (share - done)
     at, forces, more = polished(here, balance(here))
     return Found(at, forces, (*residuals, *more), steps + len(more), tuple(shares))
 
 
-def _contracting(at: Stance) -> Found:
-    """Newton's method with whole steps, given up as soon as it does not contract on a stable branch."""
+def _contracting(at: Stance) -> tuple[Found, bool]:
+    """Newton's method with whole steps, given up as soon as it does not contract on a stable branch; did it arrive?"""
     forces = balance(at)
     residuals = [forces.share]
     length = np.inf
-    while True:
-        values, _ = stiffness(forces)
-        if not is_stable(values):
-            return Found(at, forces, tuple(residuals), 0, (), _soft(forces))
+    stopped = ""
+    while is_stable(stiffness(forces)[0]) and forces.share > FOUND:
         step = newton_step(forces)
         before, length = length, float(np.abs(step / at.scale).max(initial=0.0))
-        if forces.share <= FOUND:
-            return Found(at, forces, tuple(residuals), 0, ())
         if length > CONTRACTION * before or length > LONGEST or len(residuals) > NEWTON_STEPS:
-            return Found(at, forces, tuple(residuals), 0, (), _soft(forces))
+            break
         there = step_from(at, step)
         after = None if there is None else forces_at(there)
         if there is None or after is None:
-            return Found(at, forces, tuple(residuals), 0, (), "its loops cannot be closed any further")
+            stopped = "its loops cannot be closed any further"
+            break
         at, forces = there, after
         residuals.append(forces.share)
+    reached = forces.share <= FOUND and is_stable(stiffness(forces)[0])
+    return Found(at, forces, tuple(residuals), 0, (), stopped), reached
 
 
-def _soft(forces: Balance) -> str:
-    _, vectors = stiffness(forces)
-    name = forces.names[int(np.argmax(np.abs(vectors[:, 0])))]
-    return f"its stiffness vanishes, mostly along '{name}': it would snap through to a pose elsewhere"
+def _softened(model: Model, first: Stance, last: Balance) -> str:
+    """Say how soft a mechanism has become at the end of its branch."""
+    before, _ = stiffness(balance(stance(with_share(model, 0.0), first.pose, first.cut)))
+    values, vectors = stiffness(last)
+    name = last.names[int(np.argmax(np.abs(vectors[:, 0])))]
+    left = float(values[0] / before[0])
+    if left > 0.5:
+        return f"Newton's method no longer contracts, while the stiffness along '{name}' is still {left:.0%}"
+    return f"its stiffness is down to {left:.1%}, mostly along '{name}': it would snap through to a pose elsewhere"
 
 
 def descend(first: Stance) -> Found:

@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 class Equilibrium:
     """A model in equilibrium and how it was found.
 
-    ``residuals`` are the shares of the forces that were left over after each step under the whole load (the first: as
-    described), ``iterations`` counts all steps, ``load_steps`` are the shares of the load on the way.
-    ``displacements`` tells how far each body moved: translation of its centre of mass [m] and rotation vector [rad],
-    world axes.
+    ``residuals`` are the shares of the forces that were left over before and after each step under the whole load,
+    ``iterations`` counts all steps, ``load_steps`` are the shares of the load on the way. ``displacements`` tells how
+    far each body moved: translation of its centre of mass [m] and rotation vector [rad], world axes.
     """
 
     model: Model

@@ -98,3 +98,15 @@ def test_both_angles_of_a_universal_joint_are_read_off(angles):
 def test_values_that_a_gear_ties_are_refused():
     with pytest.raises(mv.ModelError, match="pin fewer of them"):
         gearbox(2.0).moved({"pinion.axle.rz": 0.1, "wheel.axle.rz": 0.2})
+
+
+def test_a_motor_winds_a_spring_up_by_many_turns_of_its_pinion():
+    model = gearbox(1 / 20)
+    model.add_bushing("spring", "ground", "wheel", (0.5, 0, 0), (0, 0, 0, 0, 0, 10.0))
+    model.add_load("motor", "pinion", torque=(0, 0, 0.25))
+    found = model.equilibrium(report=True)
+    assert len(found.load_steps) > 3
+    there = found.model
+    assert turned(there, model, "wheel") == pytest.approx(0.5, abs=1e-11)
+    assert np.exp(1j * turned(there, model, "pinion")) == pytest.approx(np.exp(10j), abs=1e-10)
+    assert there.linearize().K[0, 0] > 0

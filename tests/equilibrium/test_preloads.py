@@ -7,6 +7,7 @@ import mbsvib as mv
 from tests.equilibrium.test_moved import four_bar
 from tests.equilibrium.test_search import G, check, pendulum, reloaded
 from tests.support.lagrangian import Lagrangian
+from tests.support.random_models import planar, spatial
 
 
 def in_balance(model):
@@ -87,3 +88,13 @@ def test_what_springs_cannot_hold_is_named():
         model.equilibrium(preload="kk")
     with pytest.raises(mv.ModelError, match="preload = 'd' has no stiffness"):
         model.equilibrium(preload=["d"])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_springs_of_random_mechanisms_hold_them(seed):
+    kinds = ("cylindrical", "universal", "spherical", "planar", "screw", "revolute", "distance", "point_on_line")
+    for model in (spatial(seed, bodies=3, ports=False), planar(seed, bodies=4, loops=2, ports=False),
+                  spatial(seed, bodies=4, loops=1, kinds=kinds, ports=False)):  # fmt: skip
+        held = reloaded(model, (5.0, -9.0, -25.0)).equilibrium(preload=True)
+        assert in_balance(held)
+        assert held.linearize().dof == model.linearize().dof
