@@ -155,7 +155,7 @@ def linearize(
     """
     if model._composed:
         if values is not None:
-            model._refuse_composed("linearize(values=...)", "linearize variants one by one, with model.with_values.")
+            model._refuse_composed("linearize(values=...)", "linearize variants one by one, with model.with_values")
         model = model._expanded()
     if method is not None or len(model.bodies) + len(model.joints) > FEW:
         from mbsvib.sparse.choice import wants_sparse

@@ -182,18 +182,23 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         return part
 
     def add_force_output(
-        self, name: str, element: str | Bushing | Spring | Maxwell, direction: str | ArrayLike = "z"
+        self, name: str, element: str | Joint | Bushing | Spring | Maxwell | Body, direction: str | ArrayLike = "z"
     ) -> ForceOutput:
-        """Add the force or moment in a bushing or spring as an output, positive where it pulls the bodies together.
+        """Add the force or moment in a joint, bushing or spring as an output, or the sum of those on a body or ground.
+
+        Positive where it pulls the two bodies together. Sums are of all forces, also the reactions of inputs, as they
+        act on the body, world axes; moments about its centre of mass, on the ground about the origin. Outputs are
+        changes against the given pose.
 
         Parameters
         ----------
         name : str
             Name, unique among outputs.
-        element : str, Bushing, Spring or Maxwell
-            The element, or one of a beam (``"tube.e1"``: at its midpoint); joints are not supported yet.
+        element : str, Joint, Bushing, Spring, Maxwell or Body
+            The element, or one of a beam (``"tube.e1"``: at its midpoint), or what all forces act on.
         direction : str or array-like, shape (3,) or (6,)
-            x y z (N), rx ry rz (N m) in the bushing's axes; a line spring has its line along z.
+            x y z (N), rx ry rz (N m) in the bushing's axes, or in the joint's as its first body carries them, moments
+            about its point; a line spring has its line along z. What couplers transmit in a joint is part of it.
 
         Returns
         -------
@@ -209,11 +214,9 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         key = element if isinstance(element, str) else element.name
         who = f"force output '{name}'"
         part = self._springs.get(key) or self._elements.get(key)
-        if part is None:
-            hint = nearest(key, [*self._springs, *self._elements]).strip()
-            if key in self._joints:
-                hint = "Forces in joints are not supported yet."
-            raise check.refuse(who, "element", key, "a bushing or spring of this model", hint)
+        if part is None and key not in self._joints and key not in self._bodies and key != GROUND:
+            hint = nearest(key, [*self._springs, *self._elements, *self._joints, *self._bodies, GROUND]).strip()
+            raise check.refuse(who, "element", key, "a joint, bushing, spring or body of this model", hint)
         output = _ports.make_force_output(name, key, direction)
         if isinstance(part, (Spring, Maxwell)) and any(w for i, w in enumerate(output.wrench) if i != 2):
             raise check.refuse(who, "direction", direction, "'z', the line of a spring")

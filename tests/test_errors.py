@@ -165,7 +165,6 @@ CASES = {
     "reference unknown": (output(relative_to="leg"), ["relative_to", "'leg'"]),
     "body of the wrong type": (output(body=17), ["body", "17"]),
     "element unknown": (force(element="mout"), ["element", "'mout'", "Did you mean 'mount'?"]),
-    "force in a joint": (force(element="hinge"), ["element", "'hinge'", "not supported yet"]),
     "force across a line spring": (force(element="strut", direction="x"), ["direction", "'x'", "'z'"]),
     "moment in a line spring": (force(element="strut", direction=(0, 0, 1, 0, 0, 1)), ["direction", "'z'"]),
     "absolute against a body": (output(quantity="acceleration", relative_to="arm", absolute=True), ["absolute"]),

@@ -70,6 +70,10 @@ def linearize_batch(
     parameters = model.parameters
     variants = checked(parameters, values)
     scene = single.scene(model, cut)
+    for row, *_ in scene.port.wrench_outputs:
+        name = list(model.outputs)[row]
+        raise ModelError(f"output '{name}': batches do not support forces in joints, or sums of forces, yet; linearize "
+                         f"the variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
     nominal = single.system(model, scene, independent)
     if nominal.provenance.massless is not None:
         what = nominal.provenance.massless

@@ -12,7 +12,7 @@ from mbsvib.kinematics import Rows
 from mbsvib.mobility import crossed_product
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping, Sequence, Set
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.loads.wrenches import Applied
@@ -45,7 +45,9 @@ class Felt:
     swing: Array
 
 
-def felt(applied: Applied, joints: Sequence[Joint], number: Mapping[str, int]) -> Felt:
+def felt(
+    applied: Applied, joints: Sequence[Joint], number: Mapping[str, int], coupled: Set[str] = frozenset()
+) -> Felt:
     """Return the rows of relative displacement that second-order terms need.
 
     Parameters
@@ -56,6 +58,8 @@ def felt(applied: Applied, joints: Sequence[Joint], number: Mapping[str, int]) -
         All joints.
     number : mapping
         Number of each body, ground included.
+    coupled : set of str, optional
+        Joints on which couplers act, so that free directions transmit forces too.
 
     Returns
     -------
@@ -85,10 +89,10 @@ def felt(applied: Applied, joints: Sequence[Joint], number: Mapping[str, int]) -
         at = joint.point or ORIGIN  # where a joint has no point, nothing turns
         moves = [six for name, six in joint.freedom if name[0] != "r"]
         turns = [six for name, six in joint.freedom if name[0] == "r"]
-        if 0 < len(moves) < 3 and a != ground:
+        if 0 < len(moves) < (4 if joint.name in coupled else 3) and a != ground:
             for six in moves:
                 add(k, a, b, at, six, six)
-        if len(turns) == 2 or (len(turns) == 1 and a != ground):
+        if len(turns) == 2 or (0 < len(turns) < (4 if joint.name in coupled else 3) and a != ground):
             for six, picks in zip(turns, _picks([six[3:] for six in turns]), strict=True):
                 add(k, a, b, at, six, (*ORIGIN, *picks))
         if len(turns) == 2:
@@ -141,7 +145,7 @@ def normals(line: Array) -> tuple[Array, Array]:
 
 
 def _picks(axes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Vectors that pick the part along each of one or two unit vectors out of a sum of both."""
-    if len(axes) == 1:
+    """Vectors that pick the part along each of some unit vectors out of a sum of all."""
+    if len(axes) != 2:
         return axes
     return [tuple(row) for row in np.linalg.pinv(np.array(axes).T).tolist()]

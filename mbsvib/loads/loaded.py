@@ -11,7 +11,7 @@ from mbsvib.kinematics import relative_motion
 from mbsvib.loads.geometric import body_rows, line_rows, turning_rows
 from mbsvib.loads.pairs import Pairs
 from mbsvib.loads.reactions import reactions
-from mbsvib.loads.statics import Statics, balance, check_balance
+from mbsvib.loads.statics import Statics, balance, check_balance, rounding
 from mbsvib.loads.unsymmetric import circulatory, follower_rows
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def load(
     """
     assert scene.loads is not None
     applied, felt = scene.loads
-    topology, locked = scene.topology, scene.locked
+    topology = scene.topology
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
     wrench, sizes = applied.pairs.on_bodies(position)
     wrench[:3] += applied.weight
@@ -64,8 +64,9 @@ def load(
     names = tuple([scene.coordinates.names[i] for i in kept])
     units = tuple(["rad" if turn else "m" for turn in scene.coordinates.turns[kept].tolist()])
     if checked:
-        check_balance(residual, size, names, units, topology, name)
-    to_joints = reactions(topology, scene.coordinates, scene.cuts, reduction, relative.dense(0, locked), position)
+        noise = rounding(found["K"], position, scene.coordinates.turns[kept])
+        check_balance(residual, size, noise, names, units, topology, name)
+    to_joints = reactions(topology, scene.coordinates, scene.cuts, reduction, scene.closure(relative), position)
     carried = to_joints(wrench[:, :, None])[:, :, 0]
     pairs = Pairs.join(applied.pairs, Pairs(to_joints.first, to_joints.second, to_joints.start, to_joints.point,
                                             carried[:3], carried[3:]))  # fmt: skip

@@ -20,7 +20,7 @@ from mbsvib.mobility import crossed_product
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array, Index, Twists
+    from mbsvib.kinematics import Array, Index, Rows, Twists
     from mbsvib.loops import Cuts, Reduction
     from mbsvib.parts import Joint
     from mbsvib.topology import Topology
@@ -70,15 +70,34 @@ class Reactions:
         return result + self._of_tree(self._on_bodies(closing)) + closing
 
     def _closing(self, multipliers: Array) -> Array:
-        """The wrenches (6, joints, columns) in the cut joints."""
+        """The wrenches (6, joints, columns) in the cut joints: of what they lock, and of couplers on them."""
         assert self.cuts is not None
-        rows, joint = self.cuts.rows, np.array(self.topology.cut, dtype=np.intp)[self.cuts.joint]
+        rows = self.cuts.rows
+        joint = np.array(self.topology.cut, dtype=np.intp)[self.cuts.joint[: len(rows.first)]]
+        result = self._about_joints(rows, joint, multipliers[: len(joint)])
+        coupled = self.cuts.couplings
+        if coupled is not None and len(coupled.measured.first):
+            terms = np.flatnonzero(coupled.column < 0)
+            value = coupled.value[terms, None] * multipliers[len(joint) + coupled.row[terms]]
+            result += self._about_joints(coupled.measured, self._measured(coupled.measured), value)
+        return result
+
+    def _about_joints(self, rows: Rows, joint: Index, value: Array) -> Array:
         moment = rows.moment + crossed_product(rows.point - self.point[:, joint], rows.force)
         sums = np.zeros((len(joint), self.point.shape[1]))
         sums[np.arange(len(joint)), joint] = 1.0
         each = np.concatenate((rows.force, moment))
-        result: Array = np.einsum("cr,rj,rn->cjn", each, sums, multipliers, optimize=True)
+        result: Array = np.einsum("cr,rj,rn->cjn", each, sums, value, optimize=True)
         return result
+
+    def _measured(self, rows: Rows) -> Index:
+        """The cut joint that each measured row of a coupler belongs to."""
+        cut = np.array(self.topology.cut, dtype=np.intp)
+        same = (self.first[cut] == rows.first[:, None]) & (self.second[cut] == rows.second[:, None])
+        # two joints between the same bodies are told apart by their points
+        here = (np.abs(self.point[:, None, cut] - rows.point[:, :, None]).max(axis=0) == 0.0) & same
+        found: Index = cut[np.argmax(same.astype(int) + here, axis=1)]
+        return found
 
     def _on_bodies(self, joints: Array) -> Array:
         """What wrenches in joints do to the bodies (6, bodies + 1, columns)."""
@@ -121,7 +140,7 @@ class Reactions:
             if matrix.shape[0] == matrix.shape[1]:
                 result[group.rows] = np.linalg.solve(matrix, held[columns])
                 continue
-            scale = np.where(self.cuts.translates[group.rows], 1.0, group.length)
+            scale = group.length * self.cuts.row_scale(group.length)[group.rows]
             result[group.rows] = np.linalg.lstsq(matrix * scale, held[columns], rcond=None)[0] * scale[:, None]
         return result
 

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import EquilibriumError
+from mbsvib.loops import EPS
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.kinematics import Array
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.pairs import Pairs
@@ -20,6 +23,9 @@ if TYPE_CHECKING:
 # What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off
 # by about as much, and 1e-9 is the accuracy that results are promised to; rounding leaves a thousandth of it.
 BALANCE = 1e-9
+# Positions carry rounding errors, which springs turn into forces: what so many roundings of every coordinate do is
+# allowed for on top.
+ROUNDING = 64.0 * EPS
 _PLAIN = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -72,15 +78,39 @@ def balance(wrench: Array, size: Array, motion: Array) -> tuple[Array, Array]:
     return wrench.T.reshape(-1) @ motion.reshape(6 * len(motion), m), np.einsum("kb,bkm->m", size, lengths)
 
 
+def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
+    """Return the forces that rounding errors of the pose make along the minimal coordinates.
+
+    Parameters
+    ----------
+    stiffness : array, shape (m, m)
+        K of the springs.
+    position : array, shape (3, bodies + 1)
+        Centres of mass [m], whose size is that of the scene.
+    turns : array, shape (m,)
+        Which coordinates are rotations.
+
+    Returns
+    -------
+    array, shape (m,)
+        Forces [N or N m].
+    """
+    result: Array = ROUNDING * np.abs(stiffness) @ np.where(turns, 1.0, np.abs(position).max())
+    return result
+
+
 def check_balance(
-    residual: Array, size: Array, names: tuple[str, ...], units: tuple[str, ...], topology: Topology, model: str
-) -> None:
+    residual: Array, size: Array, noise: Array, names: tuple[str, ...], units: tuple[str, ...], topology: Topology,
+    model: str,
+) -> None:  # fmt: skip
     """Refuse a pose that is not in balance, by body, direction and missing force.
 
     Parameters
     ----------
     residual, size : array, shape (m,)
         Forces along the minimal coordinates and their sizes.
+    noise : array, shape (m,)
+        What rounding of the pose does there.
     names, units : tuple of str
         The coordinates, and m or rad.
     topology : Topology
@@ -91,10 +121,10 @@ def check_balance(
     Raises
     ------
     EquilibriumError
-        If more is left over than ``BALANCE`` of what should cancel.
+        If more is left over than ``BALANCE`` of what should cancel and the noise.
     """
     share = np.abs(residual) / np.where(size > 0.0, size, 1.0)
-    off = np.flatnonzero(share > BALANCE)
+    off = np.flatnonzero(np.abs(residual) > BALANCE * size + noise)
     if not len(off):
         return
     worst = int(off[np.argmax(share[off])])

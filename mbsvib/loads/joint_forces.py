@@ -1,0 +1,228 @@
+"""Forces in joints, and all forces on a body or on the ground, as outputs: y = Cq q + Cv q' + Ca q'' + D u.
+
+What a motion adds to the wrenches of springs, loads, inputs and inertia goes through the operator of the reactions. In
+a loaded scene the forces of the pose count as well: those of joints and bushings turn with their first body, those of
+lines with the line, and the arms of all of them change with the pose. Outputs are components in the joint's axes, as
+its first body (a rod: the rod) carries them: a load that stays fixed in the world is seen to turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.loads.pairs import Pairs, spread
+from mbsvib.loads.reactions import reactions
+from mbsvib.loads.shared_forces import shared_wrenches
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.assembly import Scene
+    from mbsvib.kinematics import Array, Triplets
+    from mbsvib.loads.statics import Statics
+    from mbsvib.loops import Reduction
+    from mbsvib.model import Model
+    from mbsvib.parts import Body
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """Motions of the bodies and the ground, (3, bodies + 1, m): ``shift`` of the centres of mass, ``turn``."""
+
+    shift: Array
+    turn: Array
+    position: Array
+
+    def at(self, body: Any, arm: Array) -> Array:
+        """The displacement (3, n, m) of points of bodies at arms (3, n) from their centres of mass."""
+        return self.shift[:, body] + _cross(self.turn[:, body], arm[..., None])
+
+
+def joint_force_rows(
+    model: Model, scene: Scene, relative: Triplets, reduction: Reduction, found: Mapping[str, Any],
+    statics: Statics | None,
+) -> None:  # fmt: skip
+    """Fill in the rows of outputs that are forces in joints, or all forces on a body or the ground.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism, for names.
+    scene : Scene
+        The same in numbers.
+    relative : Triplets
+        Its relative displacements.
+    reduction : Reduction
+        Its minimal coordinates.
+    found : mapping
+        Its matrices; rows of Cq, Cv, Ca and D are changed in place.
+    statics : Statics or None
+        The forces at the pose, if anything loads it.
+
+    Raises
+    ------
+    ModelError
+        If rotors are there.
+    """
+    _check_supported(model, scene)
+    position = np.concatenate((scene.position, np.zeros((1, 3)))).T
+    to_joints = reactions(scene.topology, scene.coordinates, scene.cuts, reduction, scene.closure(relative), position)
+    still = np.concatenate((found["body_motion"], np.zeros((1, *found["body_motion"].shape[1:]))))
+    motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
+    elastic, damping = _of_springs(scene, relative, reduction, position)
+    inertia = -_inertia(scene.bodies, still)
+    sources = _of_inputs(scene, position)
+    base = np.zeros_like(sources)
+    for column, source in scene.port.base_motions:
+        linear, angular = np.array(source.wrench[:3]), np.array(source.wrench[3:])
+        carried = np.zeros((len(still), 6, 1))
+        carried[:, :3, 0] = np.cross(angular, position.T - source.position) + linear
+        carried[:, 3:, 0] = angular
+        base[:, :, column] = -_inertia(scene.bodies, carried)[:, :, 0]
+    if scene.shared is not None:
+        more = shared_wrenches(scene, relative, reduction, position)
+        elastic, damping, inertia, base = (a + b for a, b in zip((elastic, damping, inertia, base), more, strict=True))
+    change = _Change(scene, relative, reduction, statics, motion) if statics is not None else None
+    if change is not None:
+        elastic = elastic + change.on_bodies
+    parts = {"Cq": elastic, "Cv": damping, "Ca": inertia, "D": sources + base}
+    if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
+        carried_by = {key: to_joints(part) for key, part in parts.items()}
+        if change is not None:
+            carried_by["Cq"] = carried_by["Cq"] + change.moments
+    for row, kind, place, wrench in scene.port.wrench_outputs:
+        if kind == "joint":
+            axes = np.array(scene.topology.joints[place].axes)
+            pull = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
+            for key, part in carried_by.items():
+                found[key][row] = np.einsum("c,cn->n", pull, part[:, place])
+        else:
+            _sum(found, row, place, wrench, inertia, base, position, change)
+
+
+def _check_supported(model: Model, scene: Scene) -> None:
+    name = list(model.outputs)[scene.port.wrench_outputs[0][0]]
+    for there, what in ((bool(model._rotors), "rotors"),):
+        if there:
+            raise ModelError(f"output '{name}': forces in joints, and sums of forces, are not supported beside {what} "
+                             f"yet; ask for the force of a bushing, or leave the output out.",
+                             element=name, field="element")  # fmt: skip
+
+
+def _sum(
+    found: Mapping[str, Any], row: int, body: int, wrench: Array, inertia: Array, base: Array, position: Array,
+    change: _Change | None,
+) -> None:  # fmt: skip
+    """All forces on a body are its mass times acceleration; what the ground lacks of that, the bodies have."""
+    for key, part in (("Ca", inertia), ("D", base)):
+        if body < part.shape[1] - 1:
+            found[key][row] = -wrench @ part[:, body]
+        else:
+            found[key][row] = wrench @ _about_origin(part, position)
+    found["Cq"][row] = found["Cv"][row] = 0.0
+    if change is not None and body == position.shape[1] - 1:
+        found["Cq"][row] = wrench @ change.of_loads
+
+
+def _about_origin(part: Array, position: Array) -> Array:
+    """The sum of wrenches (6, bodies + 1, n) on all bodies, moments about the origin."""
+    moment = part[3:] + _cross(position[..., None], part[:3])
+    result: Array = np.concatenate((part[:3], moment))[:, :-1].sum(axis=1)
+    return result
+
+
+def _inertia(bodies: tuple[Body, ...], motion: Array) -> Array:
+    """Mass times acceleration, (6, bodies + 1, n), of motions (bodies + 1, 6, n)."""
+    result = np.zeros((6, *motion[:, 0].shape))
+    for k, body in enumerate(bodies):
+        xx, yy, zz, xy, xz, yz = body.inertia
+        axes = np.array(body.orientation)
+        tensor = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
+        result[:3, k] = body.mass * motion[k, :3]
+        result[3:, k] = tensor @ motion[k, 3:]
+    return result
+
+
+def _of_springs(scene: Scene, relative: Triplets, reduction: Reduction, position: Array) -> tuple[Array, Array]:
+    """What stiffness and damping do to the bodies, (6, bodies + 1, m) per unit of q and of q'."""
+    springs, locked = scene.springs, scene.locked
+    rows = springs.rows
+    felt = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
+    each = Pairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
+    to_bodies = spread(each, position)
+    return (np.einsum("cbr,rm->cbm", to_bodies, -springs.stiffness[:, None] * felt),
+            np.einsum("cbr,rm->cbm", to_bodies, -springs.damping[:, None] * felt))  # fmt: skip
+
+
+def _of_inputs(scene: Scene, position: Array) -> Array:
+    """What the inputs do to the bodies, (6, bodies + 1, inputs)."""
+    port, count = scene.port, len(scene.port.force_inputs)
+    rows = port.rows
+    point, force, moment = (array[:, :count] for array in (rows.point, rows.force, rows.moment))
+    each = Pairs(rows.first[:count], rows.second[:count], point, point, force, moment)
+    result = np.zeros((6, position.shape[1], len(port.input_units)))
+    result[:, :, port.force_inputs] = spread(each, position)
+    return result
+
+
+class _Change:
+    """What a motion changes in the forces of the pose: ``on_bodies`` (6, bodies + 1, m) as they turn and as their arms
+    change, ``moments`` (6, joints, m) of joints against what their axes carry along, ``of_loads`` (6, m) the sum of
+    gravity and loads, moments about the origin.
+    """
+
+    def __init__(
+        self, scene: Scene, relative: Triplets, reduction: Reduction, statics: Statics, motion: _Motion
+    ) -> None:
+        pairs, applied = statics.pairs, statics.applied
+        a, b = pairs.arms(motion.position)
+        turned_a, turned_b = motion.turn[:, pairs.first], motion.turn[:, pairs.second]
+        f, t = pairs.force[..., None], pairs.torque[..., None]
+        gap = motion.at(pairs.second, b) - motion.at(pairs.first, a)
+        turn = turned_b - turned_a
+        force, twisted = _cross(turned_a, f), 0.5 * _cross(turn, t)
+        self._two(twisted, statics, motion)
+        torque = _cross(turned_a, t) + twisted
+        lines = statics.felt.line_owner[::2]
+        along, length = statics.felt.line[:, ::2, None], statics.felt.length[::2, None]
+        across = gap[:, lines] - along * (along * gap[:, lines]).sum(axis=0)
+        force[:, lines] = across * (f[:, lines] * along).sum(axis=0) / length
+        torque[:, lines] = 0.0
+        follows = np.zeros(len(pairs.first), dtype=bool)
+        follows[: applied.loads] = applied.follower
+        loads = np.arange(applied.loads)
+        force[:, loads] = np.where(follows[loads, None], _cross(turned_b, f)[:, loads], 0.0)
+        torque[:, loads] = np.where(follows[loads, None], _cross(turned_b, t)[:, loads], 0.0)
+        shifted = gap + _cross(turned_a, a[..., None])  # the point on the second body, against the first
+        shifted[:, lines] = _cross(turned_a, a[..., None])[:, lines]
+        on_second = torque + _cross(_cross(turned_b, b[..., None]), f) + _cross(b[..., None] + 0.0 * force, force)
+        on_first = torque + _cross(shifted, f) + _cross(a[..., None] + 0.0 * force, force)
+        first, second = pairs.incidence(motion.position.shape[1] - 1)
+        self.on_bodies = (np.einsum("cpm,pb->cbm", np.concatenate((force, on_second)), second)
+                          - np.einsum("cpm,pb->cbm", np.concatenate((force, on_first)), first))  # fmt: skip
+        count = len(applied.names)
+        self.moments = np.concatenate((np.zeros_like(twisted[:, count:]), twisted[:, count:]))
+        self.moments[:, lines[lines >= count] - count] = 0.0
+        moved = motion.at(pairs.second, b)
+        points = pairs.end[..., None]
+        moment = torque + _cross(moved, f) + _cross(points + 0.0 * force, force)
+        self.of_loads = np.concatenate((force[:, loads].sum(axis=1), moment[:, loads].sum(axis=1)))
+        self.of_loads[3:] += _cross(motion.shift, applied.weight[..., None]).sum(axis=1)
+
+    @staticmethod
+    def _two(twisted: Array, statics: Statics, motion: _Motion) -> None:
+        """Joints with two free rotations: the moment that holds the angle between them turns with both."""
+        felt, pairs = statics.felt, statics.pairs
+        for who, first, second in felt.two.T.tolist():
+            turn = motion.turn[:, pairs.second[who]] - motion.turn[:, pairs.first[who]]
+            one, other = felt.rows.moment[:, first], felt.rows.moment[:, second]
+            half = 0.5 * float(pairs.torque[:, who] @ felt.cross[:, felt.two[0].tolist().index(who)])
+            twisted[:, who] -= half * (np.outer(one, other @ turn) + np.outer(other, one @ turn))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """a x b of arrays of components (3, ...) that broadcast against each other."""
+    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
