@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.errors import counted
+from mbsvib.parts._part import Composed
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def _topology(system: System) -> list[str]:
     held = {part for joint in topology.joints for part in (joint.first, joint.second)}
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.provenance.springs, "spring-damper"))
     lines = ["  " + ", ".join(counted(len(group), what) for group, what in parts)]
+    lines += [f"  {part.account}" for part in system.provenance.parts if isinstance(part, Composed)]
     for body in topology.floating:
         name = topology.bodies[body]
         why = "no joint reaches it" if name not in held else "no chain of joints leads from ground to it"

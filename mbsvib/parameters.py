@@ -55,7 +55,7 @@ _OF_BEAMS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2",
 _TENSOR = ("xx", "yy", "zz", "xy", "xz", "yz")
 _END = re.compile(
     r"\.(?:(?P<field>mass|pitch|speed|inertia|position(?=\.)|start(?=\.)|end(?=\.)|orientation(?=\.)|stiffness|damping|static_stiffness|preload|"
-    r"free_length|force(?=\.)|torque(?=\.)|E|G|rho|nu|A|Iy|Iz|J|ky|kz|ratio|coefficient(?=\.)|radius|wall|width|height|alpha|beta|damping_ratio)"
+    r"free_length|force(?=\.)|torque(?=\.)|E|G|rho|nu|A|Iy|Iz|J|ky|kz|ratio|coefficient(?=\.)|radius|wall|width|height|length|alpha|beta|damping_ratio)"
     r"(?:\.(?P<first>[a-z]{1,2}|[1-9][0-9]*)(?:\.(?P<second>[a-z]{1,2}))?)?)$"
 )
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbsvib.beams import beam as _beam
 from mbsvib.beams.beam import Beam
+from mbsvib.beams.refusal import refuse_composed
 from mbsvib.errors import ModelError
 from mbsvib.mechanism import Mechanism
 
@@ -35,7 +36,8 @@ class FlexibleMechanism(Mechanism):
         self, name: str, a: str | Body | None, b: str | Body | None,
         section: Tube | Circle | Rectangle | Section | Mapping[str, Any],
         material: Material | Mapping[str, Any], start: ArrayLike | None = None, end: ArrayLike | None = None,
-        nodes: ArrayLike | None = None, elements: int | None = None, shear: bool = False,
+        axis: ArrayLike | None = None, length: float | None = None, nodes: ArrayLike | None = None,
+        elements: int | None = None, shear: bool = False,
         y_axis: ArrayLike | None = None, alpha: float = 0.0, beta: float = 0.0, damping_ratio: float = 0.0,
     ) -> Beam:  # fmt: skip
         """Add a beam: straight elements that stretch, twist and bend in two planes, with consistent mass.
@@ -55,6 +57,10 @@ class FlexibleMechanism(Mechanism):
             The material, or its words: ``{"E": 2.1e11, "nu": 0.3, "rho": 7800}``.
         start, end : array-like, shape (3,), optional
             Its ends [m], world axes, with ``elements`` equal elements between them.
+        axis : array-like, shape (3,), optional
+            Together with ``length`` instead of ``end``: the direction from ``start`` on.
+        length : float, optional
+            Length [m].
         nodes : array-like, shape (n, 3), optional
             Instead of these: its nodes [m], world axes, with a straight element from each to the next.
         elements : int, optional
@@ -81,8 +87,8 @@ class FlexibleMechanism(Mechanism):
         self._check_name(name, "beam")
         first = None if a is None else self._body_name(a, "beam", name, "a")
         second = None if b is None else self._body_name(b, "beam", name, "b")
-        part = _beam.make(name, first, second, section, material, start, end, nodes, elements, shear, y_axis, alpha,
-                          beta, damping_ratio)  # fmt: skip
+        part = _beam.make(name, first, second, section, material, start, end, axis, length, nodes, elements, shear,
+                          y_axis, alpha, beta, damping_ratio)  # fmt: skip
         self._compose(part)
         return part
 
@@ -144,6 +150,4 @@ class FlexibleMechanism(Mechanism):
 
     def _refuse_composed(self, what: str, hint: str) -> None:
         """Refuse what beams and reduced models are not made for, naming the first of them."""
-        for name, part in self._composed.items():
-            kind = type(part).__name__.lower()
-            raise ModelError(f"{kind} '{name}': {what} does not support a {kind} yet; {hint}", element=name)
+        refuse_composed(self._composed.values(), what, hint)

@@ -15,7 +15,7 @@ from mbsvib.beams import material as _material
 from mbsvib.beams import sections as _sections
 from mbsvib.beams.material import Material
 from mbsvib.beams.sections import Properties, Shape
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, counted
 from mbsvib.parts._part import Composed, derived
 
 if TYPE_CHECKING:
@@ -41,6 +41,8 @@ class Beam(Composed):
     material: Material
     start: Vector | None = None
     end: Vector | None = None
+    axis: Vector | None = None
+    length: float | None = None
     nodes: tuple[Vector, ...] | None = None
     elements: int | None = None
     shear: bool = False
@@ -54,7 +56,8 @@ class Beam(Composed):
         """Return the arguments of ``add_beam`` that make this part, without those at their default."""
         said = {"name": self.name, "a": self.a, "b": self.b, "section": _sections.words_of(self.section),
                 "material": self.material.words()}  # fmt: skip
-        rest = ("start", "end", "nodes", "elements", "shear", "y_axis", "alpha", "beta", "damping_ratio")
+        rest = ("start", "end", "axis", "length", "nodes", "elements", "shear", "y_axis", "alpha", "beta",
+                "damping_ratio")  # fmt: skip
         return said | {word: value for word in rest if (value := getattr(self, word)) not in (None, False, 0.0)}
 
     def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
@@ -65,6 +68,8 @@ class Beam(Composed):
         for field in ("start", "end"):
             if getattr(self, field) is not None:
                 yield field, check.DIRECTIONS[:3], getattr(self, field)
+        if self.length is not None:
+            yield "length", None, self.length
         for field in ("alpha", "beta", "damping_ratio"):
             yield field, None, getattr(self, field)
 
@@ -147,6 +152,13 @@ class Beam(Composed):
         """Names of the bodies, joints and springs that it becomes."""
         return (*self.node_names, *self.element_names)
 
+    @property
+    def account(self) -> str:
+        """What it is made of, in a few words."""
+        kind = "Timoshenko" if self.shear else "Euler-Bernoulli"
+        made = counted(len(self.element_names), f"{kind} element")
+        return f"beam '{self.name}': {made}, {counted(len(self.node_names), 'node')} of its own"
+
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""
         who, points = f"beam '{self.name}'", self.points
@@ -164,8 +176,8 @@ def _numbers(part: Material | Shape) -> list[tuple[str, float]]:
 
 def make(
     name: str, a: str | None, b: str | None, section: Any, material: Any, start: Any = None, end: Any = None,
-    nodes: Any = None, elements: Any = None, shear: Any = False, y_axis: Any = None, alpha: Any = 0.0,
-    beta: Any = 0.0, damping_ratio: Any = 0.0,
+    axis: Any = None, length: Any = None, nodes: Any = None, elements: Any = None, shear: Any = False,
+    y_axis: Any = None, alpha: Any = 0.0, beta: Any = 0.0, damping_ratio: Any = 0.0,
 ) -> Beam:  # fmt: skip
     """Check the values of a beam and build it."""
     who = f"beam '{name}'"
@@ -179,8 +191,13 @@ def make(
     rayleigh = _damping(who, "alpha", alpha), _damping(who, "beta", beta)
     ratio = _damping(who, "damping_ratio", damping_ratio)
     given = None if y_axis is None else check.axis(y_axis, who, "y_axis")
-    ends, between, points, count = _points(who, start, end, nodes, elements)
-    beam = Beam(name, a, b, shape, stuff, *ends, between, count, shear, given, *rayleigh, ratio, points)
+    if axis is not None or length is not None:
+        axis, length, far = _reached(who, start, end, axis, length)
+        ends, between, points, count = _points(who, start, far, nodes, elements)
+        ends = ends[0], None
+    else:
+        ends, between, points, count = _points(who, start, end, nodes, elements)
+    beam = Beam(name, a, b, shape, stuff, *ends, axis, length, between, count, shear, given, *rayleigh, ratio, points)
     beam.frames()
     if a is not None and a == b and len(points) == 2:
         raise ModelError(f"{who}: both ends are on '{a}' and nothing between them can move; give it more elements, "
@@ -198,6 +215,21 @@ def _damping(who: str, word: str, value: Any) -> float:
 def moved(beam: Beam, **changes: Any) -> Beam:
     """Return a beam with some fields replaced unchecked."""
     return replace(beam, **changes)
+
+
+def _reached(who: str, start: Any, end: Any, axis: Any, length: Any) -> tuple[Vector, float, Vector]:
+    """Axis and length as given, and the end that they lead to."""
+    if end is not None:
+        raise ModelError(f"{who}: axis and length are given, so leave out end.", element=who, field="end")
+    if axis is None or length is None:
+        raise ModelError(f"{who}: axis and length go together; give both, or start and end.", element=who,
+                         field="axis" if axis is None else "length")  # fmt: skip
+    size = check.number(length, who, "length")
+    if size <= 0.0:
+        raise check.refuse(who, "length", length, "a positive number [m]")
+    along, first = check.axis(axis, who, "axis"), check.vector(start, who, "start", "a point (x, y, z) [m], world axes")
+    return check.vector(axis, who, "axis"), size, (
+        first[0] + size * along[0], first[1] + size * along[1], first[2] + size * along[2])  # fmt: skip
 
 
 def _points(

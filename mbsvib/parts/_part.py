@@ -54,3 +54,8 @@ class Composed(Numbered):
     @abstractmethod
     def made(self) -> tuple[str, ...]:
         """Names of the bodies, joints and springs that it becomes."""
+
+    @property
+    @abstractmethod
+    def account(self) -> str:
+        """What it is made of, in a few words."""

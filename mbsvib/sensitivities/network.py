@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
+from mbsvib.beams.refusal import refuse_composed
 from mbsvib.couplers.refusal import refuse_coupled
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
@@ -94,6 +95,7 @@ def network(system: System) -> Network:
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
+    refuse_composed(parts, "sensitivities", "compare variants by model.with_values(...)")
     _refuse_nodes(parts)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mbsvib import _checks as check
 from mbsvib._checks import Matrix3, Vector
 from mbsvib.elements import eigenrows
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, counted
 from mbsvib.parts._part import Composed, derived
 
 Array = NDArray[np.float64]
@@ -113,6 +113,15 @@ class Superelement(Composed):
         """Names of the bodies, joints and springs that it becomes."""
         links = [f"{self.name}.{name}" for name, _ in self.nodes]
         return (*dict.fromkeys((*self.node_names, *links)), *self.carriers)
+
+    @property
+    def account(self) -> str:
+        """What it is made of, in a few words."""
+        size = len(self.M)
+        free = size - self.rank[1]
+        nodes = counted(len(self.nodes), "node")
+        return (f"superelement '{self.name}': {nodes}, {self.internal} internal coordinates; "
+                f"rank of M {self.rank[0]} and of K {self.rank[1]} of {size} ({free} motions without stiffness)")
 
     def body_of(self, i: int) -> str:
         """Return the name of the body that node i is, or that holds it.

@@ -152,6 +152,17 @@ def test_replace_and_parameters():
     assert changed.linearize().parameters["tube.wall"] == 0.004
 
 
+def test_axis_and_length(tmp_path):
+    model = mv.Model("along")
+    model.add_beam("rod", "ground", None, BAR, STEEL, start=(0, 0, 0), axis=(1, 0.2, 0), length=np.hypot(1, 0.2))
+    expected = cantilever(8).linearize().modes().frequencies
+    assert model.linearize().modes().frequencies == pytest.approx(expected, rel=1e-10)
+    back = mv.load(mv.save(model, tmp_path / "along.yaml"))
+    assert dict(back.beams) == dict(model.beams)
+    longer = model.with_values({"rod.length": 2.0})
+    assert longer.beams["rod"].points[-1] == pytest.approx((2 / np.hypot(1, 0.2), 0.4 / np.hypot(1, 0.2), 0))
+
+
 def test_softer_material_scales_frequencies():
     model = cantilever()
     f = model.linearize().modes().frequencies
@@ -176,6 +187,10 @@ LINE = {"start": (0, 0, 0), "end": (1, 0, 0)}
         ({"start": (0, 0, 0)}, r"beam 'rod': end = None; expected a point"),
         ({**LINE, "nodes": [(0, 0, 0), (1, 0, 0)]}, r"leave out start, end"),
         ({"nodes": [(0, 0, 0), (1, 0, 0), (1, 0, 0)]}, r"two of its nodes are both at"),
+        ({"start": (0, 0, 0), "axis": (1, 0, 0)}, r"axis and length go together"),
+        ({**LINE, "axis": (1, 0, 0), "length": 1}, r"leave out end"),
+        ({"start": (0, 0, 0), "axis": (1, 0, 0), "length": 0}, r"length = 0; expected a positive number"),
+        ({"axis": (1, 0, 0), "length": 1}, r"start = None; expected a point"),
         ({"nodes": [(0, 0, 0)]}, r"two or more points"),
         ({**LINE, "elements": 0}, r"elements = 0; expected a whole number"),
         ({**LINE, "y_axis": (2, 0, 0)}, r"y_axis = .* a direction across the beam"),
@@ -235,3 +250,23 @@ def test_closed_forms_of_sections():
     assert flat == high == pytest.approx(0.4574, rel=1e-4)
     assert thin == pytest.approx(1e4 / 3, rel=1e-4)
     assert Section(1, 2, 3, 4).properties(0.3).kz is None
+
+
+def test_explain_tells_what_flexible_parts_are_made_of():
+    model = arm()
+    model.add_superelement("lump", np.diag([2.0] * 3 + [0.1] * 3 + [1.0]), None, np.diag([0.0] * 6 + [1e4]),
+                           {"node": (1, 0, 0)}, bodies={"node": "tube.4"})  # fmt: skip
+    text = model.linearize().explain()
+    assert "beam 'tube': 4 Euler-Bernoulli elements, 4 nodes" in text
+    assert "beam 'strut': 2 Timoshenko elements, 1 node of its own" in text
+    assert "superelement 'lump': 1 node, 1 internal coordinates; rank of M 7 and of K 1 of 7" in text
+
+
+def test_other_poses_and_sensitivities_are_refused_by_name():
+    model = cantilever()
+    with pytest.raises(mv.ModelError, match=r"beam 'rod': model.moved"):
+        model.moved({"rod.e1.x": 0.1})
+    with pytest.raises(mv.ModelError, match=r"beam 'rod': model.equilibrium"):
+        model.equilibrium()
+    with pytest.raises(mv.ModelError, match=r"beam 'rod': sensitivities"):
+        model.linearize().eigenvalue_sensitivities(["rod.E"])
