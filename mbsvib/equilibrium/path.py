@@ -120,8 +120,11 @@ def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]
         after = None if there is None else forces_at(there)
         if there is None or after is None or not after.share < forces.share:
             break
+        gained = after.share < 0.5 * forces.share
         at, forces = there, after
         residuals.append(forces.share)
+        if not gained:
+            break
     return at, forces, residuals
 
 

@@ -153,3 +153,20 @@ def test_rotors_keep_to_their_bodies():
     model.add_rotor("wheel", "rod", speed=100.0, axis=(0, 0, 1), inertia=0.01)
     there = model.equilibrium()
     assert there.rotors["wheel"].axis == pytest.approx((np.sin(0.5), 0, np.cos(0.5)), abs=1e-13)
+
+
+def test_a_quadruped_stands_on_its_feet():
+    model = reloaded(mv.library.quadruped())
+    there = model.equilibrium()
+    weight = 9.81 * sum(body.mass for body in model.bodies.values())
+    feet = [spring for name, spring in there.springs.items() if name.endswith(".foot")]
+    assert len(feet) == 4
+    carried = []
+    for foot in feet:
+        up = np.array(foot.orientation) @ foot.preload[:3]
+        carried.append(up[2] if foot.first == "ground" else -up[2])
+    assert sum(carried) == pytest.approx(weight, rel=1e-10)
+    assert min(carried) > 0.1 * weight
+    assert there.bodies["trunk"].position[2] < model.bodies["trunk"].position[2]
+    plain, loaded = (m.linearize().modes().frequencies for m in (mv.library.quadruped(), there))
+    assert np.abs(loaded - plain).max() > 1e-3
