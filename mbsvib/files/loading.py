@@ -17,6 +17,8 @@ from mbsvib.model import Model
 
 # keys at the top level besides the sections and the words of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"
+# sections of parts that hold each other by their nodes
+COMPOSED = ("beams", "superelements")
 # of what is known, no message lists more
 MOST_NAMES = 12
 
@@ -51,10 +53,36 @@ def load(path: str | PathLike[str]) -> Model:
             raise document.error((key,), "there is no such section."
                                  f"{_misplaced(key) or _known(key, [*SECTIONS, *head, MARK])}")  # fmt: skip
     model = _model(document, {key: data[key] for key in head if key in data}, Path(path).stem)
-    for section in SECTIONS:
-        for name, entry in _entries(document, section, data.get(section)):
-            _add(document, model, section, name, entry)
+    entries = [(section, name, entry) for section in SECTIONS
+               for name, entry in _entries(document, section, data.get(section))]  # fmt: skip
+    for section, name, entry in _nodes_first(entries):
+        _add(document, model, section, name, entry)
     return model
+
+
+def _nodes_first(given: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, Any]]:
+    """Entries in an order in which beams and superelements come after those whose nodes hold them."""
+    waiting = [item for item in given if item[0] in COMPOSED]
+    if not waiting:
+        return given
+    first = [item for item in given if item[0] == "bodies"]
+    rest = [item for item in given if item[0] not in ("bodies", *COMPOSED)]
+    ordered = []
+    while waiting:
+        owners = {name for _, name, _ in waiting}
+        ready = next((item for item in waiting if not _held_by(item[2]) & (owners - {item[1]})), waiting[0])
+        waiting.remove(ready)
+        ordered.append(ready)
+    return first + ordered + rest
+
+
+def _held_by(entry: Any) -> set[str]:
+    """What could be the owners of nodes that hold a beam or superelement."""
+    if not isinstance(entry, dict):
+        return set()
+    held = entry.get("bodies")
+    names = [entry.get("a"), entry.get("b"), *(held.values() if isinstance(held, dict) else ())]
+    return {name[:i] for name in names if isinstance(name, str) for i, sign in enumerate(name) if sign == "."}
 
 
 def _check_version(document: Document, data: Mapping[str, Any]) -> None:

@@ -148,3 +148,21 @@ def test_names_are_taken():
     for name in ("pipe", "pipe.right", "pipe.internal1"):
         with pytest.raises(mv.ModelError, match=r"taken by a superelement"):
             model.add_body(name, 1.0, (1, 1, 1))
+
+
+@pytest.mark.parametrize("first", ["beam", "superelement"])
+def test_files_in_which_beams_and_superelements_hold_each_other(tmp_path, first):
+    m, k = reduced(1)
+    bar, alloy = {"type": "circle", "radius": 0.01}, {"E": 7e10, "nu": 0.3, "rho": 2700}
+    model = mv.Model("chained")
+    if first == "beam":
+        model.add_beam("rod", "ground", None, bar, alloy, start=(0, 0, 0), end=NODES[0], elements=2)
+        model.add_superelement("pipe", m, None, k, ENDS, bodies={"left": "rod.2"})
+    else:
+        model.add_superelement("pipe", m, None, k, ENDS, bodies={"left": "ground"})
+        model.add_beam("rod", "pipe.right", None, bar, alloy, start=NODES[-1], end=(1, 1, 1), elements=2)
+        model.add_beam("tip", "rod.2", None, bar, alloy, start=(1, 1, 1), end=(1, 1, 2), elements=2)
+    back = mv.load(mv.save(model, tmp_path / "chained.yaml"))
+    assert dict(back.beams) == dict(model.beams)
+    assert dict(back.superelements) == dict(model.superelements)
+    assert back.linearize().modes().frequencies == pytest.approx(model.linearize().modes().frequencies, rel=1e-12)
