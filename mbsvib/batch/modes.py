@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.batch.damped import DampedBatch, damped_batch, joined
 from mbsvib.batch.undamped import undamped_batch
+from mbsvib.damped import Damped
 from mbsvib.modes import RTOL, Modes, modes
 
 if TYPE_CHECKING:
@@ -134,6 +135,8 @@ def batch_modes(batch: Batch, rtol: float = RTOL) -> BatchModes:
         if np.iscomplexobj(one.shapes) and not np.iscomplexobj(shapes):
             shapes = shapes.astype(complex)
         shapes[i] = one.shapes
-        result.shapes[i], result.square[i] = one.damped.shapes, one.damped.square
-        result.gamma[i] = np.diag(one.damped.gamma) if one.damped.gamma.ndim == 1 else one.damped.gamma
+        modal = one.damped
+        assert isinstance(modal, Damped)  # batches refuse what has no symmetry
+        result.shapes[i], result.square[i] = modal.shapes, modal.square
+        result.gamma[i] = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
     return BatchModes(batch, eigenvalues, errors, shapes, tuple(reasons), rigid, result, alone)

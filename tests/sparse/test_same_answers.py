@@ -99,7 +99,7 @@ def test_some_modes(model, data):
     """The lowest ones and those around a frequency are the dense path's."""
     dense, sparse = both(model)
     assume(dense.dof)
-    every = dense.modes(rtol=1e-12)
+    every = dense.modes()
     k = data.draw(st.integers(1, dense.dof))
     near = data.draw(st.sampled_from([0.0, *(1.003 * every.frequencies[every.frequencies > 0]).tolist(), 0.3, 1e3]))
     found, expected = sparse.modes(k, near=near), every.nearest(k, near)
@@ -109,8 +109,8 @@ def test_some_modes(model, data):
         reject()  # equally near: either is right
     assert found.rigid == expected.rigid
     assert not found.frequencies[: found.rigid].any()
-    assert_allclose(found.frequencies, expected.frequencies, rtol=2e-11)
-    assert_same_eigenvalues(found.eigenvalues, expected.eigenvalues, rtol=2e-10)
+    assert_allclose(found.frequencies, expected.frequencies, rtol=2e-11 + every.errors.max())
+    assert_same_eigenvalues(found.eigenvalues, expected.eigenvalues, rtol=2e-10 + every.errors.max())
 
 
 @pytest.mark.parametrize("name", overconstrained.ALL)
