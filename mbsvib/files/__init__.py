@@ -1,8 +1,9 @@
 """Model files, .yaml or .json: the words of ``Model(...)`` and of the ``add_...`` calls, one entry a part.
 
-A file holds the sections bodies, joints, springs, inputs and outputs; each maps names to the words of the call that
-adds such a part, with the same units (SI, radians), axes and defaults. The order inside a section is the order of the
-parts, the order of the sections does not matter. ``type`` names the call where a section has two::
+A file holds the sections bodies, beams, superelements, joints, springs, loads, inputs, outputs and more, by need; each
+maps names to the words of the call that adds such a part, with the same units (SI, radians), axes and defaults. The
+order inside a section is the order of the parts, the order of the sections does not matter. ``type`` names the call
+where a section has two::
 
     mbsvib: 1                       # format version; 1 if left out
     name: isolator                  # the file's name if left out
@@ -11,6 +12,9 @@ parts, the order of the sections does not matter. ``type`` names the call where 
         mass: 12
         inertia: [0.3, 0.3, 0.5]
         position: [0, 0, 0.25]
+    beams:
+      mast: {a: platform, start: [0, 0, 0.3], end: [0, 0, 1.3], elements: 6,
+             section: {type: tube, radius: 0.02, wall: 0.002}, material: {E: 2.1e11, nu: 0.3, rho: 7800}}
     joints:
       guide: {kind: prismatic, first: ground, second: platform, axis: [0, 0, 1]}
     springs:

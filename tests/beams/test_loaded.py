@@ -103,6 +103,20 @@ def test_strip_tips_over_under_a_load_across():
     assert critical(system(0), system(-1.0))[0] == pytest.approx(exact, rel=5e-3)
 
 
+def test_column_flutters_under_a_load_that_follows_its_tip():
+    """Beck: P = 20.0510 E I / L^2; below, a follower load has no critical value at all."""
+    bend = ALLOY.E * P.Iz
+
+    def growth(factor):
+        model = mv.Model("Beck")
+        model.add_beam("c", "ground", None, BAR, ALLOY, start=(0, 0, 0), end=(0, 0, LENGTH), elements=8)
+        model.add_load("P", "c.8", (0, 0, -factor * bend / LENGTH**2), follower=True)
+        return model.linearize().modes().eigenvalues.real.max()
+
+    assert growth(20.04) < 1e-6
+    assert growth(20.07) > 1.0
+
+
 def test_beam_held_at_both_ends_shares_the_load_by_stiffness():
     model = mv.Model("shared")
     model.add_beam("c", "ground", "ground", BAR, ALLOY, start=(0, 0, 0), end=(0, 0, 1), elements=4)
