@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 RTOL = 1e-10
 # Damping near the critical one asks for undamped modes that much better than the damped ones may be.
 TIGHTER = 1e-2
+# What no higher rung of the ladder can mend.
+ROUNDING = 1e-15
 # A shape of a massless system whose bodies move less than this is not normalised by their motion.
 MOVES = 1e-8
 
@@ -277,7 +279,7 @@ def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
         return _without_symmetry(system, rtol)
     basis = undamped(system, rtol, clean or not proportional(system))
     result = damped(system, basis, rtol)
-    if basis.doubt > TIGHTER * rtol and float(result.errors.max(initial=0.0)) > rtol:
+    if basis.doubt > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
         result = damped(system, basis, rtol)
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]

@@ -44,9 +44,11 @@ SEPARATE = 0.1
 SMALL_ANGLE = 1e-4
 # Errors of the first rung over what its perturbation bound says, more where there are more modes. Calibrated on chains,
 # trees, loops and networks of 2 to 400 coordinates.
-PERTURBED, PERTURBED_MORE = 0.5, 0.25
+PERTURBED, PERTURBED_MORE = 0.5, 0.7
 # Share of the accuracy asked for that is certain enough from bounds that take rounding errors for random.
-CERTAIN = 0.1
+CERTAIN = 0.3
+# Shapes of equations that are off by no more than this are clean enough for any use.
+CLEAN = 1e-14
 # A cheap bound of rounding that is larger than this is worth a closer look, row by row.
 CLOSER = 1e-14
 # Loops whose smallest pivot p is above this lose nothing that counts; others lose eps / p of every frequency at most.
@@ -181,7 +183,7 @@ def _as_it_is(scene: _Scene, shapes: Array, square: Array, rtol: float, clean: b
     bound = (square[-1] / square) * (1.0 + cancel) + inertia + elastic
     bound *= EPS * (PERTURBED + PERTURBED_MORE * math.sqrt(len(square)))
     mixed = float(bound.max())
-    if mixed <= (rtol if clean else CERTAIN * rtol):
+    if mixed <= (min(rtol, CLEAN) if clean else CERTAIN * rtol):
         return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
     if clean:
         return None
