@@ -41,6 +41,8 @@ def test_documented_layout_is_read(written):
     model = load(written(inspect.cleandoc(text)))
     same = mv.Model("isolator")
     same.add_body("platform", mass=12, inertia=(0.3, 0.3, 0.5), position=(0, 0, 0.25))
+    tube, steel = {"type": "tube", "radius": 0.02, "wall": 0.002}, {"E": 2.1e11, "nu": 0.3, "rho": 7800}
+    same.add_beam("mast", "platform", None, tube, steel, start=(0, 0, 0.3), end=(0, 0, 1.3), elements=6)
     same.add_joint("guide", "prismatic", "ground", "platform", axis=(0, 0, 1))
     same.add_spring("leg", "ground", "platform", (0, 0, 0), (0, 0, 0.2), stiffness=2e7, damping=20)
     same.add_bushing("mount", "ground", "platform", (0, 0, 0), (1e6, 0, 0, 0, 0, 0))
