@@ -3,8 +3,9 @@
 In the undamped modes' coordinates the damping matrix is Gamma = Phi^T C Phi. Where it is diagonal (classical damping)
 every mode is a quadratic of its own. Elsewhere the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]], whose
 norm is the largest frequency and not its square, each improved by Newton steps on its own two-sided Rayleigh
-quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0. Where strong dampers leave that in doubt, their
-forces are made unknowns (``strong_damping``).
+quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0. Where strong dampers leave that in doubt, the
+factors themselves improve right and left vectors (``general_refinement``), and if need be the dampers' forces are made
+unknowns (``strong_damping``).
 """
 
 from __future__ import annotations
@@ -89,7 +90,7 @@ def damped(system: System, basis: Undamped, rtol: float) -> Damped:
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
-    pairs, vectors, slopes, errors = _coupled(basis, forms, _dampers(system, shapes), free, rtol)
+    pairs, vectors, slopes, errors = _coupled(system, shapes, (basis, forms, free), rtol)
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
 
 
@@ -186,16 +187,18 @@ def _dampers(system: System, shapes: Array) -> Array | None:
 
 
 def _coupled(
-    basis: Undamped, forms: _Forms, dampers: Array | None, free: int, rtol: float
+    system: System, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2)."""
+    basis, forms, free = parts
     m, r = len(basis.square), basis.rigid
     values, right = _energy_eigenvalues(basis, forms.damping, free)
     y = np.zeros((m, len(values)), dtype=complex)
     y[free:] = right / np.linalg.norm(right, axis=0)
     values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
-    if dampers is not None and float(doubt.max(initial=0.0)) > MARGIN * rtol:
-        values, y, slope, bound = _with_forces((values, y, slope, bound), dampers, doubt, basis, free, MARGIN * rtol)
+    if float(doubt.max(initial=0.0)) > MARGIN * rtol:
+        found = values, y, slope, bound
+        values, y, slope, bound = _doubtful(system, shapes, parts, (found, doubt), MARGIN * rtol)
     first, second = _pair(values, y, free, r)
     pairs = np.zeros((m, 2), dtype=complex)
     vectors = np.zeros((m, m, 2), dtype=complex)
@@ -286,6 +289,39 @@ def _relative(doubt: Array, slope: Array, least: Array) -> Array:
 
 
 _Found = tuple["Complex", "Complex", "Complex", "Array"]
+
+
+def _doubtful(
+    system: System, shapes: Array, parts: tuple[Undamped, _Forms, int], found: tuple[_Found, Array], rtol: float
+) -> _Found:
+    """Eigenvalues in doubt from the factors themselves, or with the dampers' forces, whichever is better."""
+    basis, _, free = parts
+    best = min(found[0], _from_factors(system, shapes, len(found[0][0]), rtol) or found[0],
+               key=lambda each: float(each[3].max()))  # fmt: skip
+    dampers = _dampers(system, shapes)
+    if dampers is None or float(best[3].max()) <= rtol:
+        return best
+    other = _with_forces(found[0], dampers, found[1], basis, free, rtol)
+    return min(best, other, key=lambda each: float(each[3].max()))
+
+
+def _from_factors(system: System, shapes: Array, count: int, rtol: float) -> _Found | None:
+    """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
+    from mbsvib.general import spectrum
+
+    _, found = spectrum(system, rtol)
+    turns, real = np.nonzero(found.turns)[0], np.nonzero(~found.turns)[0]
+    order = np.concatenate((np.repeat(turns, 2), real))
+    if len(order) != count or not np.isfinite(found.errors).all():
+        return None
+    inertia, felt = system.inertia_factor @ found.right, system.elastic_rows @ found.right
+    slope = 2.0 * found.values * (inertia**2).sum(axis=0) + system.damping @ felt**2
+    y = shapes.T @ (system.M @ found.right)
+    size = np.linalg.norm(y, axis=0)
+    values, y, slope, bound = found.values[order], (y / size)[:, order], (slope / size**2)[order], found.errors[order]
+    second = slice(1, 2 * len(turns), 2)
+    values[second], y[:, second], slope[second] = values[second].conj(), y[:, second].conj(), slope[second].conj()
+    return values, y, slope, bound
 
 
 def _with_forces(

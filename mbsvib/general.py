@@ -31,6 +31,8 @@ TOGETHER = 1e3
 DEPENDENT = 0.5
 # A conservative system's eigenvalue off the imaginary axis by less than this many roundings is on it.
 ON_AXIS = 100.0
+# Eigenvalues are small beside the largest where rounding of that may have taken more than their last digits.
+SMALL = 1e-8
 # In place of the number of an eigenvalue: 0, the conjugate of the other one, and none.
 STILL, CONJUGATE, ALONE = -1, -2, -3
 
@@ -100,11 +102,28 @@ def general(system: System, rtol: float) -> General:
     General
         Eigenvalues, right and left vectors.
     """
+    return _in_modes(system, *spectrum(system, rtol))
+
+
+def spectrum(system: System, rtol: float) -> tuple[EnergyState, Spectrum]:
+    """Return all eigenvalues and vectors, those of 0 by their invariant subspaces.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    rtol : float
+        Relative accuracy asked of every eigenvalue.
+
+    Returns
+    -------
+    EnergyState and Spectrum
+        What belongs to 0, and the other eigenvalues with their vectors.
+    """
     state = energy_state(system, rtol)
     even = system.circulatory is None and not system.damping.any()
     start = _imaginary(state) if state.conservative else _any(state, even)
-    spectrum = refined(system, state, start)
-    return _in_modes(system, state, spectrum)
+    return state, refined(system, state, start)
 
 
 def _imaginary(state: EnergyState) -> Spectrum:
@@ -134,14 +153,12 @@ def _any(state: EnergyState, even: bool) -> Spectrum:
     Those of an ``even`` system, without damping, have mirror images: one that is off the imaginary axis by no more than
     its rounding has none, and is on it.
     """
-    from scipy.linalg import eig
-
     keep = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
     inner = keep.T @ state.a @ keep
-    values, left, right = eig(inner, left=True, right=True)
-    left, right = left.conj().astype(complex), right.astype(complex)
-    half = np.nonzero(values.imag >= 0.0)[0]
-    values, left, right = values[half], left[:, half], right[:, half]
+    values, left, right = _eigen(inner)
+    size = np.abs(values)
+    if len(size) and float(size.min()) < SMALL * float(size.max()):
+        values, left, right = _with_small_ones((values, left, right), state, keep)
     values, left, right = _separated(inner, values, left, right)
     r, w = keep @ right, keep @ left
     w -= state.left @ (state.right.T @ w)
@@ -162,7 +179,61 @@ def _any(state: EnergyState, even: bool) -> Spectrum:
     return Spectrum(values, x, y, turns, "", on)
 
 
-def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> tuple[Complex, Complex, Complex]:
+_Found = tuple["Complex", "Complex", "Complex"]
+
+
+def _eigen(a: Array) -> _Found:
+    """Eigenvalues without those of negative imaginary part, with left and right vectors."""
+    from scipy.linalg import eig
+
+    values, left, right = eig(a, left=True, right=True)
+    half = np.nonzero(values.imag >= 0.0)[0]
+    return values[half], left[:, half].conj().astype(complex), right[:, half].astype(complex)
+
+
+def _with_small_ones(found: _Found, state: EnergyState, keep: Array) -> _Found:
+    """Eigenvalues that are small beside the largest from the inverse of A, which is known without inverting A."""
+    inverse = _inverse(state)
+    if inverse is None:
+        return found
+    back, *vectors = _eigen(keep.T @ (inverse - state.right @ (state.left.T @ inverse)) @ keep)
+    if not back.all():
+        return found
+    small = np.where(back.imag == 0.0, 1.0 / back, (1.0 / back).conj())  # the one with positive imaginary part
+    vectors = [np.where(back.imag == 0.0, part, part.conj()) for part in vectors]
+    middle = np.sqrt(np.abs(found[0]).max() * np.abs(small).min())
+    own, other = np.abs(found[0]) >= middle, np.abs(small) < middle
+    count = [np.count_nonzero(chosen) + np.count_nonzero(values.imag[chosen] > 0.0)
+             for values, chosen in ((found[0], own), (small, other))]  # fmt: skip
+    if sum(count) != keep.shape[1]:
+        return found
+    return (np.concatenate((found[0][own], small[other])),
+            np.concatenate((found[1][:, own], vectors[0][:, other]), axis=1),
+            np.concatenate((found[2][:, own], vectors[1][:, other]), axis=1))  # fmt: skip
+
+
+def _inverse(state: EnergyState) -> Array | None:
+    """x with A x = b for all b that have one, from K q = -C q' - M q''; None where K is singular and not diagonal."""
+    p, m = len(state.scale), len(state.basis)
+    stiffness = state.coupling.copy()
+    stiffness[np.arange(p), np.arange(p)] += state.square
+    push = np.zeros((m, len(state.a)))
+    push[:, :p], push[:, 2 * p :] = state.damping[:, :p] / state.scale, state.damping[:, p:]
+    push[:p, p : 2 * p] = np.eye(p)
+    if not state.coupling.any():
+        q = np.divide(-push, state.square[:, None], out=np.zeros_like(push), where=state.square[:, None] != 0.0)
+    elif state.still:
+        return None
+    else:
+        size = np.sqrt(np.maximum(np.abs(stiffness).max(axis=0), np.abs(stiffness).max(axis=1)))
+        q = np.linalg.solve(stiffness / size[:, None] / size, -push / size[:, None]) / size[:, None]
+    result = np.zeros_like(state.a)
+    result[:p], result[2 * p :] = state.scale[:, None] * q[:p], q[p:]
+    result[np.arange(p, 2 * p), np.arange(p)] = 1.0 / state.scale
+    return result
+
+
+def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Found:
     """Give eigenvalues that rounding cannot tell apart independent vectors, if they have them."""
     size = TOGETHER * EPS * (float(np.abs(a).sum(axis=1).max(initial=0.0)) or 1.0)
     weak = np.abs(np.einsum("ij,ij->j", left, right)) < DEPENDENT

@@ -26,8 +26,14 @@ EPS = float(np.finfo(float).eps)
 ROUNDS = 3
 # Corrections of vectors by less leave errors that are squares of it.
 SETTLED = 1e-9
-# Vectors share what they do if the quotient of residual and distance is larger: eigenvalues that rounding moves as one.
+# Vectors share what they do if the quotient of residual and distance is larger: eigenvalues that rounding moves as one;
+# beside a neighbour nearer than this share of the eigenvalue, already if it is larger than the last.
 MIXED = 0.1
+NEIGHBOUR = 1e-3
+MERGING = 1e-4
+# Residuals that vectors of unit energy see of each other by rounding alone: where a defective pair is near, they would
+# be blown up, and elsewhere they do not count.
+NOISE = 16.0 * EPS
 # Rounding of the forms, in parts of eps times the sum of their terms' sizes; calibrated in the tests.
 ROUNDING = 2.0
 # A step larger than this share of the eigenvalue is no correction of rounding.
@@ -169,7 +175,8 @@ def _improved(f: _Factors, state: EnergyState, found: Spectrum) -> tuple[Spectru
     distance = found.values - values[:, None]
     m, c, k = _products(f, left, x)
     share = found.values * (found.values * m + c) + k
-    mixing = _mixing(share, slopes[:, None] * distance, h)
+    beside = np.abs(distance) < NEIGHBOUR * np.abs(found.values)
+    mixing = _mixing(share, slopes[:, None] * distance, h, beside)
     mixed = float(np.abs(mixing).max(initial=0.0))
     x = x - right @ mixing - _still(state, f, found, transposed=False)
     if found.kind == "hermitian":
@@ -177,7 +184,7 @@ def _improved(f: _Factors, state: EnergyState, found: Spectrum) -> tuple[Spectru
     else:
         m, c, k = (part.T for part in _products(f, y, right))
         share = found.values * (found.values * m + c) + k
-        mixing = _mixing(share, slopes[:, None] * distance, h)
+        mixing = _mixing(share, slopes[:, None] * distance, h, beside)
         mixed = max(mixed, float(np.abs(mixing).max(initial=0.0)))
         y = y - left @ mixing - _still(state, f, found, transposed=True)
         on = _axis(found)
@@ -185,9 +192,10 @@ def _improved(f: _Factors, state: EnergyState, found: Spectrum) -> tuple[Spectru
     return _quotients(f, replace(found, right=x, left=y)), mixed
 
 
-def _mixing(share: Complex, distance: Complex, own: NDArray[np.intp]) -> Complex:
+def _mixing(share: Complex, distance: Complex, own: NDArray[np.intp], beside: NDArray[np.bool_]) -> Complex:
     """How much of each eigenvector (row) is in the others (column)."""
-    near = np.abs(share) >= MIXED * np.abs(distance)
+    near = np.abs(share) >= np.where(beside, MERGING, MIXED) * np.abs(distance)
+    near |= np.abs(share) <= NOISE
     near[own, own] = True
     return np.divide(share, distance, out=np.zeros_like(share), where=~near)
 

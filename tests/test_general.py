@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import mbsvib as mv
+from mbsvib.strong_damping import forces, improved
+from mbsvib.undamped import undamped
 from tests.support.unsymmetric import chain, eigenvalues, massless, unsymmetric, worst
 
 FAMILIES = {
@@ -84,3 +87,46 @@ def test_shapes_solve_the_equations():
     for value, shape in zip(modes.pairs[:, 0], modes.shapes.T, strict=True):
         terms = [value**2 * system.M @ shape, value * system.C @ shape, system.K @ shape]
         assert np.abs(sum(terms)).max() <= 1e-13 * max(np.abs(term).max() for term in terms)
+
+
+def braked(n, seed, strength, every):
+    """A chain of like masses with dampers ``strength`` times critical at some places and weak ones elsewhere."""
+    rng = np.random.default_rng(seed)
+    model = mv.Model("braked")
+    for i in range(n):
+        model.add_body(f"b{i}", rng.uniform(0.5, 2.0), (0.1, 0.1, 0.1), position=(0, 0, i + 1.0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
+        c = strength * 200.0 * rng.uniform(0.1, 1.0) if i % every == 0 else rng.uniform(0.0, 1.0)
+        k = 1e4 * rng.uniform(0.5, 2.0)
+        model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", position=(0, 0, i + 0.5),
+                          stiffness=(k, 0, 0, 0, 0, 0), damping=(c, 0, 0, 0, 0, 0))  # fmt: skip
+    return model.linearize()
+
+
+@pytest.mark.parametrize("every", [1, 2, 3])
+@pytest.mark.parametrize("strength", [1e2, 1e4, 1e6, 1e8, 1e10])
+def test_strong_dampers(strength, every):
+    """Symmetric systems that strong dampers leave in doubt come out as well, whatever creeps or swings beside them."""
+    for seed in range(2):
+        system = braked(7, seed, strength, every)
+        modes = system.modes(rtol=1e-12)
+        error, ratio = worst(modes, eigenvalues(system))
+        assert error <= 1e-12
+        assert ratio <= 1.0
+        assert modes.errors.max() <= 1e-12
+
+
+def test_many_strong_dampers_agree_with_their_forces_as_unknowns():
+    """Two roads: right and left vectors on the factors, and Aberth's iteration with the dampers' forces."""
+    system = braked(60, 0, 1e6, 3)
+    modes = system.modes()
+    assert modes.errors.max() <= 1e-12
+    used = system.damping != 0.0
+    basis = undamped(system, 1e-12)
+    rows = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(system.damping[used])[:, None]
+    values = modes.eigenvalues * (1.0 + 1e-6 * np.cos(np.arange(len(modes.eigenvalues))))
+    values[1::2] = np.where(values[1::2].imag != 0.0, values[0::2].conj(), values[1::2])
+    other, _, _, errors = improved(forces(basis.square, rows, 0), values, np.full(len(values), 1e-5), 1e-13)
+    away = np.abs(other - modes.eigenvalues) / np.abs(modes.eigenvalues)
+    assert (away <= modes.errors + errors).all()
+    assert away.max() <= 1e-10

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import CLASSICAL, CORRECTION, EPS, Damped, _classical_errors, quadratic_roots
+from mbsvib.damped import CLASSICAL, CORRECTION, EPS, MARGIN, Damped, _classical_errors, quadratic_roots
 from mbsvib.undamped import Undamped
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def damped_batch(batch: Batch, basis: UndampedBatch, rtol: float) -> DampedBatch
         mendable, *found = _coupled(batch, basis, gamma[together], together)
         for array, value in zip((pairs, vectors, slopes, errors), found, strict=True):
             array[together] = value
-        settled[together] = mendable <= rtol
+        settled[together] = mendable <= MARGIN * rtol  # as a single system: what is in doubt is solved by itself
     return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, settled)
 
 
