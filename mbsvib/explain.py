@@ -60,9 +60,12 @@ def listed(names: Sequence[str]) -> str:
 def _topology(system: System) -> list[str]:
     topology = system.provenance.topology
     held = {part for joint in topology.joints for part in (joint.first, joint.second)}
-    parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.provenance.springs, "spring-damper"))
+    composed = [part for part in system.provenance.parts if isinstance(part, Composed)]
+    owners = {part.name for part in composed}
+    springs = [name for name in system.provenance.springs if name not in owners]
+    parts = ((topology.bodies, "body"), (topology.joints, "joint"), (springs, "spring-damper"))
     lines = ["  " + ", ".join(counted(len(group), what) for group, what in parts)]
-    lines += [f"  {part.account}" for part in system.provenance.parts if isinstance(part, Composed)]
+    lines += [f"  {part.account}" for part in composed]
     for body in topology.floating:
         name = topology.bodies[body]
         why = "no joint reaches it" if name not in held else "no chain of joints leads from ground to it"
