@@ -1,10 +1,10 @@
 """A robot's arm that bends: what the motor's encoder sees, and what the tip does instead.
 
-A hub on a vertical axis swings a thin aluminium bar with a gripper at its end. Encoder and motor sit at the same place,
-so that resonances and antiresonances alternate, and the antiresonances are what is left when the motor stands still:
-the frequencies of the clamped bar. The camera at the tip looks at the other end of a wave that takes its time. Its zeros
-are real, one in the right half plane for each in the left: the tip sets off the wrong way, and no controller at the
-motor can change that.
+A hub on a vertical axis swings a thin aluminium bar with a gripper at its end. Encoder and motor sit at the same
+place, so that resonances and antiresonances alternate, and the antiresonances are what is left when the motor stands
+still: the frequencies of the clamped bar. The camera at the tip looks at the other end of a wave that takes its time.
+Its zeros are real, one in the right half plane for each in the left: the tip sets off the wrong way, and no
+controller at the motor can change that.
 """
 
 import numpy as np
