@@ -69,6 +69,11 @@ class EnergyState:
         """Number of massless motions."""
         return len(self.basis) - len(self.scale)
 
+    @property
+    def long(self) -> bool:
+        """Whether a chain of the eigenvalue 0 is longer than two, as that of a rocket whose thrust turns along."""
+        return bool((self.nilpotent @ self.nilpotent).any())
+
 
 def energy_state(system: System, rtol: float) -> EnergyState:
     """Return a system's first-order equations in energy coordinates.

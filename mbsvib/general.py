@@ -320,6 +320,10 @@ def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     tuple of array, shape (m, r)
         Both, as displacements.
     """
+    if state.long:  # no motion has a chain of its own: as many as there are pairs of zeros
+        u = np.linalg.svd(state.show @ state.right)[0]
+        zeros = state.right.shape[1]
+        return u[:, zeros // 2 : -(-zeros // 2)], u[:, : zeros // 2]
     null = state.show @ state.right[:, : state.still]
     free = state.right.shape[1] - state.still
     if not free:

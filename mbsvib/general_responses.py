@@ -202,8 +202,7 @@ def summable(modal: General) -> bool:
     bool
         Whether it has.
     """
-    j = modal.state.nilpotent
-    return not (j @ j).any() and bool(modal.spectrum.slopes.all())
+    return not modal.state.long and bool(modal.spectrum.slopes.all())
 
 
 def trusted(modal: General, b: Array, w: Array) -> bool:

@@ -38,7 +38,11 @@ def modal_states(system: System, modal: General) -> FirstOrder:
     """
     state = modal.state
     blocks, columns, names = [], [], []
-    for i, (block, pair) in enumerate(_blocks(modal)):
+    if state.long:
+        blocks.append(state.nilpotent)
+        columns.append(state.right)
+        names += [f"rigid{i + 1}" for i in range(len(state.nilpotent))]
+    for i, block, pair in _blocks(modal):
         blocks.append(block)
         columns.append(pair)
         names += [f"mode{i + 1}{rate}" for rate in ("", "'")[: len(block)]]
@@ -56,24 +60,27 @@ def modal_states(system: System, modal: General) -> FirstOrder:
     return FirstOrder(a, b, back @ right, through, tuple(names), units)
 
 
-def _blocks(modal: General) -> list[tuple[Array, Array]]:
-    """Each mode's block and its columns in the states."""
+def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
+    """Number, block and columns in the states of each mode; of long chains of 0 none."""
     state, found = modal.state, modal.spectrum
     rest, drift = rigid_shapes(state)
     left = [state.position @ column for column in rest.T]
     vectors = state.position @ found.right + state.rate @ (found.right * found.values)
-    result: list[tuple[Array, Array]] = []
+    result: list[tuple[int, Array, Array]] = []
     for i, (one, two) in enumerate(modal.pairs):
         numbers = np.nonzero(modal.mode == i)[0]
         numbers = numbers[np.argsort(np.abs(found.values[numbers]), kind="stable")]
+        if state.long and (one == 0.0 or two == 0.0):
+            continue
         if i < drift.shape[1]:
             chain = state.right[:, state.still + i]
-            result.append((np.array([[0.0, 1.0], [0.0, 0.0]]), np.stack((state.position @ drift[:, i], chain), axis=1)))
+            columns = np.stack((state.position @ drift[:, i], chain), axis=1)
+            result.append((i, np.array([[0.0, 1.0], [0.0, 0.0]]), columns))
         elif not len(numbers):
             count = 1 if modal.single[i] else 2
-            result.append((np.zeros((count, count)), np.stack([left.pop(0) for _ in range(count)], axis=1)))
+            result.append((i, np.zeros((count, count)), np.stack([left.pop(0) for _ in range(count)], axis=1)))
         elif modal.single[i]:
-            result.append((np.array([[one.real]]), vectors[:, numbers].real))
+            result.append((i, np.array([[one.real]]), vectors[:, numbers].real))
         else:
             if one == 0.0:
                 same = [k for k, v in enumerate(left) if np.array_equal(v, state.position @ modal.shapes[:, i].real)]
@@ -82,5 +89,5 @@ def _blocks(modal: General) -> list[tuple[Array, Array]]:
                 first = vectors[:, numbers[0]]
                 second = first.conj() if len(numbers) == 1 else vectors[:, numbers[1]]
             pair = np.stack(((two * first - one * second) / (two - one), (second - first) / (two - one)), axis=1)
-            result.append((np.array([[0.0, 1.0], [-(one * two).real, (one + two).real]]), pair.real))
+            result.append((i, np.array([[0.0, 1.0], [-(one * two).real, (one + two).real]]), pair.real))
     return result

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import mbsvib as mv
 from mbsvib.errors import ResponseError
 from mbsvib.general_responses import solved, trusted
 from tests.support import unsymmetric as reference
@@ -115,3 +116,30 @@ def test_modal_states():
         for i, w in enumerate(omega):
             g = space.C @ np.linalg.solve(1j * w * np.eye(len(space.A)) - space.A, space.B) + space.D
             assert (np.abs(g - exact[:, :, i]) <= 1e-9 * np.abs(exact[:, :, i])).all()
+
+
+def test_thrust_that_turns_along():
+    """A rocket: its sideways acceleration follows its angle, so that four integrators stand one behind the other."""
+    model = mv.Model("rocket")
+    model.add_body("stage", 100.0, (30.0, 30.0, 2.0))
+    model.add_input("M", "stage", "ry")
+    model.add_output("x", "stage", "x")
+    model.add_output("w", "stage", "ry", quantity="velocity")
+    base = model.linearize()
+    thrust, motion = 300.0, base.body_motion[0]
+    push = -motion[:3].T @ np.array([[0, thrust, 0], [-thrust, 0, 0], [0, 0, 0]]) @ motion[3:]
+    values, rows = np.linalg.eigh(0.5 * (push + push.T))
+    used = np.abs(values) > 1.0
+    system = replace(base, K=push, circulatory=0.5 * (push - push.T), elastic_rows=rows[:, used].T.copy(),
+                     stiffness=values[used], damping=np.zeros(4), row_owner=np.zeros(4, dtype=int))  # fmt: skip
+    modes = system.modes()
+    np.testing.assert_array_equal(modes.eigenvalues, np.zeros(12))
+    assert np.isfinite(modes.shapes).all()
+    assert np.linalg.matrix_rank(modes.shapes) == 6
+    gain, w, t = thrust / 100.0 / 30.0, np.array([0.1, 3.0, 200.0]), np.linspace(0.0, 2.0, 9)
+    np.testing.assert_allclose(system.frequency_response(w)[0, 0], gain / w**4, rtol=1e-10)
+    np.testing.assert_allclose(system.time_response(t, np.ones(9)), [gain * t**4 / 24.0, t / 30.0], rtol=1e-12)
+    space = system.state_space("modal")
+    for point in (0.1, 3.0):
+        g = space.C @ np.linalg.solve(1j * point * np.eye(12) - space.A, space.B) + space.D
+        np.testing.assert_allclose(g[:, 0], [gain / point**4, 1.0 / (30.0j * point)], rtol=1e-11)
