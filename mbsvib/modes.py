@@ -31,6 +31,8 @@ TIGHTER = 1e-2
 ROUNDING = 1e-15
 # A shape of a massless system whose bodies move less than this is not normalised by their motion.
 MOVES = 1e-8
+# Radius [m] at which rotations of nodes count as motions: small, so that they do where nothing shifts.
+SHARED_RADIUS = 1e-3
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -228,9 +230,21 @@ class Modes:
         return tuple((self.bodies[b], names[d]) for b, d in zip(body, direction, strict=True))
 
     def _energy(self) -> Array:
-        """Twice the kinetic energy of the bodies' translations and rotations at unit speed, (bodies, 6, m)."""
-        rows = self._inertia_factor @ self.shapes
-        return np.abs(rows.reshape(len(self.bodies), 6, len(self))) ** 2
+        """Twice the kinetic energy of the bodies' translations and rotations at unit speed, (bodies, 6, m).
+
+        Inertia that several bodies share, as nodes of a beam do, goes to those that have none of their own, by the
+        squares of their motions; of rotations as if over ``SHARED_RADIUS``.
+        """
+        rows, count = np.abs(self._inertia_factor @ self.shapes) ** 2, len(self.bodies)
+        energy = rows[: 6 * count].reshape(count, 6, len(self)).copy()
+        if len(rows) > 6 * count:
+            motion = np.abs(self._body_motion @ self.shapes) ** 2
+            motion[:, 3:] *= SHARED_RADIUS**2
+            motion[energy.any(axis=(1, 2))] = 0.0
+            size = motion.sum(axis=(0, 1))
+            share = np.divide(motion, size, out=np.zeros_like(motion), where=size > 0.0)
+            energy += share * rows[6 * count :].sum(axis=0)
+        return energy
 
     def remarks(self) -> tuple[str, ...]:
         """Return what a reader of the table should know: rigid-body, creeping and diverging modes, accuracy.

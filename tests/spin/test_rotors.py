@@ -123,3 +123,24 @@ def test_a_model_at_rest_is_as_without_rotors():
     still, plain = rotor_and_stator(0.0), rotor_and_stator(1.0)
     plain._rotors.clear()
     np.testing.assert_array_equal(still.linearize().modes().eigenvalues, plain.linearize().modes().eigenvalues)
+
+
+def test_a_disk_on_a_flexible_shaft():
+    """Overhung disk of a short light shaft: 4 x 4 equations of the tip with the beam's flexibility matrix."""
+    length, radius, e = 0.4, 0.015, 2.1e11
+    model = mv.Model("fan")
+    model.add_body("disk", 12.0, (0.1, 0.1, 0.19), position=(0, 0, length))
+    model.add_beam("shaft", "ground", "disk", {"type": "circle", "radius": radius}, {"E": e, "nu": 0.3, "rho": 1e-6},
+                   start=(0, 0, 0), end=(0, 0, length), elements=4)  # fmt: skip
+    speed = 300.0
+    model.add_rotor("wheel", "disk", speed, (0, 0, 1), inertia=0.19)
+    bend = e * np.pi * radius**4 / 4.0
+    k = np.linalg.inv(np.array([[length**3 / 3.0, length**2 / 2.0], [length**2 / 2.0, length]]) / bend)
+    mass, spin = np.diag([12.0, 0.1]), np.diag([0.0, 0.19 * speed])
+    # z = x + i y and its slope: M z'' - i G z' + k z = 0 with z = exp(i w t)
+    a = np.block([[np.zeros((2, 2)), np.eye(2)], [np.linalg.solve(mass, k), np.linalg.solve(mass, spin)]])
+    modes = model.linearize().modes()
+    for w in np.linalg.eigvals(a).real:
+        assert np.abs(modes.natural - abs(w)).min() <= 1e-6 * abs(w)
+    assert "disk" in str(modes)
+    np.testing.assert_allclose(sum(modes.kinetic_energy.values()), 1.0, rtol=1e-12)
