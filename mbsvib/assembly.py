@@ -7,6 +7,7 @@ of D per elastic direction: everything comes from the geometry by the path rule,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import is_
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
@@ -60,7 +61,7 @@ class Scene:
     port: Ports
     inertia: SpatialInertia
     shared: Shared | None = None
-    loads: tuple[Applied, Felt] | None = None
+    loads: tuple[Applied, Felt, dict[str, Any]] | None = None
     couplers: tuple[Coupling, ...] = ()
 
     @property
@@ -75,10 +76,12 @@ class Scene:
         return names if self.shared is None else names + self.shared.names
 
     def relative(self) -> Triplets:
-        """Return what cut joints lock, what springs feel and what ports see, in one pass."""
+        """Return what cut joints lock, what springs feel, what ports see and what loads feel, in one pass."""
         rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
         if self.shared is not None:
             rows += self.shared.base
+        elif self.loads is not None:
+            rows.append(self.loads[1].rows)
         return relative_motion(self.coordinates, Rows.join(rows))
 
     def closure(self, relative: Triplets) -> Array:
@@ -212,13 +215,21 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
     )  # fmt: skip
 
 
-def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple[Applied, Felt]:
+def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple[Applied, Felt, dict[str, Any]]:
+    """What loads a model, and what its forces feel: kept with the model as long as all parts are the same."""
     from mbsvib.loads.felt import felt
-    from mbsvib.loads.wrenches import applied, refuse_loaded
+    from mbsvib.loads.wrenches import applied
 
+    groups = (model._bodies, model._joints, model._springs, model._couplers, model._loads)
+    parts = (model.gravity, *(part for group in groups for part in group.values()))
+    kept = model._loading
+    if kept is not None and len(kept[0]) == len(parts) and all(map(is_, kept[0], parts)):
+        return kept[1]
     acting = applied(model, number)
     coupled = {name.rpartition(".")[0] for coupler in model._couplers.values() for name, _ in coupler.terms}
-    return acting, felt(acting, topology.joints, number, coupled)
+    result: tuple[Applied, Felt, dict[str, Any]] = (acting, felt(acting, topology.joints, number, coupled), {})
+    model._loading = (parts, result)
+    return result
 
 
 def system(model: Model, scene: Scene, independent: Sequence[str] | None = None) -> System:

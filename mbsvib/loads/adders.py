@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbsvib import _checks as check
 from mbsvib.mechanism import Mechanism, check_name
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.loads.felt import Felt
+    from mbsvib.loads.wrenches import Applied
     from mbsvib.parts import Body, Load
 
 
@@ -38,6 +40,8 @@ class LoadedMechanism(Mechanism):
         expected = "None, or the acceleration of free fall (x, y, z) [m/s^2], such as (0, 0, -9.81)"
         self.gravity = None if gravity is None else check.vector(gravity, "model", "gravity", expected)
         self._loads: dict[str, Load] = {}
+        # its loads in numbers, and the parts they were made of
+        self._loading: tuple[tuple[Any, ...], tuple[Applied, Felt, dict[str, Any]]] | None = None
 
     @property
     def loads(self) -> Mapping[str, Load]:

@@ -148,4 +148,8 @@ def _picks(axes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
     """Vectors that pick the part along each of some unit vectors out of a sum of all."""
     if len(axes) != 2:
         return axes
-    return [tuple(row) for row in np.linalg.pinv(np.array(axes).T).tolist()]
+    (ax, ay, az), (bx, by, bz) = axes
+    cosine = ax * bx + ay * by + az * bz
+    share = 1.0 / ((1.0 - cosine) * (1.0 + cosine))
+    return [((ax - cosine * bx) * share, (ay - cosine * by) * share, (az - cosine * bz) * share),
+            ((bx - cosine * ax) * share, (by - cosine * ay) * share, (bz - cosine * az) * share)]  # fmt: skip

@@ -20,16 +20,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.loops import EPS
-from mbsvib.mobility import crossed_product
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array, Index
+    from mbsvib.loads.acting import Acting
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.pairs import Pairs
 
 # Values of a body's form below this share of the forces that make it are rounding.
 ZERO_FORM = 16.0 * EPS
 _DIAGONAL = np.arange(3)
+# Six rotations (x, y, z, x + y, x + z, y + z), and what each of their squares gets of S_ij, in the order of S's rows.
+_SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
+_SQUARES = np.array([
+    [0, 0.5, 0.5, 0.5, 1, 0, 0.5, 0, 1], [1, 0.5, 0, 0.5, 0, 0.5, 0, 0.5, 1], [1, 0, 0.5, 0, 1, 0.5, 0.5, 0.5, 0],
+    [0, -0.5, 0, -0.5, 0, 0, 0, 0, 0], [0, 0, -0.5, 0, 0, 0, -0.5, 0, 0], [0, 0, 0, 0, 0, -0.5, 0, -0.5, 0],
+])  # fmt: skip
 
 
 def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
@@ -56,48 +62,55 @@ def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
     return result[0], result[1]
 
 
-def body_rows(pairs: Pairs, position: Array) -> tuple[Index, Array, Array]:
-    """Return the forms of the bodies as signed squares.
+def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array, Index]:
+    """Return the forms of the bodies as signed squares of six rotations: about x, y, z, and the sums of two of these.
+
+    With H = tr(S) 1 - sym S, theta . H theta = sum of H_xy (theta_x + theta_y)^2 and of the rest times theta_x^2.
 
     Parameters
     ----------
-    pairs : Pairs
+    acting : Acting
         All forces that stay fixed in the world or turn as the rows of joints say.
-    position : array, shape (3, bodies + 1)
-        Centres of mass [m].
+    force : array, shape (3, pairs)
+        Their forces [N].
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
 
     Returns
     -------
-    body : array, shape (rows,)
-        Numbers of the bodies that turn.
-    direction : array, shape (rows, 3)
-        Unit vectors: the row is direction . theta of the body.
-    stiffness : array, shape (rows,)
-        Signed values [N m].
+    rows : array, shape (6 bodies, m)
+        Rotations in minimal coordinates.
+    stiffness : array, shape (6 bodies,)
+        Signed values [N m], 0 where nothing but rounding is left.
+    body : array, shape (6 bodies,)
+        Numbers of the bodies.
     """
-    first, second = pairs.incidence(position.shape[1] - 1)
-    on_first, on_second = forms(pairs, position)
-    total = (on_first @ first + on_second @ second)[..., :-1].transpose(2, 0, 1)
-    a, b = (np.abs(arm).sum(axis=0) * np.abs(pairs.force).sum(axis=0) for arm in pairs.arms(position))
-    size = a @ first[:, :-1] + b @ second[:, :-1]
-    values, vectors = np.linalg.eigh(total)
-    body, which = np.nonzero(np.abs(values) > ZERO_FORM * size[:, None])
-    return body, vectors[body, :, which], values[body, which]
+    outer = (np.concatenate((force, force), axis=1)[:, None] * acting.arms).reshape(9, -1)
+    values = _SQUARES @ (outer @ acting.place)
+    limit = ZERO_FORM * np.abs(outer).max(axis=0) @ np.abs(acting.place)
+    values[np.abs(values) <= limit] = 0.0
+    bodies = len(motion)
+    return ((_SUMS @ motion[:, 3:]).reshape(6 * bodies, motion.shape[2]), values.T.reshape(-1),
+            np.repeat(np.arange(bodies), 6))  # fmt: skip
 
 
-def turning_rows(felt: Felt, force: Array, torque: Array, moved: Array, turned: Array) -> tuple[Array, Array, Index]:
+def turning_rows(
+    felt: Felt, acting: Acting, wrench: Array, moved: Array, motion: Array
+) -> tuple[Array, Array, Index]:
     """Return what forces add that turn with their first body, as rows, signed stiffness and the pairs that own them.
 
     Parameters
     ----------
     felt : Felt
         What they feel.
-    force, torque : array, shape (3, pairs)
+    acting : Acting
+        The geometry of the forces.
+    wrench : array, shape (6, pairs)
         Wrenches on the second bodies [N, N m].
     moved : array, shape (felt rows, m)
         The felt rows in minimal coordinates.
-    turned : array, shape (bodies + 1, 3, m)
-        Rotations of the bodies, ground last.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
 
     Returns
     -------
@@ -108,27 +121,21 @@ def turning_rows(felt: Felt, force: Array, torque: Array, moved: Array, turned: 
     owner : array, shape (rows,)
         Pairs.
     """
-    lever = levers(felt, force, torque)
-    used = np.flatnonzero(lever.any(axis=0) & (felt.carrier < len(turned) - 1))
-    one, owner = moved[used], felt.owner[used]
-    other = np.einsum("cn,ncm->nm", lever[:, used], turned[felt.carrier[used]])
+    used = acting.turning
+    owner = felt.owner[used]
+    one = moved[used]
+    lever = acting.levers @ wrench[:, owner].T[:, :, None]
+    other = (lever.swapaxes(1, 2) @ motion[felt.carrier[used], 3:])[:, 0]
     if felt.two.size:
         who, first, second = felt.two
-        half = 0.5 * (torque[:, who] * felt.cross).sum(axis=0)
+        half = 0.5 * np.einsum("cn,cn->n", wrench[3:, who], felt.cross)
         one = np.concatenate((one, moved[first]))
         other = np.concatenate((other, half[:, None] * moved[second]))
         owner = np.concatenate((owner, who))
     return products(one, other, owner)
 
 
-def levers(felt: Felt, force: Array, torque: Array) -> Array:
-    """Return v x f + 1/2 w x tau for each felt twist (v, w), shape (3, rows)."""
-    result = crossed_product(felt.twist[:3], force[:, felt.owner])
-    result += 0.5 * crossed_product(felt.twist[3:], torque[:, felt.owner])
-    return result
-
-
-def line_rows(felt: Felt, force: Array, moved: Array, turned: Array) -> tuple[Array, Array]:
+def line_rows(felt: Felt, force: Array, moved: Array, motion: Array) -> tuple[Array, Array]:
     """Return the rows across line springs and rods, and their signed stiffness F / L.
 
     Parameters
@@ -139,8 +146,8 @@ def line_rows(felt: Felt, force: Array, moved: Array, turned: Array) -> tuple[Ar
         Forces on the second bodies [N].
     moved : array, shape (felt rows, m)
         The felt rows in minimal coordinates.
-    turned : array, shape (bodies + 1, 3, m)
-        Rotations of the bodies, ground last.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
 
     Returns
     -------
@@ -149,7 +156,10 @@ def line_rows(felt: Felt, force: Array, moved: Array, turned: Array) -> tuple[Ar
     stiffness : array, shape (rows,)
         Signed values [N/m].
     """
-    rows = moved[len(felt.owner) :] + np.einsum("cn,ncm->nm", felt.swing, turned[felt.line_carrier])
+    rows = moved[len(felt.owner) :].copy()
+    swings = np.flatnonzero(felt.line_carrier < len(motion))
+    if len(swings):
+        rows[swings] += np.einsum("cn,ncm->nm", felt.swing[:, swings], motion[felt.line_carrier[swings], 3:])
     return rows, -(force[:, felt.line_owner] * felt.line).sum(axis=0) / felt.length
 
 
@@ -172,9 +182,11 @@ def products(one: Array, other: Array, owner: Index) -> tuple[Array, Array, Inde
     owner : array, shape (k,)
         Whose they are.
     """
-    sizes = np.sqrt(np.square(one).sum(axis=1)), np.sqrt(np.square(other).sum(axis=1))
-    used = np.flatnonzero((sizes[0] > 0.0) & (sizes[1] > 0.0))
-    scale = np.sqrt(sizes[1][used] / sizes[0][used])[:, None]
+    sizes = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
+    used = np.flatnonzero(sizes[0] * sizes[1])
+    scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))[:, None]
     a, b = scale * one[used], other[used] / scale
-    half = np.full(len(used), 0.5)
-    return np.concatenate((a + b, a - b)), np.concatenate((half, -half)), np.tile(owner[used], 2)
+    half = np.full(2 * len(used), 0.5)
+    half[len(used) :] = -0.5
+    mine = owner[used]
+    return np.concatenate((a + b, a - b)), half, np.concatenate((mine, mine))

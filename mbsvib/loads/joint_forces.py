@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.errors import ModelError
 from mbsvib.loads.pairs import Pairs, spread
-from mbsvib.loads.reactions import reactions
+from mbsvib.loads.reactions import carriers, reactions
 from mbsvib.loads.shared_forces import shared_wrenches
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ def joint_force_rows(
     """
     _check_supported(model, scene)
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    to_joints = reactions(scene.topology, scene.coordinates, scene.cuts, reduction, scene.closure(relative), position)
+    ways = carriers(scene.topology, position)
+    to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
     still = np.concatenate((found["body_motion"], np.zeros((1, *found["body_motion"].shape[1:]))))
     motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
     elastic, damping = _of_springs(scene, relative, reduction, position)

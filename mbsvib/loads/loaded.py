@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.kinematics import relative_motion
+from mbsvib.loads.acting import acting
 from mbsvib.loads.geometric import body_rows, line_rows, turning_rows
 from mbsvib.loads.pairs import Pairs
 from mbsvib.loads.reactions import reactions
-from mbsvib.loads.statics import Statics, balance, check_balance, rounding
+from mbsvib.loads.statics import Statics, balance, check_balance
 from mbsvib.loads.unsymmetric import circulatory, follower_rows
 
 if TYPE_CHECKING:
     from mbsvib.assembly import Scene
     from mbsvib.kinematics import Array, Index, Triplets
-    from mbsvib.loads.wrenches import Applied
+    from mbsvib.loads.acting import Acting
     from mbsvib.loops import Reduction
 
 
@@ -52,50 +52,47 @@ def load(
         If the pose is not in balance.
     """
     assert scene.loads is not None
-    applied, felt = scene.loads
-    topology = scene.topology
-    position = np.concatenate((scene.position, np.zeros((1, 3)))).T
-    wrench, sizes = applied.pairs.on_bodies(position)
-    wrench[:3] += applied.weight
-    sizes[0] += np.sqrt(np.square(applied.weight).sum(axis=0))
+    applied, felt, memory = scene.loads
+    known = acting(applied, felt, scene, memory)
     motion = found["body_motion"]
-    residual, size = balance(wrench[:, :-1], sizes[:, :-1], motion)
-    kept = reduction.independent.tolist()
-    names = tuple([scene.coordinates.names[i] for i in kept])
-    units = tuple(["rad" if turn else "m" for turn in scene.coordinates.turns[kept].tolist()])
+    residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion)
     if checked:
-        noise = rounding(found["K"], position, scene.coordinates.turns[kept])
-        check_balance(residual, size, noise, names, units, topology, name)
-    to_joints = reactions(topology, scene.coordinates, scene.cuts, reduction, scene.closure(relative), position)
-    carried = to_joints(wrench[:, :, None])[:, :, 0]
-    pairs = Pairs.join(applied.pairs, Pairs(to_joints.first, to_joints.second, to_joints.start, to_joints.point,
-                                            carried[:3], carried[3:]))  # fmt: skip
-    owners = (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies)
+        check_balance(residual, size, found["K"], scene, reduction, name)
+    to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
+    carried = to_joints(known.wrench[:, :, None])[:, :, 0]
+    wrench = np.concatenate((known.pairs, carried), axis=1)
+    pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
     statics = Statics(
-        applied, carried, pairs, position, felt, residual, size, owners,
+        applied, carried, pairs, known.ways.position, felt, residual, size, known.owners,
         tuple([group.joints for group in reduction.groups if group.redundant]),
     )  # fmt: skip
-    moved = reduction.apply_exactly(relative_motion(scene.coordinates, felt.rows).dense(0, len(felt.rows.first)))
-    add_rows(found, *geometric_rows(statics, moved, motion, scene))
-    found["circulatory"] = circulatory(applied, position, motion)
+    if scene.shared is not None:
+        relative = relative_motion(scene.coordinates, felt.rows)
+    moved = reduction.apply_exactly(relative.dense(relative.shape[0] - len(felt.rows.first), relative.shape[0]))
+    add_rows(found, *geometric_rows(statics, known, moved, motion, len(scene.owners)))
+    found["circulatory"] = circulatory(applied, known.ways.position, motion) if applied.loads else None
     if found["circulatory"] is not None:
         found["K"] = found["K"] + found["circulatory"]
     return statics
 
 
-def geometric_rows(statics: Statics, moved: Array, motion: Array, scene: Scene) -> tuple[Array, Array, Index]:
+def geometric_rows(
+    statics: Statics, known: Acting, moved: Array, motion: Array, springs: int
+) -> tuple[Array, Array, Index]:
     """Return all rows of geometric stiffness with their signed values and owners.
 
     Parameters
     ----------
     statics : Statics
         The forces.
+    known : Acting
+        Their geometry.
     moved : array, shape (felt rows, m)
         What they feel, in minimal coordinates.
     motion : array, shape (bodies, 6, m)
         Motion of the bodies.
-    scene : Scene
-        The mechanism, to number the owners: its spring-dampers first, then ``statics.owners``.
+    springs : int
+        Number of spring-dampers, which come first among the owners; ``statics.owners`` come behind.
 
     Returns
     -------
@@ -104,18 +101,17 @@ def geometric_rows(statics: Statics, moved: Array, motion: Array, scene: Scene) 
     stiffness, owner : array, shape (rows,)
         Signed values, and whose they are.
     """
-    applied, pairs = statics.applied, statics.pairs
-    turned = np.concatenate((motion[:, 3:], np.zeros((1, 3, motion.shape[-1]))))
-    springs = len(scene.owners)
-    turning, k_turning, of_turning = turning_rows(statics.felt, pairs.force, pairs.torque, moved, turned)
-    across, k_across = line_rows(statics.felt, pairs.force, moved, turned)
-    body, direction, k_body = body_rows(fixed(applied, pairs), statics.position)
-    follower, k_follower, of_follower = follower_rows(applied, motion)
-    rows = np.concatenate((turning, across, np.einsum("nc,ncm->nm", direction, motion[body, 3:]), follower))
-    stiffness = np.concatenate((k_turning, k_across, k_body, k_follower))
-    owner = springs + np.concatenate((of_turning, statics.felt.line_owner, len(pairs.first) + body, of_follower))
-    used = np.flatnonzero(rows.any(axis=1) & (stiffness != 0.0))
-    return rows[used], stiffness[used], owner[used]
+    felt, pairs = statics.felt, statics.pairs
+    wrench = np.concatenate((pairs.force, pairs.torque))
+    rows, stiffness, owner = body_rows(known, pairs.force, motion)
+    stacks = [(rows, stiffness, len(pairs.first) + owner), turning_rows(felt, known, wrench, moved, motion)]
+    if len(felt.line_owner):
+        stacks.append((*line_rows(felt, pairs.force, moved, motion), felt.line_owner))
+    if statics.applied.follower.any():
+        stacks.append(follower_rows(statics.applied, motion))
+    rows, stiffness, owner = (np.concatenate(parts) for parts in zip(*stacks, strict=True))
+    used = np.flatnonzero(stiffness * rows.any(axis=1))
+    return rows[used], stiffness[used], springs + owner[used]
 
 
 def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index) -> None:
@@ -130,31 +126,8 @@ def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index)
     stiffness, owner : array, shape (rows,)
         Signed values, and whose they are.
     """
-    from mbsvib.assembly import product
-
     for key, value in (("elastic_rows", rows), ("stiffness", stiffness), ("damping", np.zeros(len(rows))),
                        ("row_owner", owner)):  # fmt: skip
         found[key] = np.concatenate((found[key], value))
-    found["K"] = product(found["elastic_rows"], found["stiffness"])
-
-
-def fixed(applied: Applied, pairs: Pairs) -> Pairs:
-    """Return the pairs with the forces of follower loads, which have a form of their own, set to zero.
-
-    Parameters
-    ----------
-    applied : Applied
-        What loads the mechanism.
-    pairs : Pairs
-        All forces between bodies.
-
-    Returns
-    -------
-    Pairs
-        As many.
-    """
-    if not applied.follower.any():
-        return pairs
-    force = pairs.force.copy()
-    force[:, : applied.loads][:, applied.follower] = 0.0
-    return replace(pairs, force=force)
+    more = rows.T @ (stiffness[:, None] * rows)
+    found["K"] = found["K"] + 0.5 * (more + more.T)

@@ -11,7 +11,7 @@ least norm is taken (moments divided by the size of the loop); the second-order 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,21 +26,22 @@ if TYPE_CHECKING:
     from mbsvib.topology import Topology
 
 
+# Up to so many entries the ways from bodies to joints and back are kept as matrices.
+SMALL = 40_000
+
+
 @dataclass(frozen=True, slots=True)
-class Reactions:
-    """The way from body wrenches to joint wrenches.
+class Carriers:
+    """What topology and geometry say of the forces in joints.
 
     ``point`` (3, joints) [m] are the joints' points, as their second bodies carry them, ``start`` as their first do
-    (another one only in rods), ``first`` and ``second`` (joints,) their bodies; ``behind``
-    (bodies + 1, joints) holds +1 or -1 where a joint of the tree lies between ground and the body; ``position``
-    (3, bodies + 1) the centres of mass.
+    (another one only in rods), ``first`` and ``second`` (joints,) their bodies; ``behind`` (bodies + 1, joints) holds
+    +1 or -1 where a joint of the tree lies between ground and the body; ``position`` (3, bodies + 1) are the centres of
+    mass, ``joint_of`` (n,) the joint of each coordinate. ``to_joints`` (6 joints, 6 (bodies + 1)) and ``to_bodies`` are
+    the matrices of the two ways, None where they would be large.
     """
 
     topology: Topology
-    coordinates: Twists
-    cuts: Cuts | None
-    reduction: Reduction
-    phi: Array
     position: Array
     point: Array
     start: Array
@@ -48,6 +49,55 @@ class Reactions:
     second: Index
     behind: Array
     joint_of: Index
+    to_joints: Array | None = None
+    to_bodies: Array | None = None
+
+    def of_tree(self, wrench: Array) -> Array:
+        """Return minus what acts behind each joint of the tree (6, joints, columns), for (6, bodies + 1, columns)."""
+        if self.to_joints is not None:
+            return _through(self.to_joints, wrench, self.point.shape[1])
+        # arms are taken about the middle of the bodies, far from the origin as they may be
+        middle = self.position[:, :-1].mean(axis=1, keepdims=True)
+        force, moment = wrench[:3], wrench[3:]
+        about = moment + crossed_product((self.position - middle)[..., None] + np.zeros_like(force), force)
+        sums: Array = np.einsum("bj,cbk->cjk", self.behind, np.concatenate((force, about)))
+        sums[3:] -= crossed_product((self.point - middle)[..., None] + np.zeros_like(sums[:3]), sums[:3])
+        sums *= -1.0
+        return sums
+
+    def on_bodies(self, joints: Array) -> Array:
+        """Return what wrenches in joints (6, joints, columns) do to the bodies (6, bodies + 1, columns)."""
+        if self.to_bodies is not None:
+            return _through(self.to_bodies, joints, self.position.shape[1])
+        result = np.zeros((6, self.position.shape[1], joints.shape[2]))
+        for bodies, sign in ((self.second, 1.0), (self.first, -1.0)):
+            arm = (self.point - self.position[:, bodies])[..., None]
+            lever = crossed_product(arm + np.zeros_like(joints[:3]), joints[:3])
+            part = np.concatenate((joints[:3], joints[3:] + lever))
+            place = np.zeros((len(bodies), self.position.shape[1]))
+            place[np.arange(len(bodies)), bodies] = sign
+            result += np.einsum("cjn,jb->cbn", part, place)
+        return result
+
+    def as_matrices(self) -> Carriers:
+        """Return the same with both ways as matrices, unless these are large."""
+        joints, bodies = 6 * self.point.shape[1], 6 * self.position.shape[1]
+        if not 0 < joints * bodies <= SMALL:
+            return self
+        to_joints = self.of_tree(np.eye(bodies).reshape(6, -1, bodies)).reshape(joints, bodies)
+        to_bodies = self.on_bodies(np.eye(joints).reshape(6, -1, joints)).reshape(bodies, joints)
+        return replace(self, to_joints=to_joints, to_bodies=to_bodies)
+
+
+@dataclass(frozen=True, slots=True)
+class Reactions:
+    """The way from body wrenches to joint wrenches: by ``carriers``, and in loops by the locked rows ``phi``."""
+
+    carriers: Carriers
+    coordinates: Twists
+    cuts: Cuts | None
+    reduction: Reduction
+    phi: Array
 
     def __call__(self, wrench: Array) -> Array:
         """Return the wrenches in the joints that balance wrenches on the bodies.
@@ -63,17 +113,17 @@ class Reactions:
             Force at the joint's point and moment about it, as they act on the joint's second body; its first body
             takes the opposite.
         """
-        result = self._of_tree(wrench)
+        result = self.carriers.of_tree(wrench)
         if self.cuts is None or not len(self.cuts.names):
             return result
         closing = self._closing(self._multipliers(result))
-        return result + self._of_tree(self._on_bodies(closing)) + closing
+        return result + self.carriers.of_tree(self.carriers.on_bodies(closing)) + closing
 
     def _closing(self, multipliers: Array) -> Array:
         """The wrenches (6, joints, columns) in the cut joints: of what they lock, and of couplers on them."""
         assert self.cuts is not None
         rows = self.cuts.rows
-        joint = np.array(self.topology.cut, dtype=np.intp)[self.cuts.joint[: len(rows.first)]]
+        joint = np.array(self.carriers.topology.cut, dtype=np.intp)[self.cuts.joint[: len(rows.first)]]
         result = self._about_joints(rows, joint, multipliers[: len(joint)])
         coupled = self.cuts.couplings
         if coupled is not None and len(coupled.measured.first):
@@ -83,52 +133,27 @@ class Reactions:
         return result
 
     def _about_joints(self, rows: Rows, joint: Index, value: Array) -> Array:
-        moment = rows.moment + crossed_product(rows.point - self.point[:, joint], rows.force)
-        sums = np.zeros((len(joint), self.point.shape[1]))
-        sums[np.arange(len(joint)), joint] = 1.0
-        each = np.concatenate((rows.force, moment))
-        result: Array = np.einsum("cr,rj,rn->cjn", each, sums, value, optimize=True)
-        return result
+        point = self.carriers.point
+        moment = rows.moment + crossed_product(rows.point - point[:, joint], rows.force)
+        sums = np.zeros((point.shape[1], len(joint)))
+        sums[joint, np.arange(len(joint))] = 1.0
+        return sums @ (np.concatenate((rows.force, moment))[..., None] * value)
 
     def _measured(self, rows: Rows) -> Index:
         """The cut joint that each measured row of a coupler belongs to."""
-        cut = np.array(self.topology.cut, dtype=np.intp)
-        same = (self.first[cut] == rows.first[:, None]) & (self.second[cut] == rows.second[:, None])
+        cut, all_joints = np.array(self.carriers.topology.cut, dtype=np.intp), self.carriers
+        same = (all_joints.first[cut] == rows.first[:, None]) & (all_joints.second[cut] == rows.second[:, None])
         # two joints between the same bodies are told apart by their points
-        here = (np.abs(self.point[:, None, cut] - rows.point[:, :, None]).max(axis=0) == 0.0) & same
+        here = (np.abs(all_joints.point[:, None, cut] - rows.point[:, :, None]).max(axis=0) == 0.0) & same
         found: Index = cut[np.argmax(same.astype(int) + here, axis=1)]
         return found
-
-    def _on_bodies(self, joints: Array) -> Array:
-        """What wrenches in joints do to the bodies (6, bodies + 1, columns)."""
-        result = np.zeros((6, self.position.shape[1], joints.shape[2]))
-        for bodies, sign in ((self.second, 1.0), (self.first, -1.0)):
-            arm = (self.point - self.position[:, bodies])[..., None]
-            lever = crossed_product(arm + np.zeros_like(joints[:3]), joints[:3])
-            part = np.concatenate((joints[:3], joints[3:] + lever))
-            place = np.zeros((len(bodies), self.position.shape[1]))
-            place[np.arange(len(bodies)), bodies] = sign
-            result += np.einsum("cjn,jb->cbn", part, place)
-        return result
-
-    def _of_tree(self, wrench: Array) -> Array:
-        """The joints of the tree alone: minus what acts behind them; arms are taken about the middle of the bodies."""
-        middle = self.position[:, :-1].mean(axis=1, keepdims=True)
-        force, moment = wrench[:3], wrench[3:]
-        about = moment + crossed_product((self.position - middle)[..., None] + np.zeros_like(force), force)
-        sums: Array = np.einsum("bj,cbk->cjk", self.behind, np.concatenate((force, about)))
-        sums[3:] -= crossed_product((self.point - middle)[..., None] + np.zeros_like(sums[:3]), sums[:3])
-        sums *= -1.0
-        return sums
 
     def _multipliers(self, tree: Array) -> Array:
         """Return lambda (locked rows, columns) for the wrenches in the joints of the open tree (6, joints, columns)."""
         assert self.cuts is not None
-        twist, at = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.joint_of
-        held = np.zeros((len(at), tree.shape[2]))
-        own = at >= 0
-        # what the open tree's joints lack along their own free directions
-        held[own] = np.einsum("ck,ckn->kn", twist[:, own], tree[:, at[own]])
+        twist, at = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.carriers.joint_of
+        # what the open tree's joints lack along their own free directions; of floating bodies, last, nothing depends
+        held = np.einsum("ck,ckn->kn", twist, tree[:, at])
         result = np.zeros((len(self.cuts.names), tree.shape[2]))
         dependent = np.ones(len(at), dtype=bool)
         dependent[self.reduction.independent] = False
@@ -145,29 +170,25 @@ class Reactions:
         return result
 
 
-def reactions(topology: Topology, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array,
-              position: Array) -> Reactions:  # fmt: skip
-    """Return the way from body wrenches to joint wrenches.
+def _through(matrix: Array, wrench: Array, places: int) -> Array:
+    columns = wrench.shape[2]
+    return (matrix @ wrench.reshape(matrix.shape[1], columns)).reshape(6, places, columns)
+
+
+def carriers(topology: Topology, position: Array) -> Carriers:
+    """Return what topology and geometry say of the forces in joints.
 
     Parameters
     ----------
     topology : Topology
         The spanning tree.
-    coordinates : Twists
-        The joint coordinates.
-    cuts : Cuts or None
-        Locked rows of the cut joints.
-    reduction : Reduction
-        The minimal coordinates.
-    phi : array, shape (locked rows, n)
-        Locked rows per unit joint coordinate.
     position : array, shape (3, bodies + 1)
         Centres of mass [m], the origin for ground.
 
     Returns
     -------
-    Reactions
-        To be called with wrenches on the bodies.
+    Carriers
+        The ways from bodies to joints and back.
     """
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(topology.bodies)
@@ -186,9 +207,35 @@ def reactions(topology: Topology, coordinates: Twists, cuts: Cuts | None, reduct
     joint_of: list[int] = []
     for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
         joint_of += [k] * len(topology.joints[k].freedom)
-    joint_of += [FLOATS] * (len(coordinates.names) - len(joint_of))
-    return Reactions(topology, coordinates, cuts, reduction, phi, position, point, start, first, second, behind,
-                     np.array(joint_of, dtype=np.intp))  # fmt: skip
+    joint_of += [FLOATS] * (6 * len(topology.floating))
+    return Carriers(topology, position, point, start, first, second, behind,
+                    np.array(joint_of, dtype=np.intp)).as_matrices()  # fmt: skip
+
+
+def reactions(
+    carriers: Carriers, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array
+) -> Reactions:
+    """Return the way from body wrenches to joint wrenches.
+
+    Parameters
+    ----------
+    carriers : Carriers
+        What topology and geometry say of it.
+    coordinates : Twists
+        The joint coordinates.
+    cuts : Cuts or None
+        Locked rows of the cut joints, and couplers.
+    reduction : Reduction
+        The minimal coordinates.
+    phi : array, shape (locked rows, n)
+        Locked rows per unit joint coordinate.
+
+    Returns
+    -------
+    Reactions
+        To be called with wrenches on the bodies.
+    """
+    return Reactions(carriers, coordinates, cuts, reduction, phi)
 
 
 def place(joint: Joint, number: dict[str, int], position: Array) -> Array | tuple[float, float, float]:

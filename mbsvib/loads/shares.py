@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
     from mbsvib.kinematics import Array
+    from mbsvib.loads.pairs import Pairs
     from mbsvib.loads.statics import Statics
     from mbsvib.modes import Modes
     from mbsvib.system import System
@@ -148,11 +149,9 @@ def energies(system: System, shapes: Array | Complex) -> tuple[tuple[str, ...], 
 
 def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array:
     """What each pair of forces adds by its arms from the centres of mass, (pairs, n)."""
-    from mbsvib.loads.loaded import fixed
-
     rotation = motion[:, 3:] @ shapes
     rotation = np.concatenate((rotation, np.zeros((1, *rotation.shape[1:]))))
-    pairs = fixed(statics.applied, statics.pairs)
+    pairs = _fixed(statics)
     result = np.zeros((len(pairs.first), rotation.shape[2]))
     for form, body in zip(forms(pairs, statics.position), (pairs.first, pairs.second), strict=True):
         turned = rotation[body]
@@ -164,3 +163,13 @@ def _summed(rows: Array, owner: Sequence[int] | NDArray[np.intp], count: int) ->
     result = np.zeros((count, rows.shape[1]))
     np.add.at(result, np.asarray(owner), rows)
     return result
+
+
+def _fixed(statics: Statics) -> Pairs:
+    """All pairs of forces; those of follower loads, which have a form of their own, set to zero."""
+    follower, pairs = statics.applied.follower, statics.pairs
+    if not follower.any():
+        return pairs
+    force = pairs.force.copy()
+    force[:, : len(follower)][:, follower] = 0.0
+    return replace(pairs, force=force)

@@ -13,10 +13,12 @@ from mbsvib.loops import EPS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.assembly import Scene
     from mbsvib.kinematics import Array
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.pairs import Pairs
     from mbsvib.loads.wrenches import Applied
+    from mbsvib.loops import Reduction
     from mbsvib.system import System
     from mbsvib.topology import Topology
 
@@ -85,7 +87,7 @@ def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Arr
     ----------
     stiffness : array, shape (m, m)
         K of the springs.
-    position : array, shape (3, bodies + 1)
+    position : array, shape (bodies, 3)
         Centres of mass [m], whose size is that of the scene.
     turns : array, shape (m,)
         Which coordinates are rotations.
@@ -100,35 +102,39 @@ def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Arr
 
 
 def check_balance(
-    residual: Array, size: Array, noise: Array, names: tuple[str, ...], units: tuple[str, ...], topology: Topology,
-    model: str,
-) -> None:  # fmt: skip
+    residual: Array, size: Array, stiffness: Array, scene: Scene, reduction: Reduction, model: str
+) -> None:
     """Refuse a pose that is not in balance, by body, direction and missing force.
 
     Parameters
     ----------
     residual, size : array, shape (m,)
         Forces along the minimal coordinates and their sizes.
-    noise : array, shape (m,)
-        What rounding of the pose does there.
-    names, units : tuple of str
-        The coordinates, and m or rad.
-    topology : Topology
+    stiffness : array, shape (m, m)
+        K of the springs.
+    scene : Scene
         The mechanism, to name bodies.
+    reduction : Reduction
+        Its minimal coordinates.
     model : str
         Name of the model.
 
     Raises
     ------
     EquilibriumError
-        If more is left over than ``BALANCE`` of what should cancel and the noise.
+        If more is left over than ``BALANCE`` of what should cancel and what rounding of the pose does.
     """
-    share = np.abs(residual) / np.where(size > 0.0, size, 1.0)
-    off = np.flatnonzero(np.abs(residual) > BALANCE * size + noise)
+    off = np.flatnonzero(np.abs(residual) > BALANCE * size)
     if not len(off):
         return
+    turns = scene.coordinates.turns[reduction.independent]
+    off = off[np.abs(residual[off]) > (BALANCE * size + rounding(stiffness, scene.position, turns))[off]]
+    if not len(off):
+        return
+    names = [scene.coordinates.names[i] for i in reduction.independent.tolist()]
+    topology, share = scene.topology, np.abs(residual) / np.where(size > 0.0, size, 1.0)
     worst = int(off[np.argmax(share[off])])
-    unit = "N" if units[worst] == "m" else "N m"
+    unit = "N m" if turns[worst] else "N"
     joint, _, direction = names[worst].rpartition(".")
     body, where = _who(joint, direction, topology)
     more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."

@@ -1,0 +1,94 @@
+"""What acts, as far as parts and tree say: kept with the model, so that only what depends on loops is done again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.loads.reactions import carriers
+
+if TYPE_CHECKING:
+    from mbsvib.assembly import Scene
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.loads.felt import Felt
+    from mbsvib.loads.reactions import Carriers
+    from mbsvib.loads.wrenches import Applied
+
+
+@dataclass(frozen=True, slots=True)
+class Acting:
+    """Applied forces on the bodies, and the geometry of all pairs, the applied ones and those of joints.
+
+    ``ways`` lead from bodies to joints. ``wrench`` (6, bodies + 1) acts on the bodies, ``sizes`` (2, bodies + 1) are
+    those of all forces and moments in it; ``pairs`` (6, applied) are the wrenches on the second bodies, then ``first``
+    and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``arms`` (3, 2 pairs) go from the centres of
+    mass of the first and then of the second bodies, ``place`` (2 pairs, bodies) tells which body, with the sign of the
+    force on it, and leaves follower loads out. ``levers`` (k, 3, 6) times a wrench is v x f + 1/2 w x tau for the
+    ``turning`` (k,) felt rows. ``owners`` are the names of all pairs and of the bodies.
+    """
+
+    ways: Carriers
+    wrench: Array
+    sizes: Array
+    pairs: Array
+    first: Index
+    second: Index
+    start: Array
+    end: Array
+    arms: Array
+    place: Array
+    levers: Array
+    turning: Index
+    owners: tuple[str, ...]
+
+
+def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -> Acting:
+    """Return what acts on a mechanism; as long as its tree is the same, what was found before.
+
+    Parameters
+    ----------
+    applied : Applied
+        What loads the mechanism.
+    felt : Felt
+        What forces feel.
+    scene : Scene
+        The mechanism in numbers.
+    memory : dict
+        Where the result is kept.
+
+    Returns
+    -------
+    Acting
+        Forces on bodies, and geometry.
+    """
+    kept: Acting | None = memory.get("acting")
+    if kept is not None and kept.ways.topology is scene.topology:
+        return kept
+    topology, bodies = scene.topology, len(scene.bodies)
+    position = np.concatenate((scene.position, np.zeros((1, 3)))).T
+    ways = carriers(topology, position)
+    wrench, sizes = applied.pairs.on_bodies(position)
+    wrench[:3] += applied.weight
+    sizes[0] += np.sqrt(np.square(applied.weight).sum(axis=0))
+    first = np.concatenate((applied.pairs.first, ways.first))
+    second = np.concatenate((applied.pairs.second, ways.second))
+    start = np.concatenate((applied.pairs.start, ways.start), axis=1)
+    end = np.concatenate((applied.pairs.end, ways.point), axis=1)
+    count = len(first)
+    place = np.zeros((2 * count, bodies + 1))
+    place[np.arange(count), first] = -1.0
+    place[np.arange(count, 2 * count), second] = 1.0
+    place.reshape(2, count, bodies + 1)[:, : applied.loads][:, applied.follower] = 0.0
+    turning = np.flatnonzero(felt.carrier < bodies)
+    levers = np.zeros((len(turning), 3, 6))
+    for k, six in enumerate(felt.twist[:, turning].T):
+        for column, unit in enumerate(np.eye(3)):
+            levers[k, :, column], levers[k, :, 3 + column] = np.cross(six[:3], unit), 0.5 * np.cross(six[3:], unit)
+    memory["acting"] = result = Acting(
+        ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
+        np.concatenate((start - position[:, first], end - position[:, second]), axis=1), place[:, :-1], levers, turning,
+        (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
+    )  # fmt: skip
+    return result
