@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
 
 
-# Accuracy that a caller who does not ask for one gets, at least: ten digits.
-RTOL = 1e-10
+# Accuracy that a caller who does not ask for one gets, at least: twelve digits, which cost no more than ten.
+RTOL = 1e-12
 # Damping near the critical one asks for undamped modes that much better than the damped ones may be.
 TIGHTER = 1e-2
 # What no higher rung of the ladder can mend.

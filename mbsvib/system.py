@@ -218,7 +218,7 @@ class System:
         near : float
             The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest.
         rtol : float, optional
-            Relative accuracy asked of every eigenvalue, 1e-10 if none is; more accurate and slower methods are taken
+            Relative accuracy asked of every eigenvalue, 1e-12 if none is; more accurate and slower methods are taken
             as far as needed. Modes whose error estimate stays larger are warned of by number (AccuracyWarning).
 
         Returns
