@@ -130,3 +130,36 @@ def test_many_strong_dampers_agree_with_their_forces_as_unknowns():
     away = np.abs(other - modes.eigenvalues) / np.abs(modes.eigenvalues)
     assert (away <= modes.errors + errors).all()
     assert away.max() <= 1e-10
+
+
+def ziegler(thrust, damping=0.0):
+    """Two rods without mass on torsion springs with masses 2 and 1 at their ends and a thrust that turns along."""
+    model = mv.Model("column")
+    for name, mass, z in (("a", 2.0, 1.0), ("b", 1.0, 2.0)):
+        model.add_body(name, mass, (0, 0, 0), position=(0, 0, z))
+        first = "ground" if name == "a" else "a"
+        model.add_joint(f"j{name}", "revolute", first, name, position=(0, 0, z - 1.0), axis=(0, 1, 0))
+        model.add_bushing(f"k{name}", first, name, position=(0, 0, z - 1.0), stiffness=(0, 0, 0, 0, 1.0, 0),
+                          damping=(0, 0, 0, 0, damping, 0))  # fmt: skip
+    model.add_load("thrust", "b", force=(0, 0, -thrust), follower=True)
+    return model.linearize()
+
+
+@pytest.mark.parametrize("thrust", [0.5, 2.0, 2.0857, 2.0859, 4.9, 5.0])
+def test_flutter_of_a_column(thrust):
+    """2 s^4 + (7 - 2 P) s^2 + 1 = 0: flutter from P = 7/2 - sqrt 2 to 7/2 + sqrt 2, divergence beyond."""
+    modes = ziegler(thrust).modes()
+    square = np.roots([2.0, 7.0 - 2.0 * thrust, 1.0]).astype(complex)
+    exact = np.concatenate((np.sqrt(square), -np.sqrt(square)))
+    for value, bound in zip(modes.eigenvalues, modes.errors, strict=True):
+        assert np.abs(exact - value).min() <= max(1e-12, bound) * abs(value)
+    assert modes.stable == (thrust < 3.5 - np.sqrt(2.0))
+    assert modes.errors.max() <= 1e-10
+    if thrust < 3.5 - np.sqrt(2.0):
+        assert not modes.eigenvalues.real.any()
+
+
+def test_little_damping_destabilises():
+    """Equal dampers take the limit from 2.086 to 41/28 (Ziegler): the sign of a small real part is right."""
+    for thrust, stable in ((41.0 / 28.0 - 1e-4, True), (41.0 / 28.0 + 1e-4, False)):
+        assert ziegler(thrust, 1e-6).modes().stable == stable
