@@ -144,3 +144,14 @@ def test_a_disk_on_a_flexible_shaft():
         assert np.abs(modes.natural - abs(w)).min() <= 1e-6 * abs(w)
     assert "disk" in str(modes)
     np.testing.assert_allclose(sum(modes.kinetic_energy.values()), 1.0, rtol=1e-12)
+
+
+def test_rotors_go_along_to_another_pose():
+    """A wheel on a hinged arm: its axis turns with the arm."""
+    model = mv.Model("arm")
+    model.add_body("arm", 1.0, (0.1, 0.2, 0.3), position=(1.0, 0, 0))
+    model.add_joint("hinge", "spherical", "ground", "arm", position=(0, 0, 0))
+    model.add_rotor("wheel", "arm", 50.0, (0, 0, 1), inertia=0.02)
+    moved = model.moved({"hinge.rx": 0.5})
+    np.testing.assert_allclose(moved.rotors["wheel"].axis, [0.0, -np.sin(0.5), np.cos(0.5)], atol=1e-14)
+    np.testing.assert_allclose(moved.linearize().modes().natural, model.linearize().modes().natural, rtol=1e-12)
