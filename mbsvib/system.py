@@ -1,14 +1,14 @@
-"""The system: minimal linear equations of motion with names, units and the way back to the bodies."""
+"""The system: the equations of a mechanism, and every question that can be asked of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from mbsvib.errors import ResponseError
+from mbsvib.equations import Equations, Provenance
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -19,148 +19,26 @@ if TYPE_CHECKING:
     from mbsvib.energy_schur import EnergySchur
     from mbsvib.general import General
     from mbsvib.loads.shares import StiffnessShares
-    from mbsvib.loads.statics import Statics
-    from mbsvib.loops import Reduction
-    from mbsvib.massless import Separation
     from mbsvib.modal_sum import ModalSum
     from mbsvib.modes import Modes
-    from mbsvib.parameters import Parameters
-    from mbsvib.parts._part import Part
-    from mbsvib.reachable import Dropped
     from mbsvib.state_space import StateSpace
-    from mbsvib.topology import Topology
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
+__all__ = ["RESPONSE_RTOL", "Provenance", "System"]
 
 # Responses want the modes as accurate as they come without effort; what falls short is used nevertheless.
 RESPONSE_RTOL = 1e-13
 
 
-@dataclass(frozen=True, slots=True)
-class Provenance:
-    """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
-    are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
-    without mass, ``statics`` what the loads do at the pose, ``dropped`` what
-    ``reachable`` left out.
-    """
-
-    topology: Topology
-    reduction: Reduction
-    joint_coordinates: tuple[str, ...]
-    springs: tuple[str, ...]
-    parts: tuple[Part, ...] = ()
-    massless: Separation | None = None
-    statics: Statics | None = None
-    dropped: Dropped | None = None
-
-
 @dataclass(frozen=True, repr=False, eq=False)
-class System:
+class System(Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
-    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI
-    units and radians. ``coordinates``, ``inputs`` and ``outputs`` are their names, ``..._units`` their units.
-
-    The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
-    with D = ``elastic_rows`` (rows, m), k = ``stiffness`` and c = ``damping`` (rows,); ``row_owner`` (rows,) numbers
-    the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are read-only.
-
-    What no such rows can be is None where the mechanism has none: ``gyroscopic`` G (m, m), antisymmetric, is part of C
-    beside D^T diag(c) D, as spinning bodies add it; ``circulatory`` N (m, m), antisymmetric, is part of K beside
-    D^T diag(k) D, as follower loads add it. M is singular if ``massless`` > 0: the motions ``null_inertia``
-    (m, massless) move no mass but dampers (their damping is regular), each has one first-order state in place of two,
-    and there are 2m - massless eigenvalues. Massless motions that no damper feels are not among the coordinates: they
-    follow from statics, and what inputs do to them at once is in D (``explain()`` names them).
+    Matrices, factors and names are those of ``Equations``; modes are kept once they are known, and what asks for them
+    again does not pay.
     """
-
-    name: str
-    coordinates: tuple[str, ...]
-    coordinate_units: tuple[str, ...]
-    inputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    outputs: tuple[str, ...]
-    output_units: tuple[str, ...]
-    bodies: tuple[str, ...]
-    M: Array
-    C: Array
-    K: Array
-    B: Array
-    Cq: Array
-    Cv: Array
-    Ca: Array
-    D: Array
-    inertia_factor: Array
-    elastic_rows: Array
-    stiffness: Array
-    damping: Array
-    row_owner: NDArray[np.intp]
-    body_motion: Array
-    provenance: Provenance = field(repr=False)
-    gyroscopic: Array | None = None
-    circulatory: Array | None = None
-    massless: int = 0
-    null_inertia: Array | None = None
-
-    def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            array = getattr(self, name)
-            if array is not None:
-                array.setflags(write=False)
-
-    @property
-    def dof(self) -> int:
-        """Number of degrees of freedom, m."""
-        return len(self.coordinates)
-
-    @property
-    def tree(self) -> tuple[str, ...]:
-        """Names of the joints of the spanning tree, from ground outwards."""
-        return self.provenance.topology.tree
-
-    @property
-    def cut_joints(self) -> tuple[str, ...]:
-        """Names of the joints at which loops are cut."""
-        return self.provenance.topology.cut_joints
-
-    @property
-    def redundant(self) -> tuple[str, ...]:
-        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
-        return tuple(name for group in self.provenance.reduction.groups for name in group.redundant)
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        """Every number that the system was made of by its name (``"leg1.k.stiffness"``), read-only; see ``units``."""
-        from mbsvib.parameters import Parameters
-
-        return Parameters(self.provenance.parts)
-
-    def displacements(self, q: ArrayLike) -> dict[str, Array]:
-        """Return the displacements of the bodies, x = B' B'' q.
-
-        Parameters
-        ----------
-        q : array-like, shape (m,) or (m, n)
-            Minimal coordinates [m, rad].
-
-        Returns
-        -------
-        dict of str to array, shape (6,) or (6, n)
-            Translation of each body's centre of mass [m] and its rotation [rad], world axes.
-
-        Raises
-        ------
-        ResponseError
-            If ``q`` does not have one entry for each coordinate.
-        """
-        vector = np.asarray(q)
-        if vector.ndim not in (1, 2) or len(vector) != self.dof:
-            raise ResponseError(
-                f"displacements: q has shape {vector.shape}; expected ({self.dof},) or ({self.dof}, n), one entry for "
-                f"each of the coordinates {', '.join(self.coordinates[:6])}{', ...' if self.dof > 6 else ''}."
-            )
-        return dict(zip(self.bodies, self.body_motion @ vector, strict=True))
 
     @cached_property
     def _modes(self) -> Modes:
@@ -423,7 +301,7 @@ class System:
         Parameters
         ----------
         realization : str
-            "physical": x = (q, q'); "modal": one 2x2 block for each mode.
+            "physical": x = (q, q'); "modal": one 2x2 block for each mode; "balanced": physical times powers of two.
         reachable : bool
             Whether to leave out states of parts that no input reaches or no output sees.
 
@@ -477,6 +355,3 @@ class System:
 
     def __repr__(self) -> str:
         return f"System({self.name!r}: {self.dof} DOF, {len(self.inputs)} inputs, {len(self.outputs)} outputs)"
-
-
-_ARRAYS = tuple(item.name for item in fields(System) if "Array" in str(item.type) or "NDArray" in str(item.type))
