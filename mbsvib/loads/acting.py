@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.loads.reactions import carriers
+from mbsvib.loads.reactions import SMALL, carriers, reactions
 
 if TYPE_CHECKING:
     from mbsvib.assembly import Scene
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.reactions import Carriers
     from mbsvib.loads.wrenches import Applied
+    from mbsvib.loops import Reduction
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +24,12 @@ class Acting:
 
     ``ways`` lead from bodies to joints. ``wrench`` (6, bodies + 1) acts on the bodies, ``sizes`` (2, bodies + 1) are
     those of all forces and moments in it; ``pairs`` (6, applied) are the wrenches on the second bodies, then ``first``
-    and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``arms`` (3, 2 pairs) go from the centres of
-    mass of the first and then of the second bodies, ``place`` (2 pairs, bodies) tells which body, with the sign of the
-    force on it, and leaves follower loads out. ``levers`` (k, 3, 6) times a wrench is v x f + 1/2 w x tau for the
+    and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``arms`` (3, 2, pairs) go from the centres
+    of mass of the first and then of the second bodies, ``place`` (2 pairs, bodies) tells which body, with the sign of
+    the force on it, and leaves follower loads out. ``levers`` (k, 3, 6) times a wrench is v x f + 1/2 w x tau for the
     ``turning`` (k,) felt rows. ``owners`` are the names of all pairs and of the bodies.
+    The joints of the open tree carry ``tree`` (6, joints, 1), and ``loops`` (6 joints, locked rows) is what multipliers
+    add to that in all joints, None where it would be large.
     """
 
     ways: Carriers
@@ -42,9 +45,13 @@ class Acting:
     levers: Array
     turning: Index
     owners: tuple[str, ...]
+    tree: Array
+    loops: Array | None
 
 
-def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -> Acting:
+def acting(
+    applied: Applied, felt: Felt, scene: Scene, reduction: Reduction, memory: dict[str, Any]
+) -> Acting:
     """Return what acts on a mechanism; as long as its tree is the same, what was found before.
 
     Parameters
@@ -55,6 +62,8 @@ def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -
         What forces feel.
     scene : Scene
         The mechanism in numbers.
+    reduction : Reduction
+        Its minimal coordinates.
     memory : dict
         Where the result is kept.
 
@@ -86,9 +95,14 @@ def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -
     for k, six in enumerate(felt.twist[:, turning].T):
         for column, unit in enumerate(np.eye(3)):
             levers[k, :, column], levers[k, :, 3 + column] = np.cross(six[:3], unit), 0.5 * np.cross(six[3:], unit)
+    loops, locked = None, 0 if scene.cuts is None else len(scene.cuts.names)
+    if 0 < locked * 6 * len(ways.first) <= SMALL:
+        to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, np.zeros((locked, 0)))
+        loops = to_joints.of_multipliers(np.eye(locked)).reshape(-1, locked)
     memory["acting"] = result = Acting(
         ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
-        np.concatenate((start - position[:, first], end - position[:, second]), axis=1), place[:, :-1], levers, turning,
+        np.stack((start - position[:, first], end - position[:, second]), axis=1), place[:, :-1], levers, turning,
         (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
+        ways.of_tree(wrench[:, :, None]), loops,
     )  # fmt: skip
     return result

@@ -85,7 +85,7 @@ def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array
     body : array, shape (6 bodies,)
         Numbers of the bodies.
     """
-    outer = (np.concatenate((force, force), axis=1)[:, None] * acting.arms).reshape(9, -1)
+    outer = (force[:, None, None] * acting.arms).reshape(9, 2 * force.shape[1])
     values = _SQUARES @ (outer @ acting.place)
     limit = ZERO_FORM * np.abs(outer).max(axis=0) @ np.abs(acting.place)
     values[np.abs(values) <= limit] = 0.0

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import lapack
 
 from mbsvib.mobility import crossed_product
 from mbsvib.topology import FLOATS
@@ -113,11 +114,15 @@ class Reactions:
             Force at the joint's point and moment about it, as they act on the joint's second body; its first body
             takes the opposite.
         """
-        result = self.carriers.of_tree(wrench)
+        tree = self.carriers.of_tree(wrench)
         if self.cuts is None or not len(self.cuts.names):
-            return result
-        closing = self._closing(self._multipliers(result))
-        return result + self.carriers.of_tree(self.carriers.on_bodies(closing)) + closing
+            return tree
+        return tree + self.of_multipliers(self.multipliers(tree))
+
+    def of_multipliers(self, multipliers: Array) -> Array:
+        """Return the wrenches in all joints (6, joints, columns) that multipliers (locked rows, columns) bring."""
+        closing = self._closing(multipliers)
+        return self.carriers.of_tree(self.carriers.on_bodies(closing)) + closing
 
     def _closing(self, multipliers: Array) -> Array:
         """The wrenches (6, joints, columns) in the cut joints: of what they lock, and of couplers on them."""
@@ -148,7 +153,7 @@ class Reactions:
         found: Index = cut[np.argmax(same.astype(int) + here, axis=1)]
         return found
 
-    def _multipliers(self, tree: Array) -> Array:
+    def multipliers(self, tree: Array) -> Array:
         """Return lambda (locked rows, columns) for the wrenches in the joints of the open tree (6, joints, columns)."""
         assert self.cuts is not None
         twist, at = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.carriers.joint_of
@@ -163,7 +168,7 @@ class Reactions:
                 continue
             matrix = self.phi[group.rows[:, None], columns].T
             if matrix.shape[0] == matrix.shape[1]:
-                result[group.rows] = np.linalg.solve(matrix, held[columns])
+                result[group.rows] = lapack.dgesv(matrix, held[columns])[2]
                 continue
             scale = group.length * self.cuts.row_scale(group.length)[group.rows]
             result[group.rows] = np.linalg.lstsq(matrix * scale, held[columns], rcond=None)[0] * scale[:, None]

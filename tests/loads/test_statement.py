@@ -1,0 +1,105 @@
+"""What loads a model: words, parameters, changes, files, refusals, and that nothing is paid without it."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.loads import wrenches
+
+
+def loaded():
+    model = mv.Model("loaded", gravity=(0, 0, -10.0))
+    model.add_body("mass", 2.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_joint("rail", "prismatic", "ground", "mass")
+    model.add_spring("up", "ground", "mass", (0, 0, 0), (0, 0, 1), 100.0, preload=-8.0)
+    model.add_spring("free", "ground", "mass", (0, 0, 0), (0, 0, 1), 50.0, free_length=1.1)
+    model.add_bushing("mount", "ground", "mass", (0, 0, 1), preload=(0, 0, 4.0, 0, 0, 1.0))
+    model.add_load("lift", "mass", force=(1, 2, 3.0), position=(0, 0.5, 1))
+    return model
+
+
+def test_all_forces_count_in_the_balance():
+    system = loaded().linearize()  # -20 + 8 + 5 + 4 + 3 = 0
+    assert system.provenance.statics.imbalance < 1e-15
+    assert system.K[0, 0] == pytest.approx(150.0, rel=1e-14)
+
+
+def test_parameters_have_names_units_and_values():
+    model = loaded()
+    expected = {"up.preload": (-8.0, "N"), "free.free_length": (1.1, "m"), "mount.preload.z": (4.0, "N"),
+                "mount.preload.rz": (1.0, "N m"), "lift.force.y": (2.0, "N"), "lift.torque.x": (0.0, "N m"),
+                "lift.position.y": (0.5, "m")}  # fmt: skip
+    for name, (value, unit) in expected.items():
+        assert (model.parameters[name], model.parameters.units[name]) == (value, unit)
+    assert "up.free_length" not in model.parameters
+
+
+def test_changes_keep_loads_and_gravity():
+    model = loaded().with_values({"lift.force.z": 2.0, "up.preload": -9.0})
+    assert (model.gravity, model.loads["lift"].force) == ((0, 0, -10.0), (1, 2, 2.0))
+    assert model.linearize().dof == 1
+    with pytest.raises(mv.EquilibriumError, match="lacks 1 N"):
+        model.replace("up", preload=-8.0).linearize()
+    with pytest.raises(mv.EquilibriumError, match=r"lacks -5 N"):
+        model.replace("free", free_length=1.2).linearize()
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".json"])
+def test_files_bring_everything_back(tmp_path, suffix):
+    model = loaded()
+    back = mv.load(mv.save(model, tmp_path / f"model{suffix}"))
+    assert back.gravity == model.gravity
+    assert dict(back.loads) == dict(model.loads)
+    assert dict(back.springs) == dict(model.springs)
+    assert (back.linearize().K == model.linearize().K).all()
+
+
+def test_a_changed_model_is_seen():
+    """What is kept of the loads is kept only as long as all parts are the same."""
+    model = loaded()
+    before = model.linearize().K.copy()
+    model.add_load("more", "mass", force=(0, 0, 5.0))
+    with pytest.raises(mv.EquilibriumError, match=r"lacks -5 N"):
+        model.linearize()
+    model.add_load("less", "mass", force=(0, 0, -5.0))
+    assert np.array_equal(model.linearize().K, before)
+
+
+def test_without_loads_no_statics_are_done(monkeypatch):
+    monkeypatch.setattr(wrenches, "applied", None)
+    model = mv.library.stewart()
+    weightless = mv.Model(model.name, gravity=(0, 0, 0))
+    for adder, group in model._groups():
+        for part in group.values():
+            getattr(weightless, adder or mv.model.ADDERS[type(part)])(**part.words())
+    system, other = model.linearize(), weightless.linearize()
+    assert system.provenance.statics is None
+    assert all((getattr(system, key) == getattr(other, key)).all() for key in ("M", "C", "K", "B"))
+
+
+def test_where_loads_are_not_supported_they_are_refused_by_name():
+    model = loaded()
+    with pytest.raises(mv.ModelError, match=r"gravity = .*batches of loaded models are not supported yet"):
+        model.linearize(values={"up.stiffness": [1.0, 2.0]})
+    with pytest.raises(mv.ModelError, match=r"gravity = .*method='sparse'"):
+        model.linearize(method="sparse")
+    model.gravity = None
+    with pytest.raises(mv.ModelError, match=r"load 'lift': .*method='sparse'"):
+        model.linearize(method="sparse")
+
+
+def test_gears_carry_what_pendulums_weigh():
+    """Two arms at 45 degrees hold each other through a gear: V'' = -m g d (sin a + r^2 sin b ...) in closed form."""
+    m, d, g, angle = 2.0, 0.5, 10.0, 0.7
+    model = mv.Model("gear", gravity=(0, 0, -g))
+    for k, (x, side) in enumerate(((0.0, 1.0), (3.0, 1.0))):
+        at = np.array([x + side * d * np.sin(angle), 0, -d * np.cos(angle)])
+        model.add_body(f"arm{k}", m, (0.1, 0.1, 0.1), position=at)
+        model.add_joint(f"pin{k}", "revolute", "ground", f"arm{k}", position=(x, 0, 0), axis=(0, 1, 0))
+    model.add_gear("mesh", "pin0", "pin1", ratio=-1.0)
+    system = model.linearize()
+    assert system.dof == 1
+    assert system.K[0, 0] == pytest.approx(2 * m * g * d * np.cos(angle), rel=1e-12)
+    torque = m * g * d * np.sin(angle)
+    moments = [system.reactions[f"pin{k}"][4] for k in range(2)]
+    assert np.abs(moments) == pytest.approx([torque, torque])
