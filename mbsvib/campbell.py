@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.tracking import Station, alone, follow, reference, step, upper
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -27,14 +28,8 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
     Index = NDArray[np.intp]
 
-# Modes of neighbouring speeds belong together if their shapes are at least so much alike (1: the same); elsewhere the
-# speeds are halved, so many times at most.
-ALIKE = 0.7
-HALVINGS = 6
 # A whirl is one if its area, in parts of that of a circle, is larger.
 ROUND = 1e-3
-# Eigenvalues this near to each other, in parts of the largest, are one.
-REPEATED = 1e-9
 # Critical speeds are found to this relative accuracy.
 XTOL = 1e-13
 
@@ -159,9 +154,7 @@ def campbell(
     w = _ascending(speeds)
     sweep = _sweep(model, ratios)
     found = [sweep.at(speed) for speed in w.tolist()]
-    order = [np.arange(len(found[0].pairs))]
-    for k in range(1, len(w)):
-        order.append(sweep.followed((w[k - 1], found[k - 1]), (w[k], found[k]), HALVINGS)[order[-1]])
+    order = follow([sweep.station(*point) for point in zip(w.tolist(), found, strict=True)], sweep.between)
     steps = list(zip(found, w.tolist(), order, strict=True))
     table = np.array([_upper(modes)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
@@ -198,18 +191,7 @@ def _ascending(speeds: ArrayLike) -> Array:
 
 
 def _upper(modes: Modes) -> Complex:
-    """One eigenvalue a mode: that which oscillates, of two real ones the one nearer to instability."""
-    first, second = modes.pairs.T
-    real = first.imag == 0.0
-    nearer = np.where(second.real > first.real, second, first)
-    return np.asarray(np.where(real, nearer, first.real + 1j * np.abs(first.imag)))
-
-
-def _alone(modes: Modes) -> NDArray[np.bool_]:
-    """Tell which eigenvalues are not repeated: modes of repeated ones have no shapes of their own."""
-    values = _upper(modes)
-    same = np.abs(values[:, None] - values) <= REPEATED * np.abs(values).max(initial=0.0)
-    return np.asarray(same.sum(axis=1) == 1)
+    return upper(modes.pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,25 +215,17 @@ class _Sweep:
                 changes[letter] = getattr(system, letter) + speed * part
         return (replace(system, **changes) if changes else system).modes()
 
-    def alike(self, one: Modes, other: Modes) -> Array:
-        """Return how much shapes are alike, by the energies of both: 1 if the same, (modes, modes)."""
-        a, b = self.energy @ one.shapes, self.energy @ other.shapes
-        sizes = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)
-        return np.asarray((np.abs(a.conj().T @ b) / np.where(sizes > 0.0, sizes, 1.0)) ** 2)
+    def station(self, speed: float, modes: Modes) -> Station:
+        """Return modes with their shapes weighted by the energies of both kinds."""
+        return Station(speed, _upper(modes), self.energy @ modes.shapes)
 
-    def followed(self, one: tuple[float, Modes], other: tuple[float, Modes], halvings: int) -> Index:
+    def between(self, speed: float) -> Station:
+        """Return the modes at another speed."""
+        return self.station(speed, self.at(speed))
+
+    def followed(self, one: tuple[float, Modes], other: tuple[float, Modes]) -> Index:
         """Return the number at the other speed of each mode at the one."""
-        from scipy.optimize import linear_sum_assignment
-
-        (low, before), (high, after) = one, other
-        alike = self.alike(before, after)
-        mode, number = linear_sum_assignment(-alike)
-        if halvings == 0 or (alike[mode, number][_alone(before)[mode]] >= ALIKE).all():
-            return np.asarray(number)
-        middle = 0.5 * (low + high)
-        between = (middle, self.at(middle))
-        first = self.followed(one, between, halvings - 1)
-        return self.followed(between, other, halvings - 1)[first]
+        return step(reference(self.station(*one)), one[0], self.station(*other), self.between)[0]
 
     def whirl(self, modes: Modes, speed: float) -> Array:
         """Return the area of the rotors' orbits as a part of that of circles, positive as they spin, (modes,)."""
@@ -316,16 +290,16 @@ class _Ends:
     """One mode between two speeds, followed from the nearest at which it was looked at and is by itself."""
 
     def __init__(self, sweep: _Sweep, sides: list[tuple[float, Modes, int]], times: float) -> None:
-        alone = [side for side in sides if _alone(side[1])[side[2]]]
-        self.sweep, self.known, self.times = sweep, alone or sides, times
+        single = [side for side in sides if alone(_upper(side[1]))[side[2]]]
+        self.sweep, self.known, self.times = sweep, single or sides, times
 
     def mode(self, speed: float) -> tuple[Modes, int]:
         near, modes, number = min(self.known, key=lambda known: abs(known[0] - speed))
         if near == speed:
             return modes, number
         here = self.sweep.at(speed)
-        at = int(self.sweep.followed((near, modes), (speed, here), HALVINGS)[number])
-        if _alone(here)[at]:
+        at = int(self.sweep.followed((near, modes), (speed, here))[number])
+        if alone(_upper(here))[at]:
             self.known.append((speed, here, at))
         return here, at
 
