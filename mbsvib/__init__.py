@@ -17,7 +17,7 @@ from mbsvib.errors import (
 from mbsvib.model import Model
 
 if TYPE_CHECKING:
-    from mbsvib import library, plots
+    from mbsvib import isolation, library, plots
     from mbsvib.assembly import linearize
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
@@ -42,6 +42,7 @@ __all__ = [
     "System",
     "__version__",
     "from_dh",
+    "isolation",
     "library",
     "linearize",
     "load",
@@ -54,6 +55,7 @@ _HOMES = {
     "StateSpace": "mbsvib.state_space",
     "System": "mbsvib.system",
     "from_dh": "mbsvib.library",
+    "isolation": "mbsvib.isolation",
     "library": "mbsvib.library",
     "plots": "mbsvib.plots",
     "linearize": "mbsvib.assembly",

@@ -1,0 +1,86 @@
+"""One-third octaves and the vibration criteria VC-A to VC-G of floors for sensitive equipment."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.kinematics import Array
+
+# Plateaus [m/s]: each half the one before, rounded as the source has them
+VC = {"VC-A": 50e-6, "VC-B": 25e-6, "VC-C": 12.5e-6, "VC-D": 6.25e-6, "VC-E": 3.12e-6, "VC-F": 1.56e-6, "VC-G": 0.78e-6}
+RELAXED, KNEE = ("VC-A", "VC-B"), 8.0
+LOWEST, HIGHEST = 1.0, 80.0
+
+
+def centres(low: float = LOWEST, high: float = HIGHEST) -> Array:
+    """Return the exact middle frequencies 10^(n/10) of the one-third octaves from ``low`` to ``high`` [Hz], as nominal.
+
+    Parameters
+    ----------
+    low, high : float
+        Nominal middle frequencies of the first and the last band [Hz].
+
+    Returns
+    -------
+    array, shape (bands,)
+        Ascending frequencies [Hz].
+
+    Source: IEC 61260-1, base-ten octaves.
+    """
+    numbers = np.arange(round(10.0 * np.log10(low)), round(10.0 * np.log10(high)) + 1)
+    return np.asarray(10.0 ** (numbers / 10.0))
+
+
+def edges(middle: ArrayLike) -> Array:
+    """Return the ends of adjacent one-third octaves, one more than there are bands [Hz].
+
+    Parameters
+    ----------
+    middle : array-like, shape (bands,)
+        Their middle frequencies [Hz].
+
+    Returns
+    -------
+    array, shape (bands + 1,)
+        Ascending frequencies [Hz].
+    """
+    middle = np.asarray(middle, dtype=float)
+    return np.concatenate((middle * 10.0**-0.05, middle[-1:] * 10.0**0.05))
+
+
+def vc_curve(name: str, frequencies: ArrayLike) -> Array:
+    """Return the rms velocity that a vibration criterion allows in one-third octaves.
+
+    Parameters
+    ----------
+    name : str
+        VC-A to VC-G.
+    frequencies : array-like, shape (n,)
+        Middle frequencies [Hz].
+
+    Returns
+    -------
+    array, shape (n,)
+        Velocities [m/s]. VC-A and VC-B allow more below 8 Hz, where they are lines of constant acceleration.
+
+    Raises
+    ------
+    KeyError
+        If there is no such criterion.
+
+    Source: H. Amick et al., "Evolving criteria for research facilities: vibration", SPIE 5933 (2005); IEST-RP-CC012.
+    """
+    f = np.asarray(frequencies, dtype=float)
+    relaxed = np.maximum(KNEE / f, 1.0) if name in RELAXED else np.ones_like(f)
+    return VC[name] * relaxed
+
+
+def strictest(middle: Array, velocity: Array) -> str:
+    """Return the strictest criterion that velocities in one-third octaves keep, or an empty string."""
+    kept = [name for name in VC if (velocity <= vc_curve(name, middle)).all()]
+    return kept[-1] if kept else ""

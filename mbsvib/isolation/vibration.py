@@ -1,0 +1,218 @@
+"""Vibration under base noise: root mean squares, cumulative ones, one-third octaves, strokes and forces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.isolation import octaves
+from mbsvib.isolation.figures import ACCELERATIONS, checked
+from mbsvib.isolation.mean_square import integrals, moments, panels
+from mbsvib.isolation.noise import BaseNoise, Shaped
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.isolation.figures import Isolation
+    from mbsvib.kinematics import Array
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Vibration:
+    """Root mean squares while the base is shaken by ``noise``, over ``band`` [Hz] or all frequencies (None).
+
+    ``acceleration`` (6,) [m/s^2, rad/s^2] is that of the body, absolute, at the reference point; ``stroke`` [m] and
+    ``force`` [N] those of each leg or spring. ``exact`` tells whether they are moments of white noise through filters
+    or integrals over frequency; both are accurate to rounding.
+    """
+
+    study: Isolation
+    noise: BaseNoise
+    band: tuple[float, float] | None
+    acceleration: Array
+    stroke: Mapping[str, float]
+    force: Mapping[str, float]
+    exact: bool
+    _inputs: tuple[str, ...] = field(repr=False, default=())
+
+    def cumulative(self, frequencies: ArrayLike | None = None) -> Array:
+        """Return the cumulative root mean square acceleration: what frequencies from the first one on contribute.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Ascending frequencies [Hz]; default: those of the study.
+
+        Returns
+        -------
+        array, shape (6, n)
+            Root mean squares of what is below each frequency [m/s^2, rad/s^2].
+
+        Raises
+        ------
+        ResponseError
+            If frequencies do not ascend.
+        """
+        f = checked(self.study.frequencies if frequencies is None else frequencies)
+        low, high = _span(self.noise, self.band, float(f[-1]))
+        inside = np.clip(f, low, high)
+        ends = panels(self.study.linear, self.noise, (low, high), inside)
+        parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends)
+        total = np.concatenate((np.zeros((6, 1)), np.cumsum(parts, axis=1)), axis=1)
+        return np.sqrt(total[:, np.searchsorted(ends, inside)])
+
+    def density(self, frequencies: ArrayLike | None = None) -> Array:
+        """Return the one-sided power spectral density of the body's acceleration.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Frequencies [Hz]; default: those of the study.
+
+        Returns
+        -------
+        array, shape (6, n)
+            Densities [(m/s^2)^2/Hz, (rad/s^2)^2/Hz].
+        """
+        f = checked(self.study.frequencies if frequencies is None else frequencies)
+        linear = self.study.linear
+        into = [linear.inputs.index(name) for name in self._inputs]
+        g = linear.frequency_response(2.0 * np.pi * f)[np.ix_([linear.outputs.index(n) for n in ACCELERATIONS], into)]
+        return np.asarray(np.einsum("oin,nij,ojn->on", g, self.noise.at(f), g.conj()).real)
+
+    def velocity(self, centres: ArrayLike | None = None) -> Array:
+        """Return the root mean square velocity of the body in one-third octaves.
+
+        Parameters
+        ----------
+        centres : array-like, shape (bands,), optional
+            Middle frequencies of adjacent one-third octaves [Hz]; default: 1 to 80 Hz.
+
+        Returns
+        -------
+        array, shape (6, bands)
+            Velocities [m/s, rad/s].
+        """
+        middle = octaves.centres() if centres is None else checked(centres)
+        limits = octaves.edges(middle)
+        ends = panels(self.study.linear, self.noise, (float(limits[0]), float(limits[-1])), limits)
+        parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends, power=-2)
+        if self.band is not None:
+            parts = parts * ((ends[:-1] >= self.band[0]) & (ends[1:] <= self.band[1]))
+        total = np.concatenate((np.zeros((6, 1)), np.cumsum(parts, axis=1)), axis=1)
+        return np.sqrt(np.maximum(np.diff(total[:, np.searchsorted(ends, limits)], axis=1), 0.0))
+
+    @cached_property
+    def criterion(self) -> str:
+        """The strictest vibration criterion, VC-A to VC-G, that x, y and z keep from 1 to 80 Hz; empty if none."""
+        return octaves.strictest(octaves.centres(), self.velocity()[:3])
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of root mean squares as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        from mbsvib.isolation.writing import vibration_table
+
+        return vibration_table(self)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write density and cumulative root mean square of the acceleration over frequency as comma-separated values.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to.
+
+        Returns
+        -------
+        Path
+            The path.
+        """
+        from mbsvib.isolation.writing import vibration_csv
+
+        return vibration_csv(self, path)
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return f"Vibration({self.study.name!r}: base shaken along {' '.join(self.noise.directions)})"
+
+
+def vibration(study: Isolation, noise: BaseNoise, band: tuple[float, float] | None) -> Vibration:
+    """Return root mean squares of a study's body, strokes and forces.
+
+    Parameters
+    ----------
+    study : Isolation
+        The mechanism, its loops open or closed.
+    noise : BaseNoise
+        What shakes the base.
+    band : (float, float) or None
+        First and last frequency [Hz]; None: all.
+
+    Returns
+    -------
+    Vibration
+        Root mean squares.
+
+    Raises
+    ------
+    ResponseError
+        If the vibration grows without bound, or correlated noise has no last frequency and no band is given.
+    """
+    legs = study.scene.legs
+    outputs = [*ACCELERATIONS, *(leg.stroke for leg in legs), *(leg.force for leg in legs)]
+    inputs = tuple([f"base.{direction}" for direction in noise.directions])
+    if band is not None:
+        band = float(band[0]), float(band[1])
+    square, exact = _squares(study, inputs, outputs, noise, band)
+    root = np.sqrt(square)
+    k = len(legs)
+    names = [leg.name for leg in legs]
+    return Vibration(study, noise, band, root[:6], dict(zip(names, root[6 : 6 + k].tolist(), strict=True)),
+                     dict(zip(names, root[6 + k :].tolist(), strict=True)), exact, inputs)  # fmt: skip
+
+
+def _squares(
+    study: Isolation, inputs: tuple[str, ...], outputs: list[str], noise: BaseNoise, band: tuple[float, float] | None
+) -> tuple[Array, bool]:
+    linear = study.linear
+    if band is None and noise.unbounded:
+        if noise.filters is not None:
+            return moments(linear, inputs, outputs, noise.filters, noise.correlation.real), True
+        if not np.array_equal(noise.correlation, np.eye(len(inputs))):
+            raise ResponseError("rms: correlated noise of different shapes has no moments in closed form; give a band, "
+                                "(first, last) [Hz], over which it is integrated.")  # fmt: skip
+        total = np.zeros(len(outputs))
+        for i, spectrum in enumerate(noise.spectra):
+            one = replace(noise, directions=noise.directions[i : i + 1], spectra=(spectrum,),
+                          correlation=np.eye(1, dtype=complex))  # fmt: skip
+            total += _squares(study, inputs[i : i + 1], outputs, one, None)[0]
+        return total, False
+    ends = panels(linear, noise, _span(noise, band, 0.0))
+    return integrals(linear, inputs, outputs, noise, ends).sum(axis=1), False
+
+
+def _span(noise: BaseNoise, band: tuple[float, float] | None, last: float) -> tuple[float, float]:
+    """The band, or that of the tables; of noise without a last frequency up to ``last``."""
+    if band is not None:
+        return band
+    breaks: NDArray[np.float64] = noise.breaks
+    if all(not isinstance(spectrum, Shaped) for spectrum in noise.spectra):
+        return float(breaks[0]), float(breaks[-1])
+    return 0.0, max(last, float(breaks[-1]) if len(breaks) else 0.0)

@@ -1,0 +1,162 @@
+"""Figures of isolation against closed forms."""
+
+import csv
+import math
+import time
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, one_axis, two_masses
+
+
+def test_one_axis_transmissibility_and_its_figures():
+    f = np.concatenate(([0.0], np.geomspace(0.05, 5e3, 2000)))
+    result = isolation.study(one_axis(), "payload", directions="z", frequencies=f)
+    r, twice = f / FREQUENCY, 2 * RATIO * f / FREQUENCY
+    exact = np.sqrt((1 + twice**2) / ((1 - r**2) ** 2 + twice**2))
+    assert np.allclose(np.abs(result.transmissibility[2, 0]), exact, rtol=1e-13, atol=0)
+    assert np.allclose(result.index, exact, rtol=1e-13, atol=0)
+    assert result.crossover == pytest.approx(FREQUENCY * math.sqrt(2), rel=1e-12)
+    peak = (math.sqrt(math.sqrt(1 + 8 * RATIO**2) - 1)) / (2 * RATIO)
+    assert result.resonance == pytest.approx(FREQUENCY * peak, rel=1e-5)
+    r2 = (2 * RATIO * peak) ** 2
+    assert result.amplification == pytest.approx(math.sqrt((1 + r2) / ((1 - peak**2) ** 2 + r2)), rel=1e-9)
+    assert result.compliance[2, 2, 0] == pytest.approx(1 / (MASS * OMEGA**2), rel=1e-13)
+
+
+def test_roll_off_and_corner_of_a_spring_without_damper():
+    result = isolation.study(one_axis(0.0), "payload", directions="z", frequencies=np.geomspace(100.0, 1e5, 50))
+    far = isolation.study(one_axis(1e-9), "payload", directions="z", frequencies=np.geomspace(4.9, 1e5, 3000))
+    assert result.crossover == 100.0
+    assert result.roll_off == pytest.approx(-40.0, abs=0.01)
+    assert far.corner == pytest.approx(FREQUENCY, rel=0.1)
+
+
+def test_undamped_resonance_is_infinite():
+    result = isolation.study(one_axis(0.0), "payload", directions="z", frequencies=[1.0, 4.0, 20.0])
+    assert result.amplification == math.inf
+    assert result.resonance == pytest.approx(FREQUENCY, rel=1e-12)
+    assert "undamped" in str(result)
+
+
+def test_six_directions_move_as_the_base_at_rest():
+    for model in (library.stewart(), library.cubic_hexapod(), library.stewart_isolator()):
+        result = isolation.study(model, "platform", frequencies=[0.0, 1.0])
+        assert result.index[0] == pytest.approx(1.0, abs=1e-12)
+        assert np.allclose(result.singular_values[:, 0], 1.0, rtol=0, atol=1e-12)
+    assert model.inputs  # the ports of the model itself stay as they are
+    assert np.allclose(np.diagonal(result.transmissibility[:, :, 0]), 1.0, rtol=0, atol=1e-12)
+
+
+def test_static_compliance_of_the_stewart_platform():
+    c = isolation.study(library.stewart(), "platform", frequencies=[0.0]).compliance[:, :, 0]
+    expected = (2.8371955207e-8, 2.8371955207e-8, 2.0990463026e-8, 5.1862720981e-6, 5.1862720981e-6, 1.7072960141e-6)
+    assert np.allclose(c.diagonal(), expected, rtol=1e-10, atol=0)
+    assert abs(c[0, 4]) == pytest.approx(6.1619349384e-8, rel=1e-10)
+
+
+def test_cubic_hexapod_is_six_isolators():
+    edge, k, m = 0.2, 1e6, 10.0
+    inertia = (0.05, 0.05, 0.08)
+    model = library.cubic_hexapod(edge=edge, stiffness=k, damping=50.0, mass=m, inertia=inertia)
+    f = np.geomspace(1.0, 1e3, 60)
+    result = isolation.study(model, "platform", frequencies=f)
+    stiffness = k * np.array([2, 2, 2, edge**2 / 2, edge**2 / 2, 2 * edge**2])
+    s = 2j * np.pi * f
+    spring = stiffness[:, None] * (1 + s * 50.0 / k)
+    exact = spring / (spring + np.array([m, m, m, *inertia])[:, None] * s**2)
+    assert np.allclose(np.diagonal(result.transmissibility).T, exact, rtol=1e-11, atol=0)
+    assert np.allclose(result.index, np.sqrt((np.abs(exact) ** 2).sum(axis=0) / 6), rtol=1e-12, atol=0)
+    assert result.scene.length == pytest.approx(math.sqrt(sum(inertia) / (2 * m)), rel=1e-15)
+
+
+def test_length_changes_only_what_mixes_rotations_and_translations():
+    model = library.stewart()
+    one, other = (isolation.study(model, "platform", length=x, frequencies=[500.0, 900.0]) for x in (0.05, 0.5))
+    assert np.array_equal(one.transmissibility, other.transmissibility)
+    assert np.allclose(one.scaled[:3, 3:] * 0.05, other.scaled[:3, 3:] * 0.5, rtol=1e-14)
+    assert not np.allclose(one.index, other.index)
+
+
+def test_two_masses_and_a_stage_as_the_base():
+    m1, m2, k1, k2, c1, c2 = 4.0, 9.0, 3e4, 1e4, 20.0, 35.0
+    f = np.geomspace(0.5, 200.0, 50)
+    s = 2j * np.pi * f
+    first, second = k1 + c1 * s, k2 + c2 * s
+    whole = first * second / ((m1 * s**2 + first + second) * (m2 * s**2 + second) - second**2)
+    result = isolation.study(two_masses(), "payload", directions="z", frequencies=f)
+    assert np.allclose(result.transmissibility[2, 0], whole, rtol=1e-12, atol=0)
+    result = isolation.study(two_masses(), "payload", base="stage", directions="z", frequencies=f)
+    assert np.allclose(result.transmissibility[2, 0], second / (m2 * s**2 + second), rtol=1e-12, atol=0)
+    assert [leg.name for leg in result.scene.legs] == ["upper"]
+
+
+def test_relaxation_leg():
+    model = mv.Model("relaxing")
+    model.add_body("payload", MASS, (0.2, 0.2, 0.2), (0, 0, 0.3))
+    model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
+    k0, k1, c = 5e3, 2e4, 300.0
+    model.add_maxwell("leg", "ground", "payload", (0, 0, 0), (0, 0, 0.2), k1, c, k0)
+    f = np.geomspace(0.1, 1e3, 80)
+    s = 2j * np.pi * f
+    k = k0 + k1 * c * s / (k1 + c * s)
+    result = isolation.study(model, "payload", directions="z", frequencies=f)
+    assert np.allclose(result.transmissibility[2, 0], k / (k + MASS * s**2), rtol=1e-11, atol=0)
+    assert result.roll_off == pytest.approx(-40.0, abs=1.5)
+
+
+def test_weight_leaves_translations_of_the_base():
+    model = mv.Model("hanging", gravity=(0, 0, -9.81))
+    model.add_body("payload", 2.0, (0.1, 0.1, 0.1), (0, 0, -0.5))
+    model.add_joint("pivot", "spherical", "ground", "payload", (0, 0, 0))
+    model.add_bushing("damper", "ground", "payload", (0, 0, 0), damping=(0, 0, 0, 0.1, 0.1, 0.1), stiffness=(0,) * 6)
+    result = isolation.study(model, "payload", frequencies=[0.1, 1.0, 10.0])
+    assert result.scene.moved == ("x", "y", "z")
+    assert "gravity" in str(result)
+    assert result.index.shape == (3,)
+
+
+def test_csv_holds_every_digit(tmp_path):
+    result = isolation.study(library.stewart(), "platform", frequencies=[10.0, 800.0])
+    with open(result.to_csv(tmp_path / "figures.csv")) as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["index"]) for row in rows] == result.index.tolist()
+    assert float(rows[1]["T_x_ry_im"]) == result.transmissibility[0, 4, 1].imag
+    assert float(rows[0]["C_rz_rz_re"]) == result.compliance[5, 5, 0].real
+
+
+def test_a_study_takes_milliseconds():
+    model = library.stewart()
+
+    def run():
+        start = time.perf_counter()
+        result = isolation.study(model, "platform")
+        figures = (result.index, result.singular_values, result.compliance_values, result.amplification,
+                   result.crossover, result.roll_off)  # fmt: skip
+        assert len(figures[0]) == 400
+        return time.perf_counter() - start
+
+    assert min(run() for _ in range(8)) < 0.06  # 0.013 s on a machine that does nothing else
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"body": "platfrom"}, "Did you mean 'platform'"),
+        ({"body": "platform", "base": "platform"}, "nothing is isolated"),
+        ({"body": "platform", "base": "flor"}, "expected a body of model"),
+        ({"body": "platform", "length": 0.0}, "a positive length"),
+        ({"body": "platform", "directions": ["q"]}, "x y z rx ry rz"),
+        ({"body": "platform", "directions": []}, "x y z rx ry rz"),
+        ({"body": "platform", "frequencies": []}, "an empty range"),
+        ({"body": "platform", "frequencies": [3.0, 2.0]}, "each higher"),
+        ({"body": "platform", "frequencies": ["a"]}, "expected numbers"),
+        ({"body": "platform", "base": "leg1.lower"}, "is tied to 'ground'"),
+    ],
+)
+def test_mistakes_are_told(words, message):
+    with pytest.raises(mv.MbsvibError, match=message):
+        isolation.study(library.stewart(), **words)

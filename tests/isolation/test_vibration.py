@@ -1,0 +1,166 @@
+"""Root mean squares under base noise: closed forms, moments against integrals, octaves and criteria."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from mbsvib.isolation import octaves
+from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, one_axis
+
+EVER = (0.0, 1e14)
+
+
+def test_white_base_acceleration_in_closed_form():
+    level = 2.5e-4
+    result = isolation.study(one_axis(), "payload", directions="z").under({"z": level})
+    exact = math.pi / 2 * FREQUENCY * level * (1 + 4 * RATIO**2) / (2 * RATIO)
+    assert result.exact
+    assert result.acceleration[2] ** 2 == pytest.approx(exact, rel=1e-12)
+    # relative motion: S0 / (4 (2 pi)^3 ... ), one-sided over Hz
+    stroke = level / (8 * RATIO * OMEGA**3)
+    assert result.stroke["mount"] ** 2 == pytest.approx(stroke, rel=1e-12)
+    assert result.force["mount"] == pytest.approx(MASS * result.acceleration[2], rel=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1e-5, 0.03, 0.7, 3.0])
+def test_moments_and_integrals_agree(ratio):
+    study = isolation.study(one_axis(ratio), "payload", directions="z")
+    for spectrum in (1e-3, isolation.shaped([1.0, 0.0], [1.0, 20.0, 900.0], 3e-4), isolation.shaped([5], [1, 5])):
+        exact, summed = study.under({"z": spectrum}), study.under({"z": spectrum}, band=EVER)
+        assert exact.exact
+        assert not summed.exact
+        assert summed.acceleration[2] == pytest.approx(exact.acceleration[2], rel=1e-10)
+        assert summed.stroke["mount"] == pytest.approx(exact.stroke["mount"], rel=1e-10)
+
+
+def test_correlated_directions_of_a_platform():
+    study = isolation.study(library.cubic_hexapod(), "platform")
+    c = np.array([[1, 0.4, 0], [0.4, 1, -0.3], [0, -0.3, 1]])
+    spectra = {"x y": 1e-5, "rx": 2e-6}
+    one, other = study.under(spectra, c), study.under(spectra, c, band=EVER)
+    assert np.allclose(one.acceleration[[0, 1, 3]], other.acceleration[[0, 1, 3]], rtol=1e-10, atol=0)
+    assert np.allclose(list(one.stroke.values()), list(other.stroke.values()), rtol=1e-10, atol=0)
+    assert not np.allclose(list(one.stroke.values()), list(study.under(spectra).stroke.values()), rtol=1e-3)
+
+
+def test_directions_of_one_source_add_as_amplitudes():
+    study = isolation.study(library.cubic_hexapod(), "platform", frequencies=[1.0, 10.0])
+    phase = np.exp(0.7j)
+    table = [(5.0, 1e-4), (50.0, 1e-3)]
+    result = study.under({"x": table, "y": table}, [[1, phase], [phase.conjugate(), 1]])
+    f = np.array([7.0, 20.0])
+    g = study.linear.frequency_response(2 * np.pi * f)
+    row = study.linear.outputs.index("leg1.k.stroke")
+    x, y = (study.linear.inputs.index(f"base.{d}") for d in "xy")
+    s = result.noise.at(f)
+    both = np.abs(g[row, x] * phase + g[row, y]) ** 2 * s[:, 0, 0].real
+    whole = np.einsum("in,nij,jn->n", g[row, [x, y]], s, g[row, [x, y]].conj()).real
+    assert np.allclose(whole, both, rtol=1e-12)
+
+
+def test_tables_are_straight_on_log_axes():
+    table = isolation.table([(1.0, 1e-6), (10.0, 1e-4), (1000.0, 1e-4)])
+    assert np.allclose(table.at(np.array([1.0, 2.0, 10.0, 55.0, 1000.0])), [1e-6, 4e-6, 1e-4, 1e-4, 1e-4], rtol=1e-12)
+    assert not table.at(np.array([0.99, 1001.0])).any()
+    # far below the resonance the payload moves as the base: integral of f^2 1e-6 from 1 to 10
+    study = isolation.study(one_axis(frequency=1e7), "payload", directions="z", frequencies=[1.0])
+    result = study.under({"z": [(1.0, 1e-6), (10.0, 1e-4)]})
+    assert result.acceleration[2] ** 2 == pytest.approx(1e-6 * 999 / 3, rel=1e-10)
+    half = result.cumulative([0.5, 5.0, 10.0, 20.0])[2]
+    assert np.allclose(half**2, [0, 1e-6 * 124 / 3, 1e-6 * 999 / 3, 1e-6 * 999 / 3], rtol=1e-10)
+
+
+def test_cumulative_ends_at_the_whole():
+    study = isolation.study(library.stewart(), "platform")
+    result = study.under({"x y z": [(1, 1e-6), (100, 1e-4), (2000, 1e-5)], "rz": [(10, 1e-5), (3000, 1e-5)]})
+    total = result.cumulative(np.geomspace(1.0, 1e4, 300))
+    assert (np.diff(total, axis=1) >= 0).all()
+    assert np.allclose(total[:, -1], result.acceleration, rtol=1e-12, atol=0)
+
+
+def test_tables_and_white_noise_together():
+    study = isolation.study(library.cubic_hexapod(), "platform", frequencies=[1.0])
+    table = [(5.0, 1e-4), (50.0, 1e-3)]
+    both, one, other = (study.under(s) for s in ({"x": table, "z": 1e-5}, {"x": table}, {"z": 1e-5}))
+    assert np.allclose(both.acceleration**2, one.acceleration**2 + other.acceleration**2, rtol=1e-12)
+
+
+def test_noise_through_masses_has_no_mean_square():
+    result = isolation.study(library.stewart(), "platform", frequencies=[1.0]).under({"z": 1e-6})
+    assert result.acceleration[2] == math.inf
+    assert all(0 < value < math.inf for value in result.stroke.values())
+    assert "give a band" in str(result)
+
+
+def test_octaves_of_a_stiff_mount():
+    # density f^2: velocity density is constant, (2 pi)^-2 1e-10
+    study = isolation.study(one_axis(frequency=1e7), "payload", directions="z", frequencies=[1.0])
+    result = study.under({"z": [(0.5, 0.25e-10), (200.0, 4e-6)]})
+    middle = octaves.centres()
+    width = middle * (10**0.05 - 10**-0.05)
+    assert len(middle) == 20
+    assert np.allclose(result.velocity()[2], np.sqrt(width * 1e-10) / (2 * np.pi), rtol=1e-9)
+    whole = np.sqrt((result.velocity()[2] ** 2).sum())
+    assert whole == pytest.approx(math.sqrt(1e-10 * (10**1.95 - 10**-0.05)) / (2 * np.pi), rel=1e-9)
+    assert result.criterion == "VC-C"  # 6.83 um/s at 80 Hz
+    assert "VC-C" in str(result)
+
+
+def test_criteria():
+    assert isolation.vc_curve("VC-A", [1, 4, 8, 80]).tolist() == pytest.approx([400e-6, 100e-6, 50e-6, 50e-6])
+    assert isolation.vc_curve("VC-B", [4, 8]).tolist() == pytest.approx([50e-6, 25e-6])
+    values = [isolation.vc_curve(f"VC-{letter}", 2.0).item() for letter in "CDEFG"]
+    assert values == [12.5e-6, 6.25e-6, 3.12e-6, 1.56e-6, 0.78e-6]
+    with pytest.raises(KeyError):
+        isolation.vc_curve("VC-Z", 1.0)
+
+
+def test_undamped_mode_in_the_band_is_refused():
+    study = isolation.study(one_axis(0.0), "payload", directions="z", frequencies=[1.0])
+    with pytest.raises(mv.ResponseError, match=r"mode at 5 Hz is not damped"):
+        study.under({"z": [(1, 1e-6), (10, 1e-6)]})
+    assert study.under({"z": [(6, 1e-6), (10, 1e-6)]}).acceleration[2] > 0
+
+
+@pytest.mark.parametrize(
+    ("spectra", "message"),
+    [
+        ({"z": [(1, 1e-6), (10, -1e-6)]}, "density at 10 Hz is -1e-06"),
+        ({"z": [(10, 1e-6), (1, 1e-6)]}, "point 2 is at 1 Hz"),
+        ({"z": [(0, 1e-6), (1, 1e-6)]}, "point 1 is at 0 Hz"),
+        ({"z": [(1, 1e-6)]}, "at least two pairs"),
+        ({"z": "loud"}, "at least two pairs"),
+        ({"z": -1.0}, "no less than 0"),
+        ({"up": 1.0}, "no direction 'up'"),
+        ({"z": 1.0, "x z": 2.0}, "two spectra"),
+        ({}, "a density for each direction"),
+    ],
+)
+def test_spectra_are_checked(spectra, message):
+    study = isolation.study(library.cubic_hexapod(), "platform", frequencies=[1.0])
+    with pytest.raises(mv.ResponseError, match=message):
+        study.under(spectra)
+
+
+def test_other_mistakes():
+    study = isolation.study(library.cubic_hexapod(), "platform", frequencies=[1.0])
+    with pytest.raises(mv.ResponseError, match="not that of any noise"):
+        study.under({"x y": 1.0}, [[1, 2], [2, 1]])
+    with pytest.raises(mv.ResponseError, match=r"expected \(2, 2\)"):
+        study.under({"x y": 1.0}, np.eye(3))
+    with pytest.raises(mv.ResponseError, match="ascending frequencies"):
+        study.under({"x": 1.0}, band=(10.0, 1.0))
+    with pytest.raises(mv.ResponseError, match="not stable"):
+        isolation.shaped([1], [1, -1])
+    with pytest.raises(mv.ResponseError, match="must be proper"):
+        isolation.shaped([1, 0, 0], [1, 1])
+
+
+def test_csv(tmp_path):
+    result = isolation.study(library.stewart(), "platform").under({"x": [(1, 1e-6), (1e4, 1e-6)]})
+    lines = result.to_csv(tmp_path / "rms.csv").read_text().splitlines()
+    assert len(lines) == 401
+    assert float(lines[-1].split(",")[7]) == pytest.approx(result.acceleration[0], rel=1e-12)
