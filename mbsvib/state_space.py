@@ -1,4 +1,4 @@
-"""State space: first-order equations with names, in physical or modal states."""
+"""State space: first-order equations with names, in physical, modal or balanced states."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-REALIZATIONS = ("physical", "modal")
+REALIZATIONS = ("physical", "modal", "balanced")
 _RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 
 
@@ -60,7 +60,8 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     """Return first-order equations of a system.
 
     physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
-    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order)
+    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order);  balanced:
+    the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size
 
     The equations are proper, and as few as there are eigenvalues: where motions move no mass, those that nothing damps
     are condensed in the system already, and of the damped ones there is no rate among the states: physical states are
@@ -71,7 +72,7 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     system : System
         The equations of motion.
     realization : str
-        "physical" or "modal".
+        "physical", "modal" or "balanced".
 
     Returns
     -------
@@ -86,6 +87,10 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     if realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
+    if realization == "balanced":
+        from mbsvib.balancing import balanced
+
+        return balanced(state_space(system, "physical"))
     if system.massless or (realization == "modal" and is_general(system)):
         return _massless(system, realization)
     make = _physical if realization == "physical" else _modal

@@ -14,42 +14,53 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mbsvib_export.batch_ import BatchData, from_npz_batch, to_npz_batch
     from mbsvib_export.control_ import to_control, to_frd
+    from mbsvib_export.fmu_ import FmuFile, to_fmu
     from mbsvib_export.json_ import from_json, json_schema, to_json
     from mbsvib_export.names_ import SignalNames
+    from mbsvib_export.naming import named
     from mbsvib_export.neutral import SystemData
     from mbsvib_export.npz_ import from_npz, to_npz
     from mbsvib_export.scipy_ import to_scipy
+    from mbsvib_export.transfer_ import to_transfer_function
 
 __all__ = [
     "BatchData",
+    "FmuFile",
     "SignalNames",
     "SystemData",
     "from_json",
     "from_npz",
     "from_npz_batch",
     "json_schema",
+    "named",
     "to_control",
+    "to_fmu",
     "to_frd",
     "to_json",
     "to_npz",
     "to_npz_batch",
     "to_scipy",
+    "to_transfer_function",
 ]
 
 _HOMES = {
     "BatchData": "batch_",
+    "FmuFile": "fmu_",
     "SignalNames": "names_",
     "SystemData": "neutral",
     "from_json": "json_",
     "from_npz": "npz_",
     "from_npz_batch": "batch_",
     "json_schema": "json_",
+    "named": "naming",
     "to_control": "control_",
+    "to_fmu": "fmu_",
     "to_frd": "control_",
     "to_json": "json_",
     "to_npz": "npz_",
     "to_npz_batch": "batch_",
     "to_scipy": "scipy_",
+    "to_transfer_function": "transfer_",
 }
 
 

@@ -71,7 +71,7 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
     Raises
     ------
     ExportError
-        If the file cannot be written, or no batch is given.
+        If the file cannot be written, no batch is given, or states are to be balanced: each variant by its own scale.
     ResponseError
         If the realization is unknown.
     """
@@ -80,6 +80,9 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
     if not isinstance(batch, Batch):
         raise ExportError(f"to_npz_batch: batch = {type(batch).__name__}; expected a Batch "
                           f"(model.linearize(values=...)). For a single system: to_npz.")  # fmt: skip
+    if realization == "balanced":
+        raise ExportError("to_npz_batch: realization = 'balanced'; expected 'physical' or 'modal': balanced "
+                          "states have other units in each variant. Write them one by one, to_npz(batch[i], ...).")
     each = [SystemData.of(system, realization) for system in batch]
     spaces = [data.state_space for data in each]
     one = each[0]

@@ -9,6 +9,7 @@ from mbsvib.system import System
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import refuse_many, state_space_of
 from mbsvib_export.packages import need
+from mbsvib_export.sampling import step_of
 
 if TYPE_CHECKING:
     import control
@@ -23,15 +24,17 @@ _INSTALL = "control>=0.10.1"
 
 
 @overload
-def to_control(system: System | StateSpace | SystemData, realization: str = ...) -> control.StateSpace: ...
+def to_control(
+    system: System | StateSpace | SystemData, realization: str = ..., dt: float | None = ...
+) -> control.StateSpace: ...
 
 
 @overload
-def to_control(system: Batch, realization: str = ...) -> list[control.StateSpace]: ...
+def to_control(system: Batch, realization: str = ..., dt: float | None = ...) -> list[control.StateSpace]: ...
 
 
 def to_control(
-    system: System | StateSpace | SystemData | Batch, realization: str = "physical"
+    system: System | StateSpace | SystemData | Batch, realization: str = "physical", dt: float | None = None
 ) -> control.StateSpace | list[control.StateSpace]:
     """Return a system as a state space of python-control, with the names of its states, inputs and outputs.
 
@@ -41,7 +44,8 @@ def to_control(
 
     Modal states keep more digits. The entries of a physical A are rounded: at the resonances of a chain of 50 bodies
     the response is off by 4e-10, with modal states by 1e-11. Where slycot is installed, python-control also brings A to
-    Hessenberg form, which costs the badly scaled physical states of a Stewart platform seven digits, modal ones none.
+    Hessenberg form, which costs the badly scaled physical states of a Stewart platform seven digits, modal and balanced
+    ones (physical states times powers of two) none.
 
     Parameters
     ----------
@@ -49,17 +53,19 @@ def to_control(
         The equations of motion, or a state space that is ready; a batch gives a list. Of a system that is held sparse
         give some modes, ``system.reduced(20, correction=True)``; ``system.truncation_error`` tells what is missing.
     realization : str
-        The states of a System: "physical" (q and q') or "modal".
+        The states of a System: "physical" (q and q'), "modal" or "balanced".
+    dt : float, optional
+        Step [s] of a discrete system, exact for inputs that are held over it; default: continuous in time.
 
     Returns
     -------
     control.StateSpace, or a list of them
-        Continuous in time; SI units and radians.
+        SI units and radians.
 
     Raises
     ------
     ExportError
-        If python-control is not installed or cannot hold the system.
+        If python-control is not installed or cannot hold the system, or the step is no positive number.
     ResponseError
         If the realization is unknown.
     """
@@ -67,16 +73,20 @@ def to_control(
     from mbsvib.batch import Batch
 
     if isinstance(system, Batch):
-        return [to_control(each, realization) for each in system.state_space(realization)]
+        return [to_control(each, realization, dt) for each in system.state_space(realization)]
     space = state_space_of(system, realization, "to_control")
     if not space.inputs and 1 in (len(space.outputs), len(space.states)):
         raise ExportError(
             f"to_control: '{space.name}' has no inputs, and python-control cannot hold that together with a single "
             f"output or state; add an input (model.add_input), or another output (model.add_output)."
         )
+    a, b = space.A, space.B
+    if dt is not None:
+        step = step_of(space, dt, "to_control")
+        a, b = step.phi, step.gamma
     # dt = 0: a system without states would be taken for one of no particular time.
     return control.StateSpace(
-        space.A, space.B, space.C, space.D, 0,
+        a, b, space.C, space.D, dt or 0,
         name=SignalNames.system_to_control(space.name, space.inputs + space.outputs),
         inputs=_names(space.inputs), outputs=_names(space.outputs), states=_names(space.states),
         remove_useless_states=False,

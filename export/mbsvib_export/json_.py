@@ -36,7 +36,7 @@ def to_json(
     path : str or path, optional
         File to write: whole or not at all.
     realization : str
-        States of the state space: "physical" or "modal".
+        States of the state space: "physical", "modal" or "balanced".
 
     Returns
     -------

@@ -81,7 +81,7 @@ class SystemData:
         system : System
             The equations of motion.
         realization : str
-            Of the state space: "physical" or "modal".
+            Of the state space: "physical", "modal" or "balanced".
 
         Returns
         -------

@@ -44,7 +44,7 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
     path : str or path
         File to write, taken as it is: no suffix is added.
     realization : str
-        States of the state space: "physical" or "modal".
+        States of the state space: "physical", "modal" or "balanced".
 
     Returns
     -------

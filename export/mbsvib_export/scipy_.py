@@ -27,7 +27,7 @@ def to_scipy(system: System | StateSpace | SystemData, realization: str = "physi
     system : System, StateSpace or SystemData
         The equations of motion, or a state space that is ready.
     realization : str
-        The states of a System: "physical" (q and q') or "modal".
+        The states of a System: "physical" (q and q'), "modal" or "balanced".
 
     Returns
     -------

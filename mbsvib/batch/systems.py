@@ -252,7 +252,7 @@ class Batch:
         Parameters
         ----------
         realization : str
-            "physical": x = (q, q'); "modal": one 2x2 block for each mode.
+            "physical": x = (q, q'); "modal": one 2x2 block for each mode; "balanced": physical times powers of two.
 
         Returns
         -------

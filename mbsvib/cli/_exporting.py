@@ -22,7 +22,7 @@ def export(
     model: ModelArgument,
     file: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help=f"Where to: {', '.join(KINDS)}.")],
     realization: Annotated[
-        str, typer.Option("--states", metavar="KIND", help="States of the state space: physical or modal.")
+        str, typer.Option("--states", metavar="KIND", help="States of the state space: physical, modal or balanced.")
     ] = "physical",
 ) -> None:
     """Write the linear system (.json, .npz) or the model (.yaml), by the suffix of the file."""

@@ -15,7 +15,7 @@ from tests.support.exact import Exact
 BACK = mx.SignalNames.to_mbsvib
 
 
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_matrices_and_names_are_those_of_the_state_space(realization):
     system = stewart()
     space = system.state_space(realization)
@@ -115,7 +115,7 @@ def test_state_feedback_by_names():
     assert loop.output_labels == ["mass:z", "mass:vz", "F"]
 
 
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_discretised_exactly_with_its_names(realization):
     system = stewart()
     sampled = mx.to_control(system, realization).sample(1e-4, method="zoh")
@@ -179,4 +179,4 @@ def test_what_is_no_system_is_refused():
     with pytest.raises(mv.ExportError, match=r"realization = 'modal'.*'physical'"):
         mx.to_control(slider().state_space(), "modal")
     with pytest.raises(mv.ResponseError, match="realization"):
-        mx.to_control(slider(), "balanced")
+        mx.to_control(slider(), "jordan")

@@ -41,7 +41,7 @@ def assert_same(data, system, realization="physical"):
 
 
 @pytest.mark.parametrize("case", SYSTEMS)
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_there_and_back(case, realization, tmp_path):
     system = SYSTEMS[case]()
     path = tmp_path / "system.json"
@@ -199,4 +199,4 @@ def test_what_is_no_system_is_refused():
     with pytest.raises(mv.ExportError, match="realization = 'modal'"):
         mx.to_json(mx.from_json(mx.to_json(slider())), realization="modal")
     with pytest.raises(mv.ResponseError, match="realization"):
-        mx.to_json(slider(), realization="balanced")
+        mx.to_json(slider(), realization="jordan")

@@ -28,7 +28,7 @@ def answer(system, s):
     return (system.Cq + s * system.Cv) @ np.linalg.solve(square, system.B) + system.D
 
 
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 @pytest.mark.parametrize("target", ["control", "scipy", "json", "npz"])
 def test_responses_of_the_descriptor_equations(target, realization, tmp_path):
     system = plant()
@@ -44,7 +44,7 @@ def test_responses_of_the_descriptor_equations(target, realization, tmp_path):
         assert_allclose(response, answer(system, s), rtol=1e-12, atol=1e-14)
 
 
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_files_lead_back_to_displacements_and_rates(realization, tmp_path):
     system = plant()
     path = tmp_path / "s.json"

@@ -14,7 +14,7 @@ from tests.export.test_json import SYSTEMS, assert_same
 
 
 @pytest.mark.parametrize("case", SYSTEMS)
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_there_and_back(case, realization, tmp_path):
     system = SYSTEMS[case]()
     path = tmp_path / "system.npz"

@@ -9,7 +9,7 @@ import mbsvib_export as mx
 from tests.export.plants import same_bits, slider, stewart
 
 
-@pytest.mark.parametrize("realization", ["physical", "modal"])
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_matrices_are_those_of_the_state_space(realization):
     space = stewart().state_space(realization)
     for plant in (mx.to_scipy(stewart(), realization), mx.to_scipy(space)):

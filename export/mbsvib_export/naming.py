@@ -1,0 +1,92 @@
+"""Names for what python-control computes from a named plant: most of its functions hand back ``u[0]`` and ``y[0]``."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from mbsvib.errors import ExportError
+from mbsvib_export.packages import need
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+T = TypeVar("T")
+
+
+def named(
+    result: T, like: Any, *, controller: bool = False, states: bool = False, name: str | None = None
+) -> T:
+    """Return a result of python-control with the names of the plant it was made from.
+
+    Its ``balred``, ``minreal``, ``series``, ``feedback``, ``h2syn``, ``hinfsyn``, products, sums and signs drop names.
+    Interconnections by name go on working with them again.
+
+    Parameters
+    ----------
+    result : system of python-control
+        StateSpace, TransferFunction or FrequencyResponseData; it is not changed.
+    like : system of python-control, or sequence of them
+        Whose inputs and outputs the result has. Of several in the order of the signal (``series(one, two)``), inputs
+        are those of the first and outputs those of the last.
+    controller : bool
+        Whether the result is a controller of the plant (h2syn, hinfsyn): its inputs are then the plant's last
+        outputs, its outputs the plant's last inputs.
+    states : bool
+        Whether the states are those of the plants, one after the other, as after a sign or in series.
+    name : str, optional
+        Name of the result; default: that of the plant, with ``_controller`` for a controller, or both names.
+
+    Returns
+    -------
+    system of python-control
+        A copy of the result with names.
+
+    Raises
+    ------
+    ExportError
+        If the numbers of inputs, outputs or states do not fit.
+    """
+    need("control", "named", "control>=0.10.1")
+    plants = list(like) if isinstance(like, (list, tuple)) else [like]
+    for each in (result, *plants):
+        if not hasattr(each, "input_labels"):
+            raise ExportError(f"named: {type(each).__name__} is no system of python-control; expected a StateSpace, "
+                              f"TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first thing they "
+                              f"return).")  # fmt: skip
+    made: Any = deepcopy(result)
+    if controller:
+        inputs = _last(plants[-1].output_labels, made.ninputs, "inputs", "outputs")
+        outputs = _last(plants[0].input_labels, made.noutputs, "outputs", "inputs")
+    else:
+        # series(one, two): the signal enters one and leaves two
+        inputs = _all(plants[0].input_labels, made.ninputs, "inputs")
+        outputs = _all(plants[-1].output_labels, made.noutputs, "outputs")
+    made.set_inputs(inputs)
+    made.set_outputs(outputs)
+    if states:
+        found = [label for each in plants for label in each.state_labels]
+        if len(set(found)) < len(found):
+            found = [f"{each.name}_{label}" for each in plants for label in each.state_labels]
+        made.set_states(_all(found, made.nstates, "states"))
+    joined = "_".join(dict.fromkeys(each.name for each in plants))
+    made.name = name if name is not None else joined + ("_controller" if controller else "")
+    return made  # type: ignore[no-any-return]
+
+
+def _all(labels: Sequence[str], count: int, what: str) -> list[str]:
+    if len(labels) != count:
+        raise ExportError(f"named: the result has {count} {what}, the plant {len(labels)} ({_few(labels)}); give "
+                          f"the system whose {what} it has as like=, or controller=True for a controller.")  # fmt: skip
+    return list(labels)
+
+
+def _last(labels: Sequence[str], count: int, what: str, whose: str) -> list[str]:
+    if len(labels) < count:
+        raise ExportError(f"named: the controller has {count} {what}, the plant only {len(labels)} {whose} "
+                          f"({_few(labels)}); give the plant that it was designed for as like=.")  # fmt: skip
+    return list(labels)[len(labels) - count :]
+
+
+def _few(labels: Sequence[str]) -> str:
+    return ", ".join(labels[:6]) + (", ..." if len(labels) > 6 else "")

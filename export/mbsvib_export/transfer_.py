@@ -1,0 +1,136 @@
+"""Transfer functions of one input and one output, from poles and zeros, with what their polynomials cost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.system import System
+from mbsvib_export.names_ import SignalNames
+from mbsvib_export.neutral import refuse_many
+from mbsvib_export.packages import need
+
+if TYPE_CHECKING:
+    import control
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+WORST = 1e-6
+# Poles and zeros closer than this, relative to their size, are one motion that the input does not reach or the output
+# does not see; the error that is stated counts what that leaves.
+SAME = 1e-9
+
+
+def to_transfer_function(
+    system: System, input: str | None = None, output: str | None = None
+) -> tuple[control.TransferFunction, float]:
+    """Return the transfer function of one input and output as polynomials, and its error.
+
+    G(s) = gain prod(s - zero) / prod(s - pole)
+
+    Polynomials of many or far-apart poles lose digits: the frequency response of the result is compared with that of
+    the system on its frequency grid, and a worse one is not handed out. Prefer ``to_control`` wherever it is taken.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    input : str, optional
+        Name of the input; may be left out where there is one.
+    output : str, optional
+        Name of the output; may be left out where there is one.
+
+    Returns
+    -------
+    (control.TransferFunction, float)
+        The transfer function, names as in ``to_control``, and the largest error of its frequency response over the
+        resonances, antiresonances and all between, relative to the response [1]; at an undamped zero relative to the
+        response of the neighbouring frequencies.
+
+    Raises
+    ------
+    ExportError
+        If the error is larger than 1e-6, python-control is not installed, or no System is given.
+    ResponseError
+        If a name is unknown.
+    """
+    control = need("control", "to_transfer_function", "control>=0.10.1")
+    if not isinstance(system, System):
+        refuse_many(system, "to_transfer_function")
+        raise ExportError(f"to_transfer_function: system = {type(system).__name__}; expected a System "
+                          f"(model.linearize()), whose poles and zeros are computed from its factors.")  # fmt: skip
+    one_in = _only(input, system.inputs, "input", system.name)
+    one_out = _only(output, system.outputs, "output", system.name)
+    omega = _grid(system, one_in, one_out)
+    exact = system.frequency_response(omega)[system.outputs.index(one_out), system.inputs.index(one_in)]
+    poles, zeros = _without_common(system.poles(), system.transmission_zeros(one_in, one_out))
+    numerator, denominator = _polynomials(poles, zeros, omega, exact)
+    with np.errstate(all="ignore"):  # what overflows is refused below
+        found = np.polyval(numerator, 1j * omega) / np.polyval(denominator, 1j * omega)
+    error = _error(found, exact)
+    if not error <= WORST:
+        raise ExportError(
+            f"to_transfer_function: '{one_in}' to '{one_out}' of '{system.name}' has {len(poles)} poles, and as "
+            f"polynomials its frequency response is off by {error:.1e}; expected at most {WORST:.0e}. Use "
+            f"to_control, whose state space keeps the digits, or a model of fewer modes."
+        )
+    result = control.TransferFunction(
+        numerator, denominator, inputs=[SignalNames.to_control(one_in)], outputs=[SignalNames.to_control(one_out)],
+        name=SignalNames.system_to_control(system.name, (one_in, one_out)),
+    )  # fmt: skip
+    return result, error
+
+
+def _only(name: str | None, known: tuple[str, ...], what: str, owner: str) -> str:
+    if name is None and len(known) != 1:
+        raise ExportError(f"to_transfer_function: '{owner}' has {len(known)} {what}s; expected the name of one: "
+                          f"{what}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
+    if name is not None and name not in known:
+        from mbsvib.errors import ResponseError, nearest
+
+        raise ResponseError(f"to_transfer_function: there is no {what} '{name}'.{nearest(str(name), known)}")
+    return known[0] if name is None else name
+
+
+def _grid(system: System, one_in: str, one_out: str) -> Array:
+    if not system.dof:
+        return np.array([1.0])
+    return np.asarray(system.frequency_grid(one_in, one_out), dtype=float)
+
+
+def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
+    kept, left = list(poles), []
+    for zero in zeros:
+        near = int(np.argmin(np.abs(np.array(kept) - zero))) if kept else -1
+        if near >= 0 and abs(kept[near] - zero) <= SAME * abs(zero):
+            kept.pop(near)
+        else:
+            left.append(zero)
+    return np.array(kept, dtype=complex), np.array(left, dtype=complex)
+
+
+def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:
+    """Numerator and denominator, the gain from the whole grid: the median does not heed single antiresonances."""
+    s = 1j * omega
+    log = (np.log(s[:, None] - zeros).sum(axis=1) if len(zeros) else 0.0) - (
+        np.log(s[:, None] - poles).sum(axis=1) if len(poles) else 0.0)  # fmt: skip
+    if not exact.any():
+        return np.zeros(1), np.real(np.poly(poles)) if len(poles) else np.ones(1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        gain = float(np.median((exact * np.exp(-log)).real))
+        numerator = gain * np.real(np.poly(zeros)) if len(zeros) else np.array([gain])
+    return np.atleast_1d(numerator), np.atleast_1d(np.real(np.poly(poles)) if len(poles) else np.ones(1))
+
+
+def _error(found: Complex, exact: Complex) -> float:
+    size = np.abs(exact)
+    if not np.isfinite(found).all():
+        return float("inf")
+    if not size.any():
+        return float(np.abs(found).max())
+    around = np.maximum(size, 0.5 * (np.roll(size, 1) + np.roll(size, -1))) if len(size) > 2 else size
+    return float(np.max(np.abs(found - exact) / np.where(around > 0.0, around, size.max())))

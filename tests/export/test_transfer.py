@@ -1,0 +1,62 @@
+"""Transfer functions from poles and zeros, refused where polynomials lose too much."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib import library
+from tests.export.plants import slider, stewart, stiff_model
+
+
+def test_closed_form():
+    result, error = mx.to_transfer_function(slider(outputs=("mass.z",)))
+    assert result.den[0][0] == pytest.approx([1, 1.5, 5000], rel=1e-13)
+    assert result.num[0][0] == pytest.approx([0.5], rel=1e-13)
+    assert error < 1e-13
+    assert (result.input_labels, result.output_labels, result.name) == (["F"], ["mass:z"], "slider")
+
+
+@pytest.mark.parametrize("ports", [("leg1.f", "leg1.force"), ("Fx", "x"), ("leg1.f", "leg3.force")])
+def test_a_platform(ports):
+    system = stewart()
+    result, error = mx.to_transfer_function(system, *ports)
+    omega = np.geomspace(1e3, 1e5, 200)
+    exact = system.frequency_response(omega)[system.outputs.index(ports[1]), system.inputs.index(ports[0])]
+    assert np.abs(result(1j * omega) / exact - 1).max() < 1e-9
+    assert error < 1e-9
+    assert len(result.poles()) <= 12
+
+
+def test_motions_the_input_does_not_reach_are_no_poles():
+    assert len(mx.to_transfer_function(stewart(), "Fx", "x")[0].poles()) == 4
+
+
+def test_stiffness_of_twelve_decades():
+    assert mx.to_transfer_function(stiff_model().linearize(), "F", "z")[1] < 1e-11
+
+
+def test_polynomials_that_lose_their_digits_are_refused():
+    system = library.chain(60).linearize()
+    with pytest.raises(mv.ExportError, match=r"120 poles, and as polynomials .* off by .*to_control"):
+        mx.to_transfer_function(system, system.inputs[0], system.outputs[0])
+
+
+def test_one_of_several_must_be_named():
+    with pytest.raises(mv.ExportError, match=r"2 inputs.*input=\.\.\. of F, d"):
+        mx.to_transfer_function(slider(inputs=("F", "d")))
+    with pytest.raises(mv.ExportError, match=r"0 outputs.*add one"):
+        mx.to_transfer_function(slider(outputs=()))
+    with pytest.raises(mv.ResponseError, match="no input 'G'"):
+        mx.to_transfer_function(slider(), "G")
+    with pytest.raises(mv.ExportError, match="StateSpace; expected a System"):
+        mx.to_transfer_function(slider().state_space())
+
+
+def test_rigid_and_locked_mechanisms():
+    free, error = mx.to_transfer_function(slider(stiffness=0.0))
+    assert free.poles() == pytest.approx([-1.5, 0.0])
+    assert error < 1e-12
+    locked, error = mx.to_transfer_function(slider(locked=True))
+    assert locked(1j) == 0.0
+    assert error == 0.0
