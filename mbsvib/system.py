@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from mbsvib.equations import Equations, Provenance
+from mbsvib.sensitive import Sensitive
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -33,7 +34,7 @@ RESPONSE_RTOL = 1e-13
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class System(Equations):
+class System(Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
     Matrices, factors and names are those of ``Equations``; modes are kept once they are known, and what asks for them
@@ -180,35 +181,6 @@ class System(Equations):
             modes.
         """
         return self._clean_modes.eigenvalues.copy()
-
-    def eigenvalue_sensitivities(
-        self, parameters: str | Iterable[str] | Mapping[str, Mapping[str, float]] | None = None
-    ) -> Complex:
-        """Return the derivatives of all eigenvalues to parameters, without finite differences.
-
-        d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
-
-        Parameters
-        ----------
-        parameters : str, iterable of str or mapping, optional
-            Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``), a mapping gives linear
-            maps, {variable: {parameter: rate}}. Default: every parameter of the system.
-
-        Returns
-        -------
-        array, shape (parameters, eigenvalues)
-            Derivatives [1/s per unit of the parameter], eigenvalues in the order of ``modes().eigenvalues``; those that
-            coincide have the derivatives of their branches, an eigenvalue 0 that a parameter would move infinity. Not a
-            number where a parameter, changed alone, takes degrees of freedom away.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, or the system has forces whose derivatives are not supported.
-        """
-        from mbsvib.sensitivities import eigenvalue_sensitivities
-
-        return eigenvalue_sensitivities(self, parameters)
 
     def transmission_zeros(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None

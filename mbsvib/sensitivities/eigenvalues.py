@@ -10,25 +10,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.sensitivities.fields import check_complete, fields, motions
-from mbsvib.sensitivities.network import network
-from mbsvib.sensitivities.products import breaking, products
+from mbsvib.sensitivities.fields import fields, motions
+from mbsvib.sensitivities.plans import plan
+from mbsvib.sensitivities.products import forms, picked, table
 from mbsvib.sensitivities.spectrum import spectrum
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Index
-    from mbsvib.parameters import Parameter
-    from mbsvib.sensitivities.fields import Field
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sensitivities.fields import Field, Fields, Motions
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.plans import Plan
     from mbsvib.sensitivities.spectrum import Spectrum
-    from mbsvib.sensitivities.variables import Variables
     from mbsvib.system import System
 
+    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
     Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
@@ -36,9 +36,7 @@ EPS = float(np.finfo(float).eps)
 ZERO_FORM = 1e-12
 
 
-def eigenvalue_sensitivities(
-    system: System, parameters: str | Iterable[str] | Mapping[str, Mapping[str, float]] | None = None
-) -> Complex:
+def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Complex:
     """Return the derivatives of all eigenvalues.
 
     d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
@@ -66,65 +64,113 @@ def eigenvalue_sensitivities(
     Source: Jiang, Chen & Luo (2011), sensitivities of eigenvalues; Friswell, J. Vib. Acoust. 118 (1996) 390, for
     repeated ones.
     """
-    chosen = variables(system.parameters, parameters)
-    found, net = spectrum(system), network(system)
-    check_complete(system, net)
+    chosen = planned(system, parameters)
+    found = spectrum(system)
+    x = motions(chosen.network, found.right[:, None])
+    y = x if found.left is None else motions(chosen.network, found.left[:, None])
     groups = found.clusters()
-    pairs = [np.array(pair).reshape(2, -1) for pair in (np.meshgrid(group, group, indexing="ij") for group in groups)]
-    left, right = np.concatenate([np.tile(np.arange(len(found.lead)), (2, 1)), *pairs], axis=1)
-    forms = _forms(system, net, chosen, found, left, right)
-    forms[breaking(system, net, chosen.parameters)] = np.nan
-    form = chosen.chain(forms)
-    gram = found.gram(system, left, right)
-    simple = len(found.lead)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = -1.0 / _gram(x, y, 2.0 * found.lead)
     resting = np.flatnonzero(found.lead == 0.0)
-    size = np.abs(form).max(axis=1, keepdims=True, initial=0.0) if len(resting) else 0.0
-    still = np.abs(form[:, resting]) <= ZERO_FORM * size
-    gram[resting] = -1.0
-    form[:, :simple] *= -1.0 / gram[:simple]
-    form[:, resting] = np.where(still, 0.0, np.inf)
-    start = simple
+    for some in (resting, *groups):
+        scale[some] = 1.0
+    right = _fields(chosen.network, x, found.lead, scale if found.left is not None else 2.0 * scale)
+    left = None if found.left is None else _fields(chosen.network, y, found.lead, scale)
+    result = _simple(chosen, found, left, right)
+    if len(resting):
+        lead = np.abs(result[:, found.place])
+        size = (lead / np.abs(scale)).max(axis=1, keepdims=True)
+        _set(result, found, resting, np.where(lead[:, resting] <= ZERO_FORM * size, 0.0, np.inf))
+    if groups:
+        _part(result, chosen, found, groups, (x, y), (left, right))
+    return result
+
+
+def planned(system: System, parameters: Asked) -> Plan:
+    """Return the plan for the variables asked for; that for all parameters is kept by the system."""
+    network = system._network
+    return network.every if parameters is None else plan(network, variables(system.parameters, parameters))
+
+
+def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
+    """Return y^T (2 lambda M + C) x."""
+    result: Complex = twice * (y.body * x.momentum).sum(axis=(0, 1))[0]
+    if x.viscous is not None:
+        result += (y.relative[-len(x.viscous) :] * x.viscous).sum(axis=(0, 1))[0]
+    return result
+
+
+def _fields(network: Network, motion: Motions, values: Complex, scale: Complex) -> Fields:
+    """Fields of e^(lambda t), times a scale; of real shapes the real and the imaginary parts, in real arithmetic."""
+    powers = np.array([scale, scale * values, scale * values * values])[:, None]
+    if motion.body.dtype.kind != "c":
+        powers = np.concatenate((powers.real, powers.imag), axis=1)
+    return fields(network, motion, *powers)
+
+
+def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -> Complex:
+    """Forms of all eigenvalues, conjugates included, (variables, eigenvalues)."""
+    first, second = (right, None) if left is None else (left, right)
+    if chosen.variables.identity and found.alternates:
+        result = np.empty((chosen.size, found.count), dtype=complex)
+        for rows, stride, block in forms(chosen.families, first, second):
+            view = picked(result, rows, stride)
+            into = np.empty((*rows.shape, found.count), dtype=complex) if view is None else view
+            values = _joined(block)
+            into[..., ::2] = values
+            np.conjugate(values, out=into[..., 1::2])
+            if view is None:
+                result[rows[rows >= 0]] = into[rows >= 0]
+        result[chosen.breaking] = np.nan
+        return result
+    form = chosen.variables.chain(_complex(table(chosen, first, second), chosen))
+    result = np.empty((len(form), found.count), dtype=complex)
+    _set(result, found, np.arange(len(found.lead)), form)
+    return result
+
+
+def _joined(form: Field) -> Complex:
+    """Forms (..., n) of their real and imaginary parts (..., 2, n), where they come in real arithmetic."""
+    real, *imag = (form[..., i, :] for i in range(form.shape[-2]))
+    if not imag:
+        return np.asarray(real)
+    result = np.empty(real.shape, dtype=complex)
+    result.real, result.imag = real, imag[0]
+    return result
+
+
+def _complex(form: Field, chosen: Plan) -> Complex:
+    result = _joined(form)
+    result[chosen.breaking] = np.nan
+    return result
+
+
+def _set(result: Complex, found: Spectrum, which: Index, form: Complex | Array) -> None:
+    """Set the columns of some of the lead eigenvalues, and of their conjugates."""
+    result[:, found.place[which]] = form
+    mirror = np.full(len(found.lead), -1)
+    mirror[found.mirrored] = found.mirror
+    paired = mirror[which] >= 0
+    result[:, mirror[which][paired]] = form[:, paired].conj()
+
+
+def _part(
+    result: Complex, chosen: Plan, found: Spectrum, groups: list[Index], motion: tuple[Motions, Motions],
+    at: tuple[Fields | None, Fields],
+) -> None:  # fmt: skip
+    """Eigenvalues that coincide part along branches of their own."""
+    pairs = [np.array(np.meshgrid(group, group, indexing="ij")).reshape(2, -1) for group in groups]
+    left, right = np.concatenate(pairs, axis=1)
+    x, y = motion
+    gram = _gram(x.take(right), y.take(left), found.lead[left] + found.lead[right])
+    first = at[1].take(left) if at[0] is None else at[0].take(left)
+    form = chosen.variables.chain(_complex(table(chosen, first, at[1].take(right)), chosen))
+    if at[0] is None:
+        form *= 0.5
+    start = 0
     for group in groups:
         part = slice(start, start := start + len(group) ** 2)
-        form[:, group] = _branches(form[:, part], gram[part], len(group))
-    source = np.empty(found.count, dtype=np.intp)
-    source[found.place], source[found.mirror] = np.arange(simple), found.mirrored
-    sign = np.ones(found.count)
-    sign[found.mirror] = -1.0
-    result: Complex = form[:, source]
-    result.imag *= sign
-    return result
-
-
-def _forms(
-    system: System, net: Network, chosen: Variables, found: Spectrum, left: Index, right: Index
-) -> Complex:
-    """Return y_i^T (lambda^2 dM + lambda dC + dK) x_j for pairs (i, j) of eigenvectors, lambda that of j."""
-    values = found.lead[right]
-    square, one, none = values * values, np.ones(len(values)), np.zeros(len(values))
-    x = motions(system, net, found.right)
-    repeats = len(values) > len(found.lead)
-    if repeats or found.left is not None:
-        y = x if found.left is None else motions(system, net, found.left)
-        first = y[0][..., left], y[1][..., left]
-        second: tuple[Field, Field] | None = (x[0][..., right], x[1][..., right])
-    else:
-        first, second = x, None
-
-    def at(factors: tuple[Field, Field, Field], parameters: Sequence[Parameter]) -> Field:
-        other = None if second is None else fields(net, second, *factors)
-        return products(net, parameters, fields(net, first, *factors), other)
-
-    if found.right.dtype.kind == "c":
-        return at((one, values, square), chosen.parameters).astype(complex, copy=False)
-    # real shapes: real arithmetic, once for the real and once for the imaginary parts of the eigenvalues
-    result: Complex = at((one, values.real, square.real), chosen.parameters).astype(complex)
-    some = np.arange(len(chosen.parameters))
-    if not (net.damping.any() or square.imag.any()):
-        some = np.array([i for i, entry in enumerate(chosen.parameters) if entry.field == "damping"], dtype=np.intp)
-    if len(some) and values.imag.any():
-        result[some] += 1j * at((none, values.imag, square.imag), [chosen.parameters[i] for i in some])
-    return result
+        _set(result, found, group, _branches(form[:, part], gram[part], len(group)))
 
 
 def _branches(form: Complex, gram: Complex, size: int) -> Complex:

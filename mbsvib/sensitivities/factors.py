@@ -6,140 +6,230 @@ Stiffness, damping and inertia see motions only. Where a part moves, the wrench 
 the motion: a connection at p turned by rho and moved by dp sees (u + theta x dp, theta) turned back by rho, a joint of
 the tree hands on the same with the other sign.
 
+A rule lists the terms (P, Q), each (parts, ...), of every entry of a field.
+
 Source: Jiang, Chen & Luo (2011), equations 78-87; here by the wrenches that connections transmit.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.parts import Spring
+from mbsvib.parts import Body, Joint, Spring
+from mbsvib.sensitivities.fields import applied
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.kinematics import Array
+    from mbsvib.parts import Bushing
     from mbsvib.sensitivities.fields import Field, Fields
-    from mbsvib.sensitivities.network import Network
 
-Pair = tuple["Field", "Field"]
-_NEXT = [1, 2, 0]
-_LAST = [2, 0, 1]
-_SIX = [(i, j) for i in range(6) for j in range(i, 6)]
-_THREE = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    Terms = list[tuple[Field, Field]]
+
+# found, numbers of the bodies or connections, and what is constant of each
+Rule = Callable[["Fields", Any, "tuple[Array, ...]"], "list[Terms]"]
+_TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_WHOLE = tuple((i, j) for i in range(6) for j in range(i, 6))
+_DIAGONAL = tuple((i, i) for i in range(6))
 
 
-def body_factors(network: Network, found: Fields, which: Sequence[int], field: str) -> Pair:
-    """Return P and Q of one field of bodies.
+def rule(part: Body | Joint | Bushing | Spring, field: str) -> Rule:
+    """Return the rule by which a field of a part of this kind enters the equations.
 
     Parameters
     ----------
-    network : Network
-        Bodies and connections.
-    found : Fields
-        Motions and wrenches.
-    which : sequence of int
-        Numbers of the bodies.
+    part : Body, Joint, Bushing or Spring
+        A part.
     field : str
-        mass, inertia, position or orientation.
+        One of its fields.
 
     Returns
     -------
-    pair of array, shape (bodies, entries, terms, n)
-        P and Q.
+    callable
+        Terms of each entry, from fields, numbers of parts, and their constants.
     """
-    index = list(which)
-    x, w = found.body[index], found.body_wrench[index]
-    if field == "mass":
-        return 0.5 * found.square * x[:, None, :3], x[:, None, :3]
-    if field == "inertia":
-        own = network.axes[index].transpose(0, 2, 1) @ x[:, 3:]
-        p, q = _entries(own, _THREE)
-        return p * found.square, q
-    return _crossed(w[:, :3] if field == "position" else w[:, 3:], x[:, 3:])
-
-
-def spring_factors(network: Network, found: Fields, which: Sequence[int], field: str) -> Pair:
-    """Return P and Q of one field of spring-dampers of one kind; parameters and result as of ``body_factors``."""
-    index = len(network.joints) + np.array(which, dtype=np.intp)
-    part = network.springs[which[0]]
-    d, w = found.relative[index], found.wrench[index]
+    if isinstance(part, Body):
+        return {"mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body}[field]
+    if isinstance(part, Joint):
+        if part.end is not None:
+            return {"position": _rod_start, "end": _rod_end}[field]
+        return {"position": _moved_joint, "orientation": _turned_joint, "pitch": _pitch}[field]
     if isinstance(part, Spring):
-        return _line(network, which, field, d, w, found)
+        return {"stiffness": _line_stiffness, "damping": _line_damping, "start": _start, "end": _end}[field]
     if field in ("stiffness", "damping"):
-        axes = np.array([network.springs[i].orientation for i in which]).transpose(0, 2, 1)  # type: ignore[union-attr]
-        own = np.concatenate((axes @ d[:, :3], axes @ d[:, 3:]), axis=1)
         whole = isinstance(getattr(part, field)[0], tuple)
-        p, q = _entries(own, _SIX if whole else [(i, i) for i in range(6)])
-        return p * (found.stiff if field == "stiffness" else found.rate), q
-    return _moved(d, w, field)
+        return {
+            ("stiffness", False): _stiffness, ("stiffness", True): _whole_stiffness,
+            ("damping", False): _damping, ("damping", True): _whole_damping,
+        }[field, whole]  # fmt: skip
+    return {"position": _moved, "orientation": _turned}[field]
 
 
-def joint_factors(network: Network, found: Fields, which: Sequence[int], field: str) -> Pair:
-    """Return P and Q of one field of joints; parameters and result as of ``body_factors``."""
-    index = list(which)
-    d, w = found.relative[index], found.wrench[index]
-    if field == "pitch":
-        axis = np.array([network.joints[i].axes for i in index])[:, :, 2]
-        along = np.einsum("ki,kin->kn", axis, w[:, :3]), np.einsum("ki,kin->kn", axis, d[:, 3:])
-        return along[0][:, None, None], along[1][:, None, None]
-    p, q = _moved(d, w, "position" if field == "end" else field)
-    if network.joints[index[0]].end is None:
-        return -p, q
-    turned = _rods(network, index, d, w, field)
-    return (turned[0], turned[1]) if field == "position" else (
-        np.concatenate((-p, turned[0]), axis=2), np.concatenate((q, turned[1]), axis=2))
+def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
+    """Return what a rule has to know of parts of one kind, each (parts, ...).
+
+    Parameters
+    ----------
+    parts : sequence of Body, Joint, Bushing or Spring
+        The parts.
+    field : str
+        One of their fields.
+
+    Returns
+    -------
+    tuple of array
+        Axes of bodies and bushings; directions of line springs, rods and screws.
+    """
+    first = parts[0]
+    if isinstance(first, Body):
+        return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),) if field == "inertia" else ()
+    if isinstance(first, Spring):
+        span = np.array([np.subtract(part.end, part.start) for part in parts])
+        return np.array([part.line for part in parts]), span, np.linalg.norm(span, axis=1)
+    if isinstance(first, Joint):
+        if first.end is not None:
+            span = np.array([np.subtract(part.end, part.position) for part in parts])
+            return (span / (span * span).sum(axis=1, keepdims=True),)
+        return (np.array([part.axes for part in parts])[:, :, 2],) if field == "pitch" else ()
+    if field in ("stiffness", "damping"):
+        return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),)
+    return ()
 
 
-def _rods(network: Network, index: Sequence[int], d: Field, w: Field, field: str) -> Pair:
+def _mass(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    x = found.body[k]
+    return [[((0.5 * found.square) * x[:, i], x[:, i]) for i in range(3)]]
+
+
+def _inertia(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return _entries(applied(data[0], found.body[k, 3:]), _TENSOR, found.square)
+
+
+def _moved_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    return _crossed(found.body_wrench[k, :3], found.body[k, 3:])
+
+
+def _turned_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    return _crossed(found.body_wrench[k, 3:], found.body[k, 3:])
+
+
+def _strain(found: Fields, k: Any, axes: Array) -> Field:
+    d = found.strain[_among_springs(found, k)]
+    return np.concatenate((applied(axes, d[:, :3]), applied(axes, d[:, 3:])), axis=1)
+
+
+def _among_springs(found: Fields, k: Any) -> Any:
+    joints = len(found.relative) - len(found.strain)
+    return slice(k.start - joints, k.stop - joints) if isinstance(k, slice) else k - joints
+
+
+def _stiffness(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return _entries(_strain(found, k, data[0]), _DIAGONAL, found.stiff)
+
+
+def _whole_stiffness(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return _entries(_strain(found, k, data[0]), _WHOLE, found.stiff)
+
+
+def _damping(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return _entries(_strain(found, k, data[0]), _DIAGONAL, found.rate)
+
+
+def _whole_damping(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return _entries(_strain(found, k, data[0]), _WHOLE, found.rate)
+
+
+def _moved(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    return _crossed(found.wrench[k, :3], found.relative[k, 3:])
+
+
+def _turned(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    d, w = found.relative[k], found.wrench[k]
+    return [a + b for a, b in zip(_crossed(w[:, :3], d[:, :3]), _crossed(w[:, 3:], d[:, 3:]), strict=True)]
+
+
+def _moved_joint(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    return _crossed(found.wrench[k, :3], -found.relative[k, 3:])
+
+
+def _turned_joint(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
+    d, w = -found.relative[k], found.wrench[k]
+    return [a + b for a, b in zip(_crossed(w[:, :3], d[:, :3]), _crossed(w[:, 3:], d[:, 3:]), strict=True)]
+
+
+def _pitch(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    return [[(_along(data[0], found.wrench[k, :3]), _along(data[0], found.relative[k, 3:]))]]
+
+
+def _rod_start(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
     """Rods turn with their ends: along the rod the force works on dp . u / L."""
-    rods: list[Any] = [network.joints[i] for i in index]
-    span = np.array([np.subtract(rod.end, rod.position) for rod in rods])[:, :, None]
-    length = np.linalg.norm(span, axis=1, keepdims=True)
-    push = (span * w[:, :3]).sum(axis=1)[:, None, None] / (length * length)[:, None]
-    if field == "end":
-        push = -push
-    return np.broadcast_to(push, (len(index), 3, 1, push.shape[-1])), d[:, :3, None]
+    d, push = found.relative[k], _along(data[0], found.wrench[k, :3])
+    return [[(push, d[:, i])] for i in range(3)]
 
 
-def _entries(d: Field, pairs: list[tuple[int, int]]) -> Pair:
-    """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it."""
-    first, second = [i for i, _ in pairs], [j for _, j in pairs]
-    half = np.array([0.5 if i == j else 1.0 for i, j in pairs])[:, None]
-    return (d[:, first] * half)[:, :, None], d[:, second][:, :, None]
+def _rod_end(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    d, push = found.relative[k], _along(-data[0], found.wrench[k, :3])
+    moved = _moved_joint(found, k, ())
+    return [[*moved[i], (push, d[:, i])] for i in range(3)]
 
 
-def _crossed(force: Field, theta: Field) -> Pair:
-    """force . (theta x e) for the three unit vectors e."""
-    p = np.stack((force[:, _NEXT], -force[:, _LAST]), axis=2)
-    return p, np.stack((theta[:, _LAST], theta[:, _NEXT]), axis=2)
+def _line_stiffness(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    along = _along(data[0], found.strain[_among_springs(found, k), :3])
+    return [[((0.5 * found.stiff) * along, along)]]
 
 
-def _moved(d: Field, w: Field, field: str) -> Pair:
-    """A connection that is moved or turned."""
-    if field == "position":
-        return _crossed(w[:, :3], d[:, 3:])
-    forces, turns = _crossed(w[:, :3], d[:, :3]), _crossed(w[:, 3:], d[:, 3:])
-    return np.concatenate((forces[0], turns[0]), axis=2), np.concatenate((forces[1], turns[1]), axis=2)
+def _line_damping(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    along = _along(data[0], found.strain[_among_springs(found, k), :3])
+    return [[((0.5 * found.rate) * along, along)]]
 
 
-def _line(network: Network, which: Sequence[int], field: str, d: Field, w: Field, found: Fields) -> Pair:
-    """Line springs: with e the line and L its length, moving an end by dp changes the elongation by
+def _start(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    """With e the line and L its length, moving an end by dp changes the elongation by
     dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
     """
-    parts: list[Any] = [network.springs[i] for i in which]
-    line = np.array([part.line for part in parts])[:, :, None]
-    if field in ("stiffness", "damping"):
-        along = (line * d[:, :3]).sum(axis=1)[:, None, None]
-        return 0.5 * along * (found.stiff if field == "stiffness" else found.rate), along
-    span = np.array([np.subtract(part.end, part.start) for part in parts])[:, :, None]
-    sign = 1.0 if field == "end" else -1.0
-    u, theta = d[:, :3], d[:, 3:]
-    if field == "end":
-        u = u + np.cross(theta, span, axis=1)
-    across = u - line * (line * u).sum(axis=1, keepdims=True)
-    length = np.linalg.norm(span, axis=1, keepdims=True)
-    tension = (line * w[:, :3]).sum(axis=1)[:, None, None]
-    change = sign * across / length + np.cross(line, theta, axis=1)
-    return np.broadcast_to(tension, (len(parts), 3, 1, tension.shape[-1])), change[:, :, None]
+    return _line_end(found, k, data, found.relative[k, :3], -1.0)
+
+
+def _end(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    d = found.relative[k]
+    return _line_end(found, k, data, d[:, :3] + _cross(d[:, 3:], _wide(data[1], d)), 1.0)
+
+
+def _line_end(found: Fields, k: Any, data: tuple[Array, ...], u: Field, sign: float) -> list[Terms]:
+    line, _, length = data
+    wide = _wide(line, u)
+    across = u - wide * _along(line, u)[:, None]
+    change = across * _wide(sign / length, u) + _cross(wide, found.relative[k, 3:])
+    tension = _along(line, found.wrench[k, :3])
+    return [[(tension, change[:, i])] for i in range(3)]
+
+
+def _entries(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) -> list[Terms]:
+    """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it."""
+    half = d * (0.5 * factor)
+    whole = d * factor if len(pairs) > len(_DIAGONAL) or pairs is _TENSOR else half
+    return [[((half if i == j else whole)[:, i], d[:, j])] for i, j in pairs]
+
+
+def _crossed(force: Field, theta: Field) -> list[Terms]:
+    """force . (theta x e) for the three unit vectors e."""
+    return [[(force[:, j], theta[:, k]), (force[:, k], -theta[:, j])] for j, k in ((1, 2), (2, 0), (0, 1))]
+
+
+def _wide(vectors: Array, like: Field) -> Array:
+    """Vectors (k, 3) or numbers (k,) that broadcast against (k, 3, ...)."""
+    return vectors.reshape(*vectors.shape, *[1] * (like.ndim - vectors.ndim))
+
+
+def _along(axis: Array, vectors: Field) -> Field:
+    """Components (k, ...) of vectors (k, 3, ...) along axes (k, 3)."""
+    return applied(axis[:, None], vectors)[:, 0]
+
+
+def _cross(a: Field, b: Field) -> Field:
+    """Vector products of (k, 3, ...)."""
+    return np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)

@@ -3,11 +3,14 @@
 A motion q e^(s t) strains springs, moves dampers and accelerates bodies. What a joint transmits is all that acts behind
 it: the sum over what it carries, and over the loops through it what their closing constraints transmit, which the
 dependent coordinates give, Phi_d^T mu = (B'^T F)_d.
+
+Arrays are (parts, 6, ...): behind their first two axes come those of the motions, which broadcast against each other.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,91 +32,154 @@ COMPLETE = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
-class Fields:
-    """Motions of bodies and connections, (b or j + s, 6, n), and the wrench in each, world axes.
+class Motions:
+    """Motions of ``body`` (b, 6, ...) at their centres of mass and ``relative`` (j + s, 6, ...) of connections at their
+    points, with what mass, stiffness and damping make of them: ``momentum`` (b, 6, ...), ``elastic`` and ``viscous``
+    (s, 6, ...), the latter None without dampers.
+    """
 
-    Bodies at their centres of mass, connections at their points. ``stiff``, ``rate`` and ``square`` (n,) are factors
-    of stiffness, damping and inertia, 1, s and s^2.
+    body: Field
+    relative: Field
+    momentum: Field
+    elastic: Field
+    viscous: Field | None
+
+    def take(self, columns: Any) -> Motions:
+        """Return some of the motions, numbered along the last axis."""
+        return Motions(*(None if (array := getattr(self, key)) is None else array[..., columns]
+                         for key in Motions.__slots__))  # type: ignore[arg-type]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """Motions of bodies and connections, and the wrench in each, world axes.
+
+    Bodies (b, 6, ...) at their centres of mass, connections (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is
+    what springs see. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
     """
 
     body: Field
     body_wrench: Field
     relative: Field
+    strain: Field
     wrench: Field
     stiff: Field
     rate: Field
     square: Field
 
     def take(self, columns: Any) -> Fields:
-        """Return some of the motions."""
+        """Return some of the motions, numbered along the last axis."""
         return Fields(*(getattr(self, key)[..., columns] for key in Fields.__slots__))
 
 
-def motions(system: System, network: Network, vectors: Field) -> tuple[Field, Field]:
+def complete_network(system: System) -> Network:
+    """Return the network of a system, which it refuses to be without some of its forces; see ``check_complete``."""
+    from mbsvib.sensitivities.network import network
+
+    found = network(system)
+    check_complete(system, found)
+    return found
+
+
+def motions(network: Network, vectors: Field) -> Motions:
     """Return the motions of bodies and connections.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
     network : Network
         Its bodies and connections.
-    vectors : array, shape (m, n)
+    vectors : array, shape (m, ...)
         Motions in minimal coordinates.
 
     Returns
     -------
-    pair of array, shape (b, 6, n) and (j + s, 6, n)
-        Displacements of the centres of mass, and of each connection's second body against its first at its point.
+    Motions
+        With the momentum of bodies and the wrench of springs and dampers.
     """
-    of_joints = vectors if network.reduction is None else network.reduction @ vectors
+    tail = vectors.shape[1:]
+    flat = vectors.reshape(len(vectors), prod(tail))
+    of_joints = flat if network.reduction is None else network.reduction @ flat
     relative: Field = network.relative @ of_joints
-    return system.body_motion @ vectors, relative.reshape(len(network.point), 6, -1)
+    body: Field = np.zeros((6 * len(network.bodies), flat.shape[1]), dtype=flat.dtype)
+    moves = network.moves
+    if len(moves) == len(body):
+        np.matmul(network.displacements, flat, out=body)
+    else:
+        body[moves] = network.displacements[moves] @ flat
+    return _moving(network, body.reshape(-1, 6, *tail), relative.reshape(len(network.point), 6, *tail))
 
 
-def fields(network: Network, motion: tuple[Field, Field], stiff: Field, rate: Field, square: Field) -> Fields:
+def _moving(network: Network, body: Field, relative: Field) -> Motions:
+    strained = relative[len(network.joints) :]
+    return Motions(body, relative, momentum(network, body), applied(network.stiffness, strained),
+                   applied(network.damping, strained) if network.damped else None)  # fmt: skip
+
+
+def momentum(network: Network, body: Field) -> Field:
+    """Return mass times translation and inertia times rotation of bodies (b, 6, ...)."""
+    result: Field = np.empty_like(body)
+    np.multiply(body[:, :3], network.mass.reshape(-1, *[1] * (body.ndim - 1)), out=result[:, :3])
+    result[:, 3:] = applied(network.inertia, body[:, 3:])
+    return result
+
+
+def applied(matrices: Array, vectors: Field) -> Field:
+    """Return products of matrices (k, i, j) and vectors (k, j, ...)."""
+    tail = vectors.shape[2:]
+    result: Field = matrices @ vectors.reshape(*vectors.shape[:2], prod(tail))
+    return result.reshape(*result.shape[:2], *tail)
+
+
+def fields(
+    network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None
+) -> Fields:
     """Return motions with the wrenches that go with them.
 
     Parameters
     ----------
     network : Network
         Bodies and connections.
-    motion : pair of array, shape (b, 6, n) and (j + s, 6, n)
+    motion : Motions
         Motions of bodies and connections.
-    stiff, rate, square : array, shape (n,)
+    stiff, rate, square : array
         Factors of stiffness, damping and inertia: 1, s and s^2 for motions with e^(s t); 1 or 0 to have the derivatives
         of one matrix only.
+    load : array, shape (b, 6, ...), optional
+        Further wrenches on bodies, at their centres of mass, counted as inertia is.
 
     Returns
     -------
     Fields
         Motions and wrenches of bodies and connections.
     """
-    body, relative = motion
-    body_wrench = np.empty(body.shape, dtype=np.result_type(body, square))
-    np.multiply(body[:, :3], network.mass[:, None, None] * square, out=body_wrench[:, :3])
-    np.multiply(network.inertia @ body[:, 3:], square, out=body_wrench[:, 3:])
-    strained = relative[len(network.joints) :]
-    spring_wrench = (network.stiffness @ strained) * stiff
-    if network.damping.any():
-        spring_wrench = spring_wrench + (network.damping @ strained) * rate
-    wrench = np.concatenate((_transmitted(network, body_wrench, spring_wrench), spring_wrench))
-    return Fields(body, body_wrench, relative, wrench, stiff, rate, square)
+    body_wrench = motion.momentum * square
+    spring_wrench = motion.elastic * stiff
+    if motion.viscous is not None:
+        spring_wrench = spring_wrench + motion.viscous * rate
+    on_bodies = body_wrench if load is None else body_wrench + load
+    wrench = np.concatenate((_transmitted(network, on_bodies, spring_wrench), spring_wrench))
+    return Fields(motion.body, body_wrench, motion.relative, motion.relative[len(network.joints) :], wrench,
+                  stiff, rate, square)  # fmt: skip
 
 
 def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> Field:
-    """What the joints transmit, (j, 6, n) at their points."""
-    place = np.concatenate((network.point, network.position))
-    origin = 0.5 * (place.min(axis=0) + place.max(axis=0))
-    at = network.point[len(network.joints) :] - origin
-    load = shifted(body_wrench, network.position - origin) + _onto(network.acting, shifted(spring_wrench, at))
+    """What the joints transmit, (j, 6, ...) at their points."""
+    tail = body_wrench.shape[2:]
+    on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
+                             for wrench in (body_wrench, spring_wrench))  # fmt: skip
+    load = shifted(on_bodies, network.position - network.origin)
+    if len(on_springs):
+        at = network.point[len(network.joints) :] - network.origin
+        load += onto(network.acting, shifted(on_springs, at))
     behind = _behind(network, load)
     if network.constraints is None:
-        return _at_joints(network, behind, origin)
-    return in_joints(network, behind, multipliers(network, behind, origin), origin)
+        found = _at_joints(network, behind)
+    else:
+        found = in_joints(network, behind, multipliers(network, behind))
+    return found.reshape(-1, 6, *tail)
 
 
-def in_joints(network: Network, behind: Field, mu: Field, origin: Array) -> Field:
+def in_joints(network: Network, behind: Field, mu: Field) -> Field:
     """Return the wrenches in joints, from what acts behind them and from the forces that close loops.
 
     Parameters
@@ -121,11 +187,9 @@ def in_joints(network: Network, behind: Field, mu: Field, origin: Array) -> Fiel
     network : Network
         Bodies and connections.
     behind : array, shape (b, 6, n)
-        What acts on each body and those outwards from it, about ``origin``.
+        What acts on each body and those outwards from it, about the network's origin.
     mu : array, shape (rows, n)
         Forces in the locked rows of cut joints.
-    origin : array, shape (3,)
-        The point [m].
 
     Returns
     -------
@@ -135,17 +199,15 @@ def in_joints(network: Network, behind: Field, mu: Field, origin: Array) -> Fiel
     ties, closes = network.constraints, network.closing
     assert ties is not None
     assert closes is not None
-    closing = ties.wrench[:, :, None] * mu[:, None]
-    pull = _onto(closes, shifted(closing, network.point[ties.joint] - origin))
-    result = _at_joints(network, behind - _behind(network, pull), origin)
-    np.add.at(result, ties.joint, closing)
-    return result
+    closing = onto(ties.closing, ties.wrench[:, :, None] * mu[:, None])
+    pull = onto(closes, shifted(closing, network.point[: len(network.joints)] - network.origin))
+    return np.asarray(_at_joints(network, behind - _behind(network, pull)) + closing)
 
 
-def _onto(incidence: csr_array, wrench: Field) -> Field:
-    """Wrenches of connections on the bodies that they connect, (b, 6, n)."""
-    total: Field = incidence @ wrench.reshape(len(wrench), -1)
-    return total.reshape(-1, *wrench.shape[1:])
+def onto(incidence: csr_array, wrench: Field) -> Field:
+    """Return sums of wrenches (w, 6, n) that a matrix (rows, w) picks, (rows, 6, n)."""
+    total: Field = incidence @ wrench.reshape(len(wrench), prod(wrench.shape[1:]))
+    return total.reshape(incidence.shape[0], *wrench.shape[1:])
 
 
 def _behind(network: Network, load: Field) -> Field:
@@ -156,12 +218,12 @@ def _behind(network: Network, load: Field) -> Field:
     return load
 
 
-def _at_joints(network: Network, behind: Field, origin: Array) -> Field:
+def _at_joints(network: Network, behind: Field) -> Field:
     joints = network.point[: len(network.joints)]
-    return shifted(behind[network.behind] * network.sign[:, None, None], origin - joints)
+    return shifted(behind[network.behind] * network.sign[:, None, None], network.origin - joints)
 
 
-def multipliers(network: Network, behind: Field, origin: Array) -> Field:
+def multipliers(network: Network, behind: Field) -> Field:
     """Return the forces mu (rows, n) in the locked rows of cut joints, the smallest where rows are redundant.
 
     Parameters
@@ -169,22 +231,18 @@ def multipliers(network: Network, behind: Field, origin: Array) -> Field:
     network : Network
         Bodies and connections.
     behind : array, shape (b, 6, n)
-        What acts on each body and those outwards from it, about ``origin``.
-    origin : array, shape (3,)
-        The point [m].
+        What acts on each body and those outwards from it, about the network's origin.
 
     Returns
     -------
     array, shape (rows, n)
         Forces [N] and moments [N m].
     """
-    ties, twist = network.constraints, network.coordinates
+    ties = network.constraints
     assert ties is not None
-    k = ties.dependent
-    own = shifted(behind[network.coordinate_behind[k]], origin - twist.point[:, k].T)
-    six = np.concatenate((twist.linear, twist.angular))[:, k].T * network.coordinate_sign[k, None]
-    felt = np.einsum("kc,kcn->kn", six, own)
-    return np.asarray(ties.q @ np.linalg.solve(ties.r.T, felt))
+    own = shifted(behind[ties.carried], ties.arm)
+    felt = applied(ties.twist[:, None], own)[:, 0]
+    return np.asarray(ties.pull @ felt)
 
 
 def shifted(wrench: Field, arm: Array) -> Field:
@@ -192,9 +250,11 @@ def shifted(wrench: Field, arm: Array) -> Field:
     result = np.array(wrench)
     x, y, z = arm.T[:, :, None]
     fx, fy, fz = wrench[:, 0], wrench[:, 1], wrench[:, 2]
-    result[:, 3] += y * fz - z * fy
-    result[:, 4] += z * fx - x * fz
-    result[:, 5] += x * fy - y * fx
+    for axis, (a, f, b, g) in enumerate(((y, fz, z, fy), (z, fx, x, fz), (x, fy, y, fx))):
+        if a.any():
+            result[:, 3 + axis] += a * f
+        if b.any():
+            result[:, 3 + axis] -= b * g
     return result
 
 
@@ -214,16 +274,16 @@ def check_complete(system: System, network: Network) -> None:
         If the work of one motion is not that of the system's matrices, or they are not symmetric.
     """
     some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
-    one = np.ones(1)
-    sizes = system.inertia_factor @ some, system.elastic_rows @ some
+    moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
+    motion = motions(network, some)
+    own = motion.relative[len(network.joints) :]
     complete = system.gyroscopic is None and system.circulatory is None
-    for factors, weight in (((one, 0 * one, 0 * one), system.stiffness), ((0 * one, one, 0 * one), system.damping),
-                            ((0 * one, 0 * one, one), None)):  # fmt: skip
-        body, relative = motion = motions(system, network, some)
-        found = fields(network, motion, *factors)
-        work = float((body * found.body_wrench).sum() + (relative * found.wrench)[len(network.joints) :].sum())
-        terms = sizes[0][:, 0] ** 2 if weight is None else weight * sizes[1][:, 0] ** 2
-        complete &= abs(work - float(terms.sum())) <= COMPLETE * float(np.abs(terms).sum())
+    for work, terms in (
+        ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2),
+        ((own * motion.elastic).sum(), system.stiffness * strained[:, 0] ** 2),
+        (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained[:, 0] ** 2),
+    ):
+        complete &= bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
     if not complete:
         raise ModelError(
             f"sensitivities of '{system.name}': it has forces beyond those of rigid bodies and spring-dampers (loads, "

@@ -7,6 +7,7 @@ Everything that a parameter can change is local to a body or to a connection.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array, Index, Twists
     from mbsvib.parts._part import Part
+    from mbsvib.sensitivities.plans import Plan
     from mbsvib.system import System
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
@@ -33,30 +35,34 @@ _SIX = np.eye(6)
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """The locked rows of the cut joints, (rows,) each: ``wrench`` (rows, 6) at their joint's point, world axes, and
-    ``joint``, its number; ``dependent`` (d,) coordinates and Q, R of the rows in them; ``stress`` (rows, r) are the
-    combinations of redundant rows that load nothing.
+    """The locked rows of the cut joints, (rows,) each: ``wrench`` (rows, 6) at their joint's point, world axes;
+    ``closing`` (j, rows) adds them up by joint. Of dependent coordinates (d,): the body ``carried`` and from the
+    network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from what they feel to the
+    forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that load nothing.
     """
 
     wrench: Array
-    joint: Index
-    dependent: Index
-    q: Array
-    r: Array
+    closing: csr_array
+    carried: Index
+    arm: Array
+    twist: Array
+    pull: Array
     stress: Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Network:
     """Bodies (b), joints (j), bushings and line springs (s) of a system in numbers, world axes.
 
     ``relative`` (6 (j + s), n) leads from joint coordinates to the motion of each connection's second body against its
-    first at ``point`` (j + s, 3). ``acting`` (b, s) and ``closing`` (b, rows) hold +1 for the second and -1 for the
-    first body of each spring-damper and of each locked row of a cut joint. ``tree`` lists body and parent (ground: b)
-    from ground outwards; joint j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign
-    is 0; coordinate i likewise, ``coordinate_sign[i]`` and ``coordinate_behind[i]``.
+    first at ``point`` (j + s, 3). ``acting`` (b, s) and ``closing`` (b, j) hold +1 for the second and -1 for the first
+    body of each spring-damper and of each joint. ``tree`` lists body and parent (ground: b) from ground outwards; joint
+    j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
+    wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
+    that are not zero.
     """
 
+    parts: tuple[Part, ...]
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     springs: tuple[Bushing | Spring, ...]
@@ -73,11 +79,26 @@ class Network:
     tree: tuple[tuple[int, int], ...]
     behind: Index
     sign: Array
-    coordinate_behind: Index
-    coordinate_sign: Array
     acting: csr_array
     closing: csr_array | None
     constraints: Constraints | None
+    origin: Array
+    displacements: Array
+    moves: Index
+
+    @cached_property
+    def damped(self) -> bool:
+        """Whether any damper acts."""
+        return bool(self.damping.any())
+
+    @cached_property
+    def every(self) -> Plan:
+        """All parameters, grouped."""
+        from mbsvib.parameters import Parameters
+        from mbsvib.sensitivities.plans import plan
+        from mbsvib.sensitivities.variables import variables
+
+        return plan(self, variables(Parameters(self.parts), None))
 
 
 def network(system: System) -> Network:
@@ -97,6 +118,7 @@ def network(system: System) -> Network:
     parts = system.provenance.parts
     refuse_composed(parts, "sensitivities", "compare variants by model.with_values(...)")
     _refuse_nodes(parts)
+    _refuse_dropped(system)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
     refuse_coupled(parts, "sensitivities", "compare variants by linearize(values=...)")
@@ -108,17 +130,21 @@ def network(system: System) -> Network:
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
     behind, sign = _carried(system)
-    own = _coordinates(system)
     axes = np.array([body.orientation for body in bodies])
     tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
-    ties = _constraints(system, coordinates, bodies, number)
+    position = np.array([body.position for body in bodies])
+    place = np.concatenate((point, position))
+    displacements = system.body_motion.reshape(6 * len(bodies), -1)
+    origin = 0.5 * (place.min(axis=0) + place.max(axis=0))
+    ties = _constraints(system, coordinates, bodies, number, origin)
     return Network(
-        bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
-        axes @ tensors @ axes.transpose(0, 2, 1), np.array([body.position for body in bodies]), axes, point,
+        parts, bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
+        axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
         _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
-        tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign, *own,
+        tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
-        None if ties is None else _incidence(first[ties.joint], second[ties.joint], len(bodies)), ties,
+        None if ties is None else _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
+        displacements, np.flatnonzero(displacements.any(axis=1)),
     )  # fmt: skip
 
 
@@ -129,6 +155,15 @@ def _refuse_nodes(parts: Sequence[Part]) -> None:
             f"sensitivities: '{relaxing.name}' is a Maxwell element, which they do not support yet. Put a massless "
             f"body between a spring and a damper, or compare variants by model.with_values instead.",
             element=relaxing.name,
+        )  # fmt: skip
+
+
+def _refuse_dropped(system: System) -> None:
+    came = system.provenance
+    if came.dropped is not None and (came.massless is not None or came.topology.cut):
+        raise ModelError(
+            f"sensitivities of '{system.name}': it is a part of a mechanism with loops or massless motions, of which "
+            f"reachable(...) left something out. Ask the whole system for them.", element=system.name,
         )  # fmt: skip
 
 
@@ -195,20 +230,24 @@ def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:
 
 
 def _constraints(
-    system: System, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int]
+    system: System, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int], origin: Array
 ) -> Constraints | None:
     topology, reduction = system.provenance.topology, system.provenance.reduction
     cuts = cut_rows(topology, bodies, number)
     if cuts is None or not cuts.names:
         return None
+    behind, sign = _coordinates(system)
     free = np.zeros(len(coordinates.names), dtype=bool)
     free[reduction.independent] = True
     dependent = np.flatnonzero(~free)
     phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.names))[:, dependent]
     q, r = np.linalg.qr(phi, mode="complete")
     d = len(dependent)
+    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint]
+    twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(
-        np.concatenate((cuts.rows.force, cuts.rows.moment)).T, np.array(topology.cut, dtype=np.intp)[cuts.joint],
-        dependent, q[:, :d], r[:d], q[:, d:],
+        np.concatenate((cuts.rows.force, cuts.rows.moment)).T,
+        csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
+        behind[dependent], origin - coordinates.point[:, dependent].T, twist,
+        np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
     )  # fmt: skip
-

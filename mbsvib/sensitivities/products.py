@@ -7,73 +7,108 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.parts import Body, Bushing, Joint, Spring
-from mbsvib.sensitivities.factors import body_factors, joint_factors, spring_factors
 from mbsvib.sensitivities.fields import fields, in_joints, motions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from mbsvib.parameters import Parameter
-    from mbsvib.sensitivities.factors import Pair
+    from mbsvib.kinematics import Index
+    from mbsvib.sensitivities.factors import Terms
     from mbsvib.sensitivities.fields import Field, Fields
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.system import System
+    from mbsvib.sensitivities.plans import Family, Plan
 
-_SIX = {(i, j): n for n, (i, j) in enumerate((i, j) for i in range(6) for j in range(i, 6))}
-# Numbers that one family of products may hold at once.
-CHUNK = 4_000_000
+# Numbers that one block of forms may hold, so that it stays in the cache.
+BLOCK = 40_000
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
 WORKS = 1e-9
 
 
-def products(
-    network: Network, parameters: Sequence[Parameter], left: Fields, right: Fields | None = None
-) -> Field:
-    """Return x^T (dT/dp) y for every parameter.
+def forms(families: Iterable[Family], left: Fields, right: Fields | None = None) -> Iterator[tuple[Index, int, Field]]:
+    """Return x^T (dT/dp) y of parameters, block by block.
 
     Parameters
     ----------
-    network : Network
-        Bodies and connections.
-    parameters : sequence of Parameter
+    families : iterable of Family
         What changes.
     left, right : Fields
-        The motions x and y, as many of each; right None: y = x.
+        The motions x and y; right None: y = x, and half of each form is returned.
 
     Returns
     -------
-    array, shape (parameters, n)
-        The forms.
+    iterator of tuple of array, shape (parts, entries), int and array, shape (parts, entries, ...)
+        The parameters, -1 where none is asked for; the stride from part to part where entries follow each other, else
+        0; and their forms.
     """
-    n = left.square.shape[-1]
+    size = int(np.prod(_tail(left, right)))
+    for family in families:
+        count, width = family.rows.shape
+        step = max(1, BLOCK // max(1, size * width))
+        for start in range(0, count, step):
+            number, data, rows = family.part(start, start + step)
+            first = family.rule(left, number, data)
+            second = None if right is None else family.rule(right, number, data)
+            yield rows, family.stride, _block(first, second, len(rows))
+
+
+def table(plan: Plan, left: Fields, right: Fields | None = None, families: Iterable[Family] | None = None) -> Field:
+    """Return x^T (dT/dp) y of all parameters, (parameters, ...); arguments and halves as of ``forms``."""
     kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
-    result = np.zeros((len(parameters), n), dtype=kind)
-    for family, field, members in _families(network, parameters):
-        step = max(1, CHUNK // (24 * max(1, n)))
-        for start in range(0, len(members), step):
-            part = members[start : start + step]
-            which, inverse = np.unique([number for _, number, _ in part], return_inverse=True)
-            other = None if right is None else family(network, right, which, field)
-            form = _form(family(network, left, which, field), other)
-            result[[place for place, _, _ in part]] = form[inverse, [slot for _, _, slot in part]]
+    result = np.zeros((plan.size, *_tail(left, right)), dtype=kind)
+    for rows, stride, block in forms(plan.families if families is None else families, left, right):
+        into = picked(result, rows, stride)
+        if into is None:
+            asked = rows >= 0
+            result[rows[asked]] = block[asked]
+        else:
+            into[:] = block
     return result
 
 
-def breaking(system: System, network: Network, parameters: Sequence[Parameter]) -> NDArray[np.bool_]:
+def picked(array: Any, rows: Index, stride: int) -> Any:
+    """Return the view (parts, entries, ...) of an array (parameters, ...) whose rows follow each other, else None."""
+    if not stride:
+        return None
+    step, *inner = array.strides
+    start = array[rows[0, 0] :]
+    return np.lib.stride_tricks.as_strided(start, (*rows.shape, *array.shape[1:]), (stride * step, step, *inner))
+
+
+def _tail(left: Fields, right: Fields | None) -> tuple[int, ...]:
+    pair = (left,) if right is None else (left, right)
+    return np.broadcast_shapes(*(each.shape[2:] for found in pair for each in (found.body, found.body_wrench)))
+
+
+def _block(first: list[Terms], second: list[Terms] | None, parts: int) -> Field:
+    p, q = first[0][0]
+    factors = (p, q) if second is None else (p, second[0][0][1], q, second[0][0][0])
+    shape = np.broadcast_shapes(*(each.shape[1:] for each in factors))
+    result: Field = np.empty((parts, len(first), *shape), dtype=np.result_type(*factors))
+    for i, terms in enumerate(first):
+        out = result[:, i]
+        if second is None:
+            np.multiply(*terms[0], out=out)
+            for p, q in terms[1:]:
+                out += p * q
+            continue
+        for t, ((p, q), (b, a)) in enumerate(zip(terms, second[i], strict=True)):
+            if t:
+                out += p * a
+            else:
+                np.multiply(p, a, out=out)
+            out += q * b
+    return result
+
+
+def breaking(plan: Plan) -> NDArray[np.bool_]:
     """Return which parameters, changed alone, take degrees of freedom away: redundant constraints then contradict.
 
     A change does so where a state of self-stress, forces in the locked rows that load no coordinate, works on it.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
-    network : Network
-        Its bodies and connections.
-    parameters : sequence of Parameter
+    plan : Plan
         What changes.
 
     Returns
@@ -81,60 +116,33 @@ def breaking(system: System, network: Network, parameters: Sequence[Parameter]) 
     array, shape (parameters,)
         True where the mechanism has fewer degrees of freedom nearby.
     """
-    result = np.zeros(len(parameters), dtype=bool)
-    ties = network.constraints
-    if ties is None or not ties.stress.shape[1] or not system.dof:
+    result = np.zeros(plan.size, dtype=bool)
+    network = plan.network
+    ties, dof = network.constraints, network.displacements.shape[1]
+    if ties is None or not ties.stress.shape[1] or not dof:
         return result
     joints = len(network.joints)
-    one = np.ones(system.dof)
-    motion = fields(network, motions(system, network, np.eye(system.dof)), one, one, one)
+    one = np.ones(dof)
+    motion = fields(network, motions(network, np.eye(dof)), one, one, one)
     none = np.zeros((len(network.bodies), 6, ties.stress.shape[1]))
-    stress = replace(motion, wrench=np.concatenate((
-        in_joints(network, none, ties.stress, network.point[:joints].mean(axis=0)),
-        np.zeros((len(network.springs), 6, ties.stress.shape[1])),
-    )))  # fmt: skip
+    wrench = np.concatenate((in_joints(network, none, ties.stress), np.zeros((len(network.springs), *none.shape[1:]))))
     length = float(np.ptp(network.point, axis=0).max()) or 1.0
     per_length = np.repeat([1.0, length], 3)[:, None]
     moves = float(np.abs(motion.relative * per_length).max(initial=0.0)) / length
-    loads = float(np.abs(stress.wrench[:joints] / per_length).max(initial=0.0))
-    for family, field, members in _families(network, parameters):
-        if family is not joint_factors:
+    loads = float(np.abs(wrench[:joints] / per_length).max(initial=0.0))
+    stress = replace(motion, wrench=wrench[..., None], relative=motion.relative[..., None, :])
+    for family in plan.families:
+        if family.kind != "joint":
             continue
-        which, inverse = np.unique([number for _, number, _ in members], return_inverse=True)
-        force = family(network, stress, which.tolist(), field)[0]
-        change = family(network, motion, which.tolist(), field)[1]
-        work = np.abs(np.einsum("kstr,kstm->ksrm", force, change)).max(axis=(2, 3))
-        broken = work > WORKS * moves * (length if field == "orientation" else 1.0) * loads
-        result[[place for place, _, _ in members]] = broken[inverse, [slot for _, _, slot in members]]
+        number, data, rows = family.part(0, len(family.number))
+        work = _work(family.rule(stress, number, data))
+        broken = work > WORKS * moves * (length if family.field == "orientation" else 1.0) * loads
+        asked = rows >= 0
+        result[rows[asked]] = broken[asked]
     return result
 
 
-def _form(left: Pair, right: Pair | None) -> Field:
-    if right is None:
-        result: Field = np.einsum("kstn,kstn->ksn", *left)
-        result *= 2.0
-    else:
-        result = np.einsum("kstn,kstn->ksn", left[0], right[1]) + np.einsum("kstn,kstn->ksn", left[1], right[0])
-    return result
-
-
-def _families(
-    network: Network, parameters: Sequence[Parameter]
-) -> Iterator[tuple[Any, str, list[tuple[int, int, int]]]]:
-    """Group parameters by kind of part and field: (place among the parameters, number of the part, entry)."""
-    numbers = {part.name: (kind, i) for kind, parts in ((body_factors, network.bodies), (joint_factors, network.joints),
-               (spring_factors, network.springs)) for i, part in enumerate(parts)}  # fmt: skip
-    groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
-    for place, parameter in enumerate(parameters):
-        kind, number = numbers[parameter.part]
-        part: Body | Joint | Bushing | Spring = (
-            network.bodies[number] if kind is body_factors else network.joints[number] if kind is joint_factors
-            else network.springs[number]
-        )  # fmt: skip
-        index = parameter.index
-        slot = 0 if not index else index[0] if len(index) == 1 else _SIX[index[0], index[1]]
-        rod = isinstance(part, Joint) and part.end is not None
-        key = (kind, parameter.field, type(part), len(index), rod)
-        groups.setdefault(key, []).append((place, number, slot))
-    for (kind, field, *_), members in groups.items():
-        yield kind, field, members
+def _work(terms: list[Terms]) -> Any:
+    """Largest product of a force and a change, (parts, entries)."""
+    return np.stack([np.abs(sum(p * q for p, q in entry)).reshape(len(entry[0][0]), -1).max(axis=1)
+                     for entry in terms], axis=1)  # fmt: skip

@@ -39,17 +39,12 @@ class Spectrum:
     mirrored: Index
     count: int
 
-    def gram(self, system: System, left: Index, right: Index) -> Complex:
-        """Return y_i^T ((lambda_i + lambda_j) M + C) x_j for pairs (i, j), (pairs,)."""
-        y = self.right if self.left is None else self.left
-        w, d = system.inertia_factor, system.elastic_rows
-        inertia = np.einsum("ij,ij->j", (w @ y)[:, left], (w @ self.right)[:, right])
-        result: Complex = (self.lead[left] + self.lead[right]) * inertia
-        if system.damping.any():
-            result += np.einsum("ij,i,ij->j", (d @ y)[:, left], system.damping, (d @ self.right)[:, right])
-        if system.gyroscopic is not None:
-            result += np.einsum("ij,ij->j", y[:, left], system.gyroscopic @ self.right[:, right])
-        return result
+    @property
+    def alternates(self) -> bool:
+        """Whether each lead eigenvalue is followed by its conjugate, and there are no others."""
+        pairs = len(self.lead)
+        return 2 * pairs == self.count and len(self.mirror) == pairs and \
+            bool((self.place == np.arange(0, self.count, 2)).all())  # fmt: skip
 
     def clusters(self) -> list[Index]:
         """Return groups of eigenvalues that coincide, those at 0 left out."""

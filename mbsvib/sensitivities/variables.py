@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.parameters import Parameter, Parameters
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Variables:
     """Variables by ``names``: term t moves the parameter numbered ``parameter`` (t,) with the ``variable`` (t,), at a
     ``rate`` (t,).
@@ -29,10 +30,17 @@ class Variables:
     parameter: Index
     rate: Array
 
+    @cached_property
+    def identity(self) -> bool:
+        """Whether variables are parameters, one by one."""
+        every = np.arange(len(self.names))
+        return len(self.parameters) == len(self.rate) == len(every) and bool(
+            (self.rate == 1.0).all() and (self.parameter == every).all() and (self.variable == every).all()
+        )
+
     def chain(self, values: Any) -> Any:
         """Turn derivatives to the parameters (parameters, ...) into those to the variables (variables, ...)."""
-        if len(self.rate) == len(values) == len(self.names) and (self.rate == 1.0).all() and \
-                (np.diff(self.parameter) == 1).all():  # fmt: skip
+        if self.identity:
             return values
         result = np.zeros((len(self.names), *values.shape[1:]), dtype=values.dtype)
         rate = self.rate.reshape(-1, *[1] * (values.ndim - 1))

@@ -1,0 +1,55 @@
+"""What a system says of its parameters: sensitivities, as methods of ``System``."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mbsvib.sensitivities.network import Network
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+
+
+class Sensitive:
+    """Sensitivities of everything that a system answers, to every number that it was made of."""
+
+    @cached_property
+    def _network(self) -> Network:
+        from mbsvib.sensitivities.fields import complete_network
+
+        return complete_network(cast("System", self))
+
+    def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
+        """Return the derivatives of all eigenvalues to parameters, without finite differences.
+
+        d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``), a mapping gives linear
+            maps, {variable: {parameter: rate}}. Default: every parameter of the system.
+
+        Returns
+        -------
+        array, shape (parameters, eigenvalues)
+            Derivatives [1/s per unit of the parameter], eigenvalues in the order of ``modes().eigenvalues``; those that
+            coincide have the derivatives of their branches, an eigenvalue 0 that a parameter would move infinity. Not a
+            number where a parameter, changed alone, takes degrees of freedom away.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces whose derivatives are not supported.
+        """
+        from mbsvib.sensitivities import eigenvalue_sensitivities
+
+        return eigenvalue_sensitivities(cast("System", self), parameters)

@@ -1,0 +1,132 @@
+"""Plans: parameters grouped into families that one rule holds for, whichever motions they are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.parts import Joint
+from mbsvib.sensitivities.factors import constants, rule
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sensitivities.factors import Rule
+    from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.variables import Variables
+
+_PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """One ``field`` of bodies or connections of one ``kind`` (body, joint, spring): their ``number`` (parts,), a
+    ``rule``, its ``data``, and the parameter in each place of ``rows`` (parts, entries), -1 where none was asked for;
+    ``stride`` leads from part to part where the entries of each follow each other, 0 elsewhere.
+    """
+
+    kind: str
+    field: str
+    number: Index
+    rule: Rule
+    data: tuple[Array, ...]
+    rows: Index
+    stride: int
+
+    def part(self, start: int, stop: int) -> tuple[Any, tuple[Array, ...], Index]:
+        """Return numbers, data and rows of some of the parts; numbers as a slice where they follow each other."""
+        number = self.number[start:stop]
+        first, last = int(number[0]), int(number[-1])
+        if last - first == len(number) - 1:
+            return slice(first, last + 1), tuple(each[start:stop] for each in self.data), self.rows[start:stop]
+        return number, tuple(each[start:stop] for each in self.data), self.rows[start:stop]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The variables asked for and the families of the parameters that they move."""
+
+    network: Network
+    variables: Variables
+    families: tuple[Family, ...]
+
+    @cached_property
+    def breaking(self) -> NDArray[np.bool_]:
+        """Which parameters, changed alone, take degrees of freedom away."""
+        from mbsvib.sensitivities.products import breaking
+
+        return breaking(self)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.variables.parameters)
+
+    def only(self, kind: str, fields: tuple[str, ...]) -> tuple[Family, ...]:
+        """Return the families of some fields of parts of one kind."""
+        return tuple(each for each in self.families if each.kind == kind and each.field in fields)
+
+
+def plan(network: Network, asked: Variables) -> Plan:
+    """Return a plan for the derivatives to some variables.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    asked : Variables
+        What changes.
+
+    Returns
+    -------
+    Plan
+        Families of parameters.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is that of a part whose derivatives are not supported.
+    """
+    joints = len(network.joints)
+    parts: dict[str, tuple[str, int, Any]] = {}
+    for kind, shift, members in (("body", 0, network.bodies), ("joint", 0, network.joints),
+                                 ("spring", joints, network.springs)):  # fmt: skip
+        parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
+    groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
+    for place, parameter in enumerate(asked.parameters):
+        if parameter.part not in parts or parameter.field in ("preload", "free_length"):
+            raise ModelError(
+                f"sensitivities to '{parameter.name}' are not supported yet. Compare variants by model.with_values, or "
+                f"ask for the others: sensitivities take names and patterns of parameters.", element=parameter.name,
+            )  # fmt: skip
+        kind, number, part = parts[parameter.part]
+        index = parameter.index
+        slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
+        rod = isinstance(part, Joint) and part.end is not None
+        key = (kind, parameter.field, type(part), len(index), rod)
+        groups.setdefault(key, []).append((place, number, slot))
+    return Plan(network, asked, tuple(_family(network, key, members) for key, members in groups.items()))
+
+
+def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:
+    kind, field, _, depth, _ = key
+    table = np.array(members, dtype=np.intp)
+    number, inverse = np.unique(table[:, 1], return_inverse=True)
+    known: Any = network.bodies if kind == "body" else network.joints + network.springs
+    chosen = [known[i] for i in number.tolist()]
+    width = 1 if depth == 0 else 21 if depth == 2 else 6 if field in ("inertia", "stiffness", "damping") else 3
+    rows = np.full((len(number), width), -1, dtype=np.intp)
+    rows[inverse, table[:, 2]] = table[:, 0]
+    return Family(kind, field, number, rule(chosen[0], field), constants(chosen, field), rows, _stride(rows))
+
+
+def _stride(rows: Index) -> int:
+    count, width = rows.shape
+    stride = int(rows[1, 0] - rows[0, 0]) if count > 1 else width
+    regular = rows[0, 0] + stride * np.arange(count)[:, None] + np.arange(width)
+    return stride if stride >= width and rows[0, 0] >= 0 and bool((rows == regular).all()) else 0
