@@ -1,0 +1,224 @@
+"""The binary for each platform: from the wheel, from the cache, or compiled now; it is the same for every model."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+
+from mbsvib.errors import ExportError, nearest
+
+SOURCE = Path(__file__).parent / "source"
+WHEEL = Path(__file__).parent / "binaries"
+CACHE_VARIABLE = "MBSVIB_CACHE"
+_FLAGS = ("-std=c11", "-O3", "-shared", "-fPIC", "-s", "-fvisibility=hidden", "-ffp-contract=off")
+_NAME = "mbsvib_lti"
+
+
+@dataclass(frozen=True, slots=True)
+class Platform:
+    """A platform: its tuple in FMI 3, the folder of FMI 2, the suffix of its libraries, zig's name of it."""
+
+    name: str
+    folder_2: str
+    suffix: str
+    target: str
+
+
+PLATFORMS = {
+    each.name: each
+    for each in (
+        Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
+        Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
+        Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
+        Platform("x86-windows", "win32", ".dll", "x86-windows-gnu"),
+        Platform("x86_64-darwin", "darwin64", ".dylib", "x86_64-macos.11.0"),
+        Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos.11.0"),
+    )
+}
+
+
+def this_platform() -> str:
+    """Return the platform tuple of the running Python, as FMI 3 names it.
+
+    Returns
+    -------
+    str
+        Such as ``"x86_64-linux"``; may be one that is not in ``PLATFORMS``.
+    """
+    machine = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
+    word = platform.machine().lower()
+    bits = machine.get(word, word)
+    if sys.maxsize <= 2**32 and bits == "x86_64":
+        bits = "x86"
+    return f"{bits}-{platform.system().lower()}"
+
+
+@cache
+def source_hash() -> str:
+    """Return a hash of the C source and of how it is compiled.
+
+    Returns
+    -------
+    str
+        Sixteen hexadecimal digits.
+    """
+    total = hashlib.sha256("\0".join(_FLAGS).encode())
+    for path in sorted(SOURCE.iterdir()):
+        if path.suffix in (".c", ".h"):
+            total.update(path.name.encode() + b"\0" + path.read_bytes())
+    return total.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Return the folder in which compiled binaries are kept: below ``MBSVIB_CACHE`` or the user's cache.
+
+    Returns
+    -------
+    Path
+        One for each version of the source; it need not be there.
+    """
+    given = os.environ.get(CACHE_VARIABLE)
+    if given:
+        root = Path(given)
+    elif os.name == "nt":
+        root = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "mbsvib" / "Cache"
+    elif sys.platform == "darwin":
+        root = Path.home() / "Library" / "Caches" / "mbsvib"
+    else:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mbsvib"
+    return root / "fmu" / source_hash()
+
+
+def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    """Return the platforms that an export is for.
+
+    Parameters
+    ----------
+    platforms : str, tuple of str or None
+        Names, ``"all"``, or None: this platform, and all others that the wheel brought.
+
+    Returns
+    -------
+    tuple of str
+        Names, this platform first if it is among them.
+
+    Raises
+    ------
+    ExportError
+        If a name is unknown.
+    """
+    if platforms is None:
+        return tuple(dict.fromkeys((_known(this_platform()), *(name for name in PLATFORMS if _in_wheel(name)))))
+    names = tuple(PLATFORMS) if platforms == "all" else (platforms,) if isinstance(platforms, str) else tuple(platforms)
+    if not names:
+        raise ExportError("to_fmu: platforms = (); expected at least one, or None for this one.")
+    return tuple(_known(name) for name in dict.fromkeys(names))
+
+
+def _known(name: str) -> str:
+    if name not in PLATFORMS:
+        raise ExportError(f"to_fmu: platforms: '{name}' is not among those there are binaries for: "
+                          f"{', '.join(PLATFORMS)}.{nearest(str(name), PLATFORMS)}")  # fmt: skip
+    return name
+
+
+def _in_wheel(name: str) -> Path | None:
+    path = WHEEL / source_hash() / name / f"{_NAME}{PLATFORMS[name].suffix}"
+    return path if path.is_file() else None
+
+
+def binary(name: str) -> bytes:
+    """Return the binary for a platform, which is compiled if need be.
+
+    Parameters
+    ----------
+    name : str
+        One of ``PLATFORMS``.
+
+    Returns
+    -------
+    bytes
+        The shared library.
+
+    Raises
+    ------
+    ExportError
+        If there is no compiler for it, or it fails.
+    """
+    found = _in_wheel(name)
+    if found:
+        return found.read_bytes()
+    kept = cache_folder() / name / f"{_NAME}{PLATFORMS[name].suffix}"
+    if kept.is_file():
+        return kept.read_bytes()
+    with tempfile.TemporaryDirectory(prefix="mbsvib-") as folder:
+        content = build(name, Path(folder)).read_bytes()
+    try:  # a cache that cannot be written costs time, not the export
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=kept.parent, delete=False) as stream:
+            stream.write(content)
+        Path(stream.name).replace(kept)
+    except OSError:
+        pass
+    return content
+
+
+def build(name: str, folder: Path) -> Path:
+    """Compile the binary for a platform.
+
+    Parameters
+    ----------
+    name : str
+        One of ``PLATFORMS``.
+    folder : Path
+        Where it goes.
+
+    Returns
+    -------
+    Path
+        The shared library.
+
+    Raises
+    ------
+    ExportError
+        If there is no compiler for it, or it fails.
+    """
+    goal = PLATFORMS[name]
+    result = folder / f"{_NAME}{goal.suffix}"
+    sources = sorted(path.name for path in SOURCE.glob("*.c"))
+    command = [*_compiler(goal), *_FLAGS, *sources, "-o", str(result.resolve())]
+    if "darwin" in name:  # else the place of the build is in the file
+        command += [f"-Wl,-install_name,@rpath/{result.name}"]
+    elif "linux" in name:
+        command += ["-lm"]
+    ran = subprocess.run(command, cwd=SOURCE, capture_output=True, text=True)
+    if ran.returncode or not result.is_file():
+        lines = "\n".join(ran.stderr.strip().splitlines()[-8:])
+        raise ExportError(f"to_fmu: the binary for {name} could not be compiled:\n{' '.join(command)}\n{lines}\nSee "
+                          f"whether the compiler works, or install zig:  pip install \"mbsvib[fmu]\"")  # fmt: skip
+    return result
+
+
+def _compiler(goal: Platform) -> list[str]:
+    """The compiler of this machine for itself, zig for the others."""
+    if goal.name == this_platform():
+        own = next((found for word in ("gcc", "clang", "cc") if (found := shutil.which(word))), None)
+        if own:
+            return [own]
+    if find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc", "-target", goal.target, "-fno-sanitize=all"]
+    raise ExportError(
+        f"to_fmu: there is no binary for {goal.name}, and no compiler for it. Install zig with:  "
+        f'pip install "mbsvib[fmu]"'
+        + ("  or gcc or clang. " if goal.name == this_platform() else "  or leave this platform out. ")
+        + "It is compiled once and kept."
+    )

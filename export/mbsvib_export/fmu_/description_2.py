@@ -1,0 +1,79 @@
+"""modelDescription.xml of FMI 2.0."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib_export.fmu_.variables import attributes, unit_definitions
+
+if TYPE_CHECKING:
+    from mbsvib_export.fmu_.variables import Variable, Variables
+
+_CAUSALITY = {
+    "input": {"causality": "input", "variability": "continuous"},
+    "output": {"causality": "output", "variability": "continuous", "initial": "calculated"},
+    "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
+    "derivative": {"causality": "local", "variability": "continuous", "initial": "calculated"},
+    "parameter": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
+}
+
+
+def description_2(variables: Variables, head: dict[str, str], identifier: str, token: str) -> str:
+    """Return modelDescription.xml of FMI 2.0.
+
+    Parameters
+    ----------
+    variables : Variables
+        What the unit holds.
+    head : dict of str to str
+        Attributes that both standards have: modelName, description, generationTool, generationDateAndTime.
+    identifier : str
+        Name of the binaries.
+    token : str
+        The text that the matrices file has too.
+
+    Returns
+    -------
+    str
+        XML.
+    """
+    able = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True, "providesDirectionalDerivative": True}
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f"<fmiModelDescription{attributes(fmiVersion='2.0', guid=token, **head)}"
+        f'{attributes(variableNamingConvention="flat", numberOfEventIndicators=0)}>',
+        f"<ModelExchange{attributes(modelIdentifier=identifier, completedIntegratorStepNotNeeded=True, **able)}/>",
+        f"<CoSimulation{attributes(modelIdentifier=identifier, canHandleVariableCommunicationStepSize=True)}"
+        f"{attributes(canInterpolateInputs=True, maxOutputDerivativeOrder=1, **able)}/>",
+        unit_definitions(variables),
+        '<LogCategories><Category name="logStatusError"/></LogCategories>',
+        '<DefaultExperiment startTime="0" stopTime="1" stepSize="0.001"/>',
+        "<ModelVariables>", *map(_variable, variables.listed), "</ModelVariables>",
+        *_structure(variables), "</fmiModelDescription>", "",
+    ]  # fmt: skip
+    return "\n".join(line for line in lines if line) + "\n"
+
+
+def _variable(variable: Variable) -> str:
+    own = attributes(name=variable.name, valueReference=variable.reference, description=variable.description,
+                     **_CAUSALITY[variable.kind])  # fmt: skip
+    # variables are numbered from 1 in the order of their references
+    real = attributes(unit=variable.unit or None, start=variable.start, nominal=variable.nominal,
+                      derivative=variable.state)  # fmt: skip
+    return f"<ScalarVariable{own}><Real{real}/></ScalarVariable>"
+
+
+def _structure(variables: Variables) -> list[str]:
+    unknowns = {}
+    for kind in ("output", "derivative"):
+        unknowns[kind] = "".join(
+            f'<Unknown index="{each.reference}"{variables.known_by(each)}/>' for each in variables.of(kind)
+        )
+    outputs, derivatives = unknowns["output"], unknowns["derivative"]
+    return [
+        "<ModelStructure>",
+        f"<Outputs>{outputs}</Outputs>" if outputs else "",
+        f"<Derivatives>{derivatives}</Derivatives>" if derivatives else "",
+        f"<InitialUnknowns>{outputs}{derivatives}</InitialUnknowns>" if outputs or derivatives else "",
+        "</ModelStructure>",
+    ]

@@ -1,0 +1,163 @@
+"""Writing units: one call, one file (or one for each version)."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, TypeAlias, overload
+
+from mbsvib import __version__
+from mbsvib.errors import ExportError
+from mbsvib_export.fmu_.binaries import PLATFORMS, binary, wanted_platforms
+from mbsvib_export.fmu_.description_2 import description_2
+from mbsvib_export.fmu_.description_3 import description_3
+from mbsvib_export.fmu_.matrices import matrices_file
+from mbsvib_export.fmu_.names import identifier
+from mbsvib_export.fmu_.plant import plant_of
+from mbsvib_export.fmu_.variables import variables_of
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import control
+
+    from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
+    from mbsvib_export.fmu_.plant import Plant
+    from mbsvib_export.neutral import SystemData
+
+    Source: TypeAlias = System | StateSpace | SystemData | control.StateSpace
+
+VERSIONS = {"2.0": description_2, "3.0": description_3}
+
+
+@dataclass(frozen=True, slots=True)
+class FmuFile:
+    """A unit that was written: its path and version, its platforms, and the names of its variables.
+
+    ``names`` leads from the names of mbsvib to those in the file, by kind: "input", "output", "parameter", "state".
+    They are the same but where FMI allows no name twice: of an input and an output of one name the latter has another.
+    """
+
+    path: Path
+    version: str
+    platforms: tuple[str, ...]
+    names: dict[str, dict[str, str]]
+
+    def __fspath__(self) -> str:
+        return os.fspath(self.path)
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+@overload
+def to_fmu(
+    system: Source, path: str | os.PathLike[str], version: str = ..., *, tunable: Sequence[str] = ...,
+    realization: str = ..., platforms: str | Sequence[str] | None = ...,
+) -> FmuFile: ...  # fmt: skip
+
+
+@overload
+def to_fmu(
+    system: Source, path: str | os.PathLike[str], version: tuple[str, ...] | list[str], *, tunable: Sequence[str] = ...,
+    realization: str = ..., platforms: str | Sequence[str] | None = ...,
+) -> tuple[FmuFile, ...]: ...  # fmt: skip
+
+
+def to_fmu(
+    system: Source, path: str | os.PathLike[str], version: str | Sequence[str] = "3.0", *, tunable: Sequence[str] = (),
+    realization: str = "physical", platforms: str | Sequence[str] | None = None,
+) -> FmuFile | tuple[FmuFile, ...]:  # fmt: skip
+    """Write a system as a functional mock-up unit, for model exchange and co-simulation at once.
+
+    x' = A x + B u,  y = C x + D u
+
+    Co-simulation steps by the matrix exponential: exact for inputs that are held over a step, or linear in it (FMI 2.0:
+    input derivatives; FMI 3.0: intermediate update), at any step size. Outputs follow inputs at once where D is not
+    zero; most masters then see them one step late. Directional and adjoint derivatives are exact. Modal states make a
+    large system quicker, 400 states ten times; physical ones have the units and names of coordinates.
+
+    Parameters
+    ----------
+    system : System, StateSpace, SystemData or control.StateSpace
+        The equations of motion, a state space that is ready, or a controller in continuous time.
+    path : str or path
+        The file, ``"plant.fmu"``. With several versions, ``"plant-fmi2.fmu"`` and ``"plant-fmi3.fmu"`` are written.
+    version : str or sequence of str
+        "2.0", "3.0" or both.
+    tunable : sequence of str
+        Parameters of a System that the importer may change between steps: stiffness, damping and mass, on which M, C
+        and K depend affinely (``"leg1.k.stiffness"``, or a pattern, ``"leg*.k.stiffness"``). States are physical then.
+    realization : str
+        The states of a System: "physical" or "modal".
+    platforms : str, sequence of str or None
+        "x86_64-linux", "aarch64-linux", "x86_64-windows", "x86-windows", "x86_64-darwin", "aarch64-darwin" or "all".
+        Default: this one, and those that the wheel of mbsvib brought. What is not there yet is compiled once and kept:
+        for this platform by gcc or clang, for others by zig (``pip install "mbsvib[fmu]"``).
+
+    Returns
+    -------
+    FmuFile, or a tuple of them for several versions
+        Path, version, platforms, and the map of names.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be written, no compiler is there, a parameter is not affine, or the source is no continuous
+        system. Nothing is left half-written.
+    ModelError
+        If a parameter is unknown.
+    ResponseError
+        If the realization is unknown.
+    """
+    versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
+    for each in versions:
+        if each not in VERSIONS:
+            raise ExportError(f'to_fmu: version = {each!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
+    if not versions:
+        raise ExportError('to_fmu: version = (); expected "2.0", "3.0" or both, ("2.0", "3.0").')
+    goal = Path(path)
+    if goal.suffix.lower() != ".fmu":
+        raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
+    names = (tunable,) if isinstance(tunable, str) else tuple(tunable)
+    plant = plant_of(system, realization, names)
+    wanted = wanted_platforms(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
+    libraries = {name: binary(name) for name in wanted}
+    if isinstance(version, str):
+        return _write(plant, goal, version, libraries)
+    return tuple(_write(plant, goal.with_name(f"{goal.stem}-fmi{each[0]}{goal.suffix}"), each, libraries)
+                 for each in versions)  # fmt: skip
+
+
+def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:
+    variables = variables_of(plant)
+    name = identifier(plant.name)
+    head = {
+        "modelName": plant.name or "system",
+        "description": f"Linear vibration of {plant.name}, {len(plant.states)} states ({plant.realization})"
+                       if plant.realization != "given" else f"Linear system {plant.name}, {len(plant.states)} states",
+        "generationTool": f"mbsvib {__version__}",
+    }  # fmt: skip
+    content, token = matrices_file(plant, VERSIONS[version](variables, head, name, ""))
+    description = VERSIONS[version](variables, head, name, token)
+
+    def write(stream: IO[bytes]) -> None:
+        with zipfile.ZipFile(stream, "w") as archive:
+            _put(archive, "modelDescription.xml", description.encode())
+            _put(archive, "resources/model.lti", content)
+            for each, library in libraries.items():
+                folder = each if version == "3.0" else PLATFORMS[each].folder_2
+                _put(archive, f"binaries/{folder}/{name}{PLATFORMS[each].suffix}", library)
+
+    return FmuFile(write_whole(path, write), version, tuple(libraries), variables.names)
+
+
+def _put(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    """A member without the time of day: the same system gives the same file, bit for bit."""
+    entry = zipfile.ZipInfo(name, (2020, 1, 1, 0, 0, 0))
+    entry.external_attr = 0o644 << 16
+    archive.writestr(entry, content, zipfile.ZIP_DEFLATED, compresslevel=1)

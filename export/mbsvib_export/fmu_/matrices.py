@@ -1,0 +1,61 @@
+"""The file of numbers that the binary reads, resources/model.lti; ``source/model.c`` is its reader.
+
+Little-endian: magic (8 bytes), CRC-32 of all from byte 16 on (8), six sizes (states, inputs, outputs, parameters,
+blocks of A, twice the number of parameter entries, plus 1 where there are E and F; 8 each), token (64); then whole
+numbers of 8 bytes: first rows of the blocks, first entry of each parameter, place of each entry; then doubles: start
+and nominal values of the states, start values of inputs and parameters, derivatives of the entries, A (its blocks, one
+behind the other), B, C, D, and E, F where they are. Places count doubles from the start of A.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import zlib
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mbsvib_export.fmu_.plant import Plant
+
+_MAGIC = b"MBSLTI02"
+
+
+def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
+    """Return the content of resources/model.lti and the token that ties it to its description.
+
+    Parameters
+    ----------
+    plant : Plant
+        What goes into the unit.
+    described : str
+        All that the description says but the token, which depends on it.
+
+    Returns
+    -------
+    bytes
+        The file.
+    str
+        Token: the same content has the same one.
+    """
+    blocks = plant.blocks
+    n, np_ = len(plant.states), len(plant.tunable)
+    first = np.cumsum([0, *(len(each.place) for each in plant.tunable)])
+    whole = [blocks, first, *(each.place for each in plant.tunable)]
+    real = [
+        np.zeros(n), plant.nominal, np.zeros(len(plant.inputs)), np.array([each.value for each in plant.tunable]),
+        *(each.slope for each in plant.tunable),
+        *(plant.A[a:b, a:b].ravel() for a, b in pairwise(blocks)),
+        plant.B.ravel(), plant.C.ravel(), plant.D.ravel(),
+        *(() if plant.E is None or plant.F is None else (plant.E.ravel(), plant.F.ravel())),
+    ]  # fmt: skip
+    body = b"".join([*(np.asarray(each, dtype="<i8").tobytes() for each in whole),
+                     *(np.asarray(each, dtype="<f8").tobytes() for each in real)])  # fmt: skip
+    sizes = struct.pack("<6q", n, len(plant.inputs), len(plant.outputs), np_, len(blocks) - 1,
+                        2 * int(first[-1]) + (plant.E is not None))  # fmt: skip
+    digest = hashlib.sha256(sizes + body + described.encode()).hexdigest()
+    token = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+    rest = sizes + token.encode().ljust(64, b"\0") + body
+    return _MAGIC + struct.pack("<Q", zlib.crc32(rest)) + rest, token

@@ -1,0 +1,89 @@
+"""Names and units as FMI holds them."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+# exponents of kg, m, s, rad
+_UNITS = {"kg": {"kg": 1}, "m": {"m": 1}, "s": {"s": 1}, "rad": {"rad": 1}, "N": {"kg": 1, "m": 1, "s": -2}}
+_FACTOR = re.compile(r"(1|[A-Za-z]+)(?:\^?(-?\d+))?$")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
+
+
+def identifier(name: str) -> str:
+    """Return a name that files and functions may have: ASCII letters, digits and ``_``, no digit first.
+
+    Parameters
+    ----------
+    name : str
+        Name of the system.
+
+    Returns
+    -------
+    str
+        The model identifier.
+    """
+    plain = re.sub(r"[^A-Za-z0-9_]", "_", name)[:60]
+    return plain if plain and not plain[0].isdigit() else f"model_{plain}"
+
+
+def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
+    """Return names that differ from each other over all groups, as near to those given as can be.
+
+    A name that was there in a group before gets that of its own group behind it (``"x"`` and ``"x (output)"``);
+    control characters, which XML cannot hold, become spaces.
+
+    Parameters
+    ----------
+    groups : mapping of str to iterable of str
+        Names by group, in the order of their right to keep them.
+
+    Returns
+    -------
+    dict of str to list of str
+        The same groups.
+    """
+    taken: set[str] = set()
+    result: dict[str, list[str]] = {}
+    for group, names in groups.items():
+        result[group] = []
+        for name in names:
+            plain = _CONTROL.sub(" ", name).strip() or group
+            found, count = plain, 1
+            while found in taken:
+                found = f"{plain} ({group})" if count == 1 else f"{plain} ({group} {count})"
+                count += 1
+            taken.add(found)
+            result[group].append(found)
+    return result
+
+
+def base_unit(unit: str) -> dict[str, int] | None:
+    """Return the exponents of SI base units that a unit of mbsvib stands for.
+
+    Parameters
+    ----------
+    unit : str
+        Such as ``"N m/rad"`` or ``"kg m^2"``.
+
+    Returns
+    -------
+    dict of str to int, or None
+        Exponents other than 0 of kg, m, s and rad; None for what is no SI unit (``"modal"``, ``""``).
+    """
+    if not unit or unit == "-":
+        return None
+    total: dict[str, int] = {}
+    for k, part in enumerate(unit.split("/")):
+        for factor in part.split():
+            found = _FACTOR.match(factor)
+            if not found or (found[1] != "1" and found[1] not in _UNITS):
+                return None
+            power = int(found[2] or 1) * (1 if k == 0 else -1)
+            for base, exponent in _UNITS.get(found[1], {}).items():
+                total[base] = total.get(base, 0) + power * exponent
+    return {base: exponent for base, exponent in total.items() if exponent}

@@ -1,0 +1,147 @@
+"""The scalar variables of a unit in their one order, and what depends on what: both descriptions come from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from mbsvib_export.fmu_.names import base_unit, unique_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib_export.fmu_.plant import Plant
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A scalar: its place in the order is its value reference; 0 is time."""
+
+    reference: int
+    kind: str
+    name: str
+    unit: str
+    description: str
+    start: float | None = None
+    nominal: float | None = None
+    state: int | None = None  # of a derivative: the reference of its state
+
+
+@dataclass(frozen=True, slots=True)
+class Variables:
+    """All variables of a unit, and the references that each output and derivative depends on, parameters among them."""
+
+    listed: tuple[Variable, ...]
+    depends: dict[int, list[int]]
+    names: dict[str, dict[str, str]]
+
+    def known_by(self, variable: Variable) -> str:
+        """Return the references that an output or derivative depends on, as an attribute; it is always written."""
+        return f' dependencies="{" ".join(map(str, self.depends[variable.reference]))}"'
+
+    def of(self, kind: str) -> list[Variable]:
+        """Return the variables of a kind: input, output, state, derivative or parameter."""
+        return [variable for variable in self.listed if variable.kind == kind]
+
+    @property
+    def units(self) -> dict[str, dict[str, int]]:
+        """The units in use and their base units."""
+        found = {variable.unit: base_unit(variable.unit) for variable in self.listed if variable.unit}
+        return {unit: base for unit, base in found.items() if base is not None}
+
+
+def variables_of(plant: Plant) -> Variables:
+    """Return the variables of a unit.
+
+    Parameters
+    ----------
+    plant : Plant
+        What goes into the unit.
+
+    Returns
+    -------
+    Variables
+        In the order of their value references: inputs, outputs, states, derivatives, parameters.
+    """
+    given = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(each.name for each in plant.tunable),
+             "state": plant.states}  # fmt: skip
+    named = unique_names({**given, "derivative": ()})
+    taken = {name for names in named.values() for name in names}
+    rates = []
+    for name in named["state"]:
+        rate = f"der({name})"
+        while rate in taken:
+            rate = f"der({rate})"
+        taken.add(rate)
+        rates.append(rate)
+    listed: list[Variable] = []
+
+    def add(
+        kind: str, names: Sequence[str], units: Sequence[str], describe: Sequence[str], **more: Sequence[float]
+    ) -> None:
+        for i, name in enumerate(names):
+            unit = units[i] if base_unit(units[i]) is not None else ""
+            listed.append(Variable(len(listed) + 1, kind, name, unit, describe[i],
+                                   **{key: value[i] for key, value in more.items()}))  # type: ignore[arg-type]  # fmt: skip
+
+    m, p, n = len(plant.inputs), len(plant.outputs), len(plant.states)
+    zeros = [0.0] * max(m, n)
+    add("input", named["input"], plant.input_units, _told("input", plant.inputs, plant.input_units), start=zeros)
+    add("output", named["output"], plant.output_units, _told("output", plant.outputs, plant.output_units))
+    add("state", named["state"], plant.state_units, _told("state", plant.states, plant.state_units), start=zeros,
+        nominal=plant.nominal.tolist())  # fmt: skip
+    add("derivative", rates, [_rate(unit) for unit in plant.state_units],
+        [f"time derivative of the state {name}" for name in plant.states], state=range(1 + m + p, 1 + m + p + n))
+    tuned = plant.tunable
+    add("parameter", named["parameter"], [each.unit for each in tuned],
+        [f"{each.name}, tunable" for each in tuned], start=[each.value for each in tuned])  # fmt: skip
+    names = {kind: dict(zip(given[kind], named[kind], strict=True)) for kind in given}
+    return Variables(tuple(listed), dict(_dependencies(plant)), names)
+
+
+def _told(kind: str, names: Sequence[str], units: Sequence[str]) -> list[str]:
+    return [f"{kind} {name}" + (f" [{unit}]" if unit and unit != "-" else "")
+            for name, unit in zip(names, units, strict=True)]  # fmt: skip
+
+
+def _rate(unit: str) -> str:
+    if base_unit(unit) is None:
+        return ""
+    return f"{unit[:-2]}/s^2" if unit.endswith("/s") else f"{unit}/s" if "/" not in unit else f"{unit} s^-1"
+
+
+def _dependencies(plant: Plant) -> Iterator[tuple[int, list[int]]]:
+    m, p, n = len(plant.inputs), len(plant.outputs), len(plant.states)
+    inputs, states = np.arange(1, 1 + m), np.arange(1 + m + p, 1 + m + p + n)
+    parameters = np.arange(1 + m + p + 2 * n, 1 + m + p + 2 * n + len(plant.tunable))
+    for first, a, b in ((1 + m, *_patterns(plant, "C", "D")), (1 + m + p + n, *_patterns(plant, "A", "B"))):
+        for i in range(len(a)):
+            yield first + i, [*inputs[b[i]].tolist(), *states[a[i]].tolist(), *parameters.tolist()]
+
+
+def _patterns(plant: Plant, one: str, other: str) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    a, b = getattr(plant, one) != 0, getattr(plant, other) != 0
+    return a, b
+
+
+def attributes(**values: object) -> str:
+    """Return XML attributes, those that are not None, with a space before each."""
+    return "".join(f" {key}={quoteattr(_word(value))}" for key, value in values.items() if value is not None)
+
+
+def _word(value: object) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def unit_definitions(variables: Variables) -> str:
+    """Return the element UnitDefinitions, the same in both standards, or nothing where no unit is in use."""
+    units = "".join(f"<Unit{attributes(name=unit)}><BaseUnit{attributes(**base)}/></Unit>"
+                    for unit, base in sorted(variables.units.items()))  # fmt: skip
+    return f"<UnitDefinitions>{units}</UnitDefinitions>" if units else ""
