@@ -156,6 +156,7 @@ def linearize(
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
+    origin = model
     if model._composed:
         if values is not None:
             model._refuse_composed("linearize(values=...)", "linearize variants one by one, with model.with_values")
@@ -172,7 +173,7 @@ def linearize(
 
         return linearize_batch(model, values, independent, cut)
     keep_freed_memory(len(model.joints))
-    return system(model, scene(model, cut), independent)
+    return system(model, scene(model, cut), independent, origin._snapshot())
 
 
 def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
@@ -232,7 +233,9 @@ def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple
     return result
 
 
-def system(model: Model, scene: Scene, independent: Sequence[str] | None = None) -> System:
+def system(
+    model: Model, scene: Scene, independent: Sequence[str] | None = None, origin: Model | None = None
+) -> System:
     """Return the minimal linear equations of motion of a mechanism in numbers.
 
     Parameters
@@ -243,6 +246,8 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         The same in numbers.
     independent : sequence of str, optional
         Joint coordinates that are to be among the minimal ones.
+    origin : Model, optional
+        The model as the user gave it, which stays as it is.
 
     Returns
     -------
@@ -288,6 +293,7 @@ def system(model: Model, scene: Scene, independent: Sequence[str] | None = None)
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(
             scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
+            origin=origin,
         ),
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
     from mbsvib.massless import Separation
+    from mbsvib.model import Model
     from mbsvib.parameters import Parameters
     from mbsvib.parts._part import Part
     from mbsvib.reachable import Dropped
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
-    without mass, ``statics`` what the loads do at the pose, ``dropped`` what
-    ``reachable`` left out.
+    without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out, ``origin`` the
+    model as it was.
     """
 
     topology: Topology
@@ -40,6 +41,7 @@ class Provenance:
     massless: Separation | None = None
     statics: Statics | None = None
     dropped: Dropped | None = None
+    origin: Model | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)

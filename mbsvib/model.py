@@ -361,6 +361,12 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
                 add(**(part.words() | changes))
         return model
 
+    def _snapshot(self) -> Model:
+        """The model as it is now; parts that are added later are not in it."""
+        result = object.__new__(Model)
+        result.__dict__ = {name: dict(item) if type(item) is dict else item for name, item in vars(self).items()}
+        return result
+
     def _groups(self) -> tuple[tuple[str, Mapping[str, Any]], ...]:
         return (("add_body", self._bodies), ("", self._composed), ("add_joint", self._joints), ("", self._springs),
                 ("", self._couplers), ("add_rotor", self._rotors), ("add_load", self._loads), ("", self._inputs),
