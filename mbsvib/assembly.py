@@ -279,7 +279,8 @@ def system(
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:
-        from mbsvib.massless import given, separate
+        from mbsvib.massless.maxwell import given
+        from mbsvib.massless.separation import separate
 
         parts = given(parts)
         found, stays, separation = separate(scene, reduction, found, names, model, independent)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
-    from mbsvib.massless import Separation
+    from mbsvib.massless.separation import Separation
     from mbsvib.model import Model
     from mbsvib.parameters import Parameters
     from mbsvib.parts._part import Part

@@ -3,8 +3,3 @@
 ``separate`` splits the motions that move no mass. Those that no damper feels follow from statics and leave the
 equations; the others stay, with one first-order state in place of two.
 """
-
-from mbsvib.massless.maxwell import given
-from mbsvib.massless.separation import Separation, separate
-
-__all__ = ["Separation", "given", "separate"]
