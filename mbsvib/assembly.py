@@ -294,7 +294,7 @@ def system(
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(
             scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
-            origin=origin,
+            ports=(*model.inputs.values(), *model.outputs.values()), origin=origin,
         ),
     )  # fmt: skip
 

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
-    without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out, ``origin`` the
-    model as it was.
+    without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
+    inputs, then the outputs themselves, ``origin`` the model as it was.
     """
 
     topology: Topology
@@ -41,6 +41,7 @@ class Provenance:
     massless: Separation | None = None
     statics: Statics | None = None
     dropped: Dropped | None = None
+    ports: tuple[Part, ...] = ()
     origin: Model | None = None
 
 

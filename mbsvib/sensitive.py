@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     import numpy as np
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.sensitivities.network import Network
     from mbsvib.system import System
@@ -53,3 +53,39 @@ class Sensitive:
         from mbsvib.sensitivities import eigenvalue_sensitivities
 
         return eigenvalue_sensitivities(cast("System", self), parameters)
+
+    def frequency_response_sensitivities(
+        self, omega: ArrayLike, parameters: Asked = None, inputs: str | Sequence[str] | None = None,
+        outputs: str | Sequence[str] | None = None,
+    ) -> Complex:  # fmt: skip
+        """Return the derivatives of the frequency response to parameters, for about one more solution a frequency.
+
+        dG/dp = dD/dp + L^T dB/dp + dH/dp R - L^T (dK/dp + i w dC/dp - w^2 dM/dp) R
+
+        R = T^-1 B, L = T^-T H^T, T = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s]; 0 gives the static compliance.
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, inputs, n)
+            Derivatives [output unit / input unit per unit of the parameter]. Not a number where a parameter, changed
+            alone, takes degrees of freedom away.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        ResponseError
+            If a frequency is not finite or is an undamped pole, or a port is unknown.
+        """
+        from mbsvib.sensitivities import frequency_response_sensitivities
+
+        return frequency_response_sensitivities(cast("System", self), omega, parameters, inputs, outputs)

@@ -4,9 +4,14 @@ network       the mechanism as bodies and connections with their parameters, in 
 fields        motions, and the wrenches that they put into every connection
 factors       derivatives of the equations as products of such motions and wrenches
 variables     names, patterns and linear maps of parameters
+plans         parameters grouped into families that one rule holds for
+products      derivatives of the equations between many pairs of motions
 eigenvalues   derivatives of the eigenvalues, repeated ones included
+loads         inputs and outputs as connections of the network
+responses     derivatives of frequency responses
 """
 
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
+from mbsvib.sensitivities.responses import frequency_response_sensitivities
 
-__all__ = ["eigenvalue_sensitivities"]
+__all__ = ["eigenvalue_sensitivities", "frequency_response_sensitivities"]

@@ -131,8 +131,9 @@ def applied(matrices: Array, vectors: Field) -> Field:
 
 
 def fields(
-    network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None
-) -> Fields:
+    network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None,
+    strain: Field | None = None,
+) -> Fields:  # fmt: skip
     """Return motions with the wrenches that go with them.
 
     Parameters
@@ -146,6 +147,8 @@ def fields(
         of one matrix only.
     load : array, shape (b, 6, ...), optional
         Further wrenches on bodies, at their centres of mass, counted as inertia is.
+    strain : array, shape (s, 6, ...), optional
+        What springs see, where that is not their relative motion.
 
     Returns
     -------
@@ -158,8 +161,8 @@ def fields(
         spring_wrench = spring_wrench + motion.viscous * rate
     on_bodies = body_wrench if load is None else body_wrench + load
     wrench = np.concatenate((_transmitted(network, on_bodies, spring_wrench), spring_wrench))
-    return Fields(motion.body, body_wrench, motion.relative, motion.relative[len(network.joints) :], wrench,
-                  stiff, rate, square)  # fmt: skip
+    seen = motion.relative[len(network.joints) :] if strain is None else strain
+    return Fields(motion.body, body_wrench, motion.relative, seen, wrench, stiff, rate, square)
 
 
 def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> Field:

@@ -1,0 +1,209 @@
+"""Ports as connections of the network: what inputs load and what outputs see, so that joints carry the true wrenches.
+
+With L = T^-T H^T and R = T^-1 B the response is G = H R + D, and where T, H and B change
+dG = dD - sum over bodies and connections of what changes there, between the fields of L and those of R. On the side of
+R an input is a connection with the wrench -B; on that of L an output one with the wrench -H. Forces in springs see
+strains that lack what was asked for, base motion adds momentum to the bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.kinematics import Rows, relative_motion
+from mbsvib.parts import BaseMotion, ForceOutput, Input, Output, Spring
+from mbsvib.parts.ports import QUANTITIES
+from mbsvib.sensitivities.fields import momentum
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sensitivities.network import Network
+    from mbsvib.system import System
+
+# B, H and D of the network and those of the system are the same numbers but for rounding.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Loads:
+    """Inputs or outputs (p,) as ``wrench`` (p, 6), world axes, in ``motion`` (p, 6, m) of one body against another at a
+    point, ``on_bodies`` (b, 6, p) at the centres of mass; ``order`` (p,) is how often an output is differentiated.
+
+    ``strain`` (s, 6, p) is what forces in springs take from the strain, ``carried`` (b, 6, p) the motion of the bodies
+    with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where it stays.
+    """
+
+    wrench: Array
+    motion: Array
+    on_bodies: Array
+    order: Index
+    strain: Array
+    carried: Array
+    centre: Index
+    point: Array
+
+
+def loads(system: System, network: Network, which: list[int], kind: str) -> Loads:
+    """Return some of a system's inputs or outputs as loads.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    network : Network
+        Its bodies and connections.
+    which : list of int
+        Numbers of the ports.
+    kind : str
+        "inputs" or "outputs".
+
+    Returns
+    -------
+    Loads
+        Wrenches and motions.
+
+    Raises
+    ------
+    ModelError
+        If an output is a force in a joint or on a body.
+    """
+    kinds = (Input, BaseMotion) if kind == "inputs" else (Output, ForceOutput)
+    known = {part.name: part for part in system.provenance.ports if isinstance(part, kinds)}
+    parts: list[Any] = [known[getattr(system, kind)[k]] for k in which]
+    bodies = len(network.bodies)
+    number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": bodies}
+    count = len(parts)
+    wrench, point = np.zeros((count, 6)), np.zeros((count, 3))
+    first, second, centre = np.full(count, bodies), np.full(count, bodies), np.full(count, -1)
+    strain, carried = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
+    order = np.zeros(count, dtype=np.intp)
+    for i, part in enumerate(parts):
+        if isinstance(part, ForceOutput):
+            k, strain_of = _spring(network, part)
+            strain[k, :, i] = strain_of
+        elif isinstance(part, BaseMotion):
+            carried[:, :, i] = _carried(network, part)
+        else:
+            first[i], second[i] = number[part.relative_to], number[part.body]
+            owner = int(second[i] if second[i] < bodies else first[i])
+            centre[i] = owner if part.position is None else -1
+            point[i] = network.position[owner] if part.position is None else part.position
+            wrench[i] = part.wrench
+            order[i] = 0 if isinstance(part, Input) else QUANTITIES.index(part.quantity)
+    on_bodies = np.zeros((bodies, 6, count))
+    for i in range(count):
+        for body, sign in ((first[i], -1.0), (second[i], 1.0)):
+            if body < bodies:
+                on_bodies[body, :, i] += sign * wrench[i]
+                on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
+    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre, point)
+
+
+def _spring(network: Network, part: ForceOutput) -> tuple[int, Array]:
+    """The number of a spring-damper and the direction of its force that is asked for, world axes."""
+    found = next((k for k, spring in enumerate(network.springs) if spring.name == part.element), None)
+    if found is None:
+        raise ModelError(
+            f"output '{part.name}': forces in joints and on bodies have no sensitivities yet. Ask for other outputs by "
+            f"name, outputs=[...], or for the force in a spring-damper.", element=part.name,
+        )  # fmt: skip
+    spring, six = network.springs[found], np.array(part.wrench)
+    if isinstance(spring, Spring):
+        return found, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
+    return found, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
+
+
+def _carried(network: Network, part: BaseMotion) -> Array:
+    """Motion (b, 6) of the bodies with a base that moves by one unit."""
+    linear, angular = np.array(part.wrench[:3]), np.array(part.wrench[3:])
+    result = np.empty((len(network.bodies), 6))
+    result[:, :3] = np.cross(angular, network.position - part.position) + linear
+    result[:, 3:] = angular
+    return result
+
+
+def _motion(network: Network, first: Index, second: Index, point: Array) -> Array:
+    """Relative motion (p, 6, m) of the ports."""
+    count = len(point)
+    if not count:
+        return np.zeros((0, 6, network.displacements.shape[1]))
+    six = np.tile(np.eye(6), (count, 1)).T
+    rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
+    found = relative_motion(network.coordinates, rows).dense(0, 6 * count)
+    if network.reduction is not None:
+        found = found @ network.reduction
+    return found.reshape(count, 6, -1)
+
+
+def feedthrough(
+    system: System, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
+) -> tuple[Array, Array]:
+    """Return D, what outputs against inertial space see of base motions, and how the base turns there.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : pair of list of int and Loads
+        Numbers of the ports, and their loads.
+
+    Returns
+    -------
+    pair of array, shape (outputs, inputs) and (outputs, inputs, 3)
+        D, and the angular acceleration with which it changes as outputs move, dD = wrench . (angular x dp).
+    """
+    known = {(part.name, isinstance(part, (Input, BaseMotion))): part for part in system.provenance.ports}
+    d = np.zeros((len(outputs[0]), len(inputs[0])))
+    turns = np.zeros((*d.shape, 3))
+    for i, k in enumerate(inputs[0]):
+        base = known[system.inputs[k], True]
+        for o, j in enumerate(outputs[0]):
+            seen = known[system.outputs[j], False]
+            if isinstance(base, BaseMotion) and isinstance(seen, Output) and seen.inertial:
+                angular = turns[o, i] = base.wrench[3:]
+                linear = base.wrench[:3] + np.cross(angular, outputs[1].point[o] - base.position)
+                d[o, i] = np.concatenate((linear, angular)) @ outputs[1].wrench[o]
+    return d, turns
+
+
+def check_ports(
+    system: System, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
+) -> None:
+    """Refuse ports that do more than these loads.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    network : Network
+        Its bodies and connections.
+    inputs, outputs : pair of list of int and Loads
+        Numbers of the ports, and their loads.
+
+    Raises
+    ------
+    ModelError
+        If B, Cq, Cv, Ca or D of the system have other numbers.
+    """
+    (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
+    relative = network.relative if network.reduction is None else network.relative @ network.reduction
+    strains = np.asarray(relative @ np.eye(relative.shape[1])).reshape(-1, 6, system.dof)[joints:]
+    acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
+    acts -= np.einsum("bim,bip->mp", system.body_motion, momentum(network, acting.carried))
+    seen = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
+    forces = [np.einsum("sip,sij,sjm->pm", seeing.strain, z, strains) for z in (network.stiffness, network.damping)]
+    ours = [seen * (seeing.order == k)[:, None] + (forces[k] if k < 2 else 0.0) for k in range(3)]
+    theirs = [matrix[o] for matrix in (system.Cq, system.Cv, system.Ca)]
+    for found, known in zip(
+        (acts, feedthrough(system, inputs, outputs)[0], *ours), (system.B[:, i], system.D[np.ix_(o, i)], *theirs),
+        strict=True,
+    ):  # fmt: skip
+        if np.abs(found - known).max(initial=0.0) > SAME * np.abs(known).max(initial=0.0):
+            raise ModelError(
+                f"sensitivities of responses of '{system.name}': its ports see motions without mass, or load them, "
+                f"which is not supported yet. Compare variants by model.with_values instead.", element=system.name,
+            )  # fmt: skip

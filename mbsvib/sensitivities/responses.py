@@ -1,0 +1,160 @@
+"""Sensitivities of frequency responses by the adjoint: all parameters for about one more solution a frequency.
+
+With R = T^-1 B and L = T^-T H^T, H = Cq + s Cv + s^2 Ca, the response is G = H R + D, and
+dG = dD + L^T dB + dH R - L^T dT R: products of what parameters change and of the fields of L and R.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.frequency_response import _checked
+from mbsvib.reachable import chosen
+from mbsvib.sensitivities.eigenvalues import planned
+from mbsvib.sensitivities.fields import applied, fields, momentum, motions
+from mbsvib.sensitivities.loads import check_ports, feedthrough, loads
+from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.solutions import solutions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.kinematics import Array
+    from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.sensitivities.fields import Fields, Motions
+    from mbsvib.sensitivities.loads import Loads
+    from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.plans import Plan
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+    Ports = str | Sequence[str] | None
+
+# Numbers that the fields of one block of frequencies may hold.
+BLOCK = 2_000_000
+
+
+def frequency_response_sensitivities(
+    system: System, omega: ArrayLike, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+) -> Complex:
+    """Return the derivatives of the frequency response.
+
+    dG/dp = dD/dp + L^T dB/dp + dH/dp R - L^T (dK/dp + i w dC/dp - w^2 dM/dp) R
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    omega : array-like, shape (n,)
+        Angular frequencies [rad/s]; 0 gives the static compliance.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+    inputs, outputs : str or sequence of str, optional
+        Names of ports; default: all.
+
+    Returns
+    -------
+    array, shape (parameters, outputs, inputs, n)
+        Derivatives [output unit / input unit per unit of the parameter].
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or the system has forces whose derivatives are not supported.
+    ResponseError
+        If a frequency is not finite or is an undamped pole, or a port is unknown.
+    """
+    w = _checked(omega)
+    plan = planned(system, parameters)
+    i = chosen(system.inputs, inputs, "inputs", system.name)
+    o = chosen(system.outputs, outputs, "outputs", system.name)
+    network = plan.network
+    acting, seeing = loads(system, network, i, "inputs"), loads(system, network, o, "outputs")
+    check_ports(system, network, (i, acting), (o, seeing))
+    turns = feedthrough(system, (i, acting), (o, seeing))[1]
+    result = np.empty((len(plan.variables.names), len(o), len(i), len(w)), dtype=complex)
+    block = max(1, BLOCK // (len(network.point) * 12 * (len(i) + len(o))))
+    for start in range(0, len(w), block):
+        part = slice(start, start + block)
+        size = np.abs(w[part])
+        forms = _forms(plan, (acting, seeing), size, _vectors(system, i, o, size), turns)
+        forms[plan.breaking] = np.nan
+        result[..., part] = plan.variables.chain(forms)
+    result[..., w < 0.0] = result[..., w < 0.0].conj()
+    return result
+
+
+def _vectors(system: System, i: list[int], o: list[int], w: Array) -> tuple[Complex, Complex]:
+    """R (m, 1, inputs, n) and L (m, outputs, 1, n)."""
+    rates = np.array([c[o] for c in (system.Cq, system.Cv, system.Ca)])
+    order, output = np.nonzero(rates.any(axis=2))
+    right, rows = system.B[:, i], rates[order, output].T
+    if system.gyroscopic is None and system.circulatory is None:
+        both = solutions(system, np.concatenate((right, rows), axis=1), w)
+        found, back = both[:, : len(i)], both[:, len(i) :]
+    else:
+        found, back = solutions(system, right, w), solutions(system, rows, w, adjoint=True)
+    left = np.zeros((system.dof, len(o), len(w)), dtype=complex)
+    for k, (power, place) in enumerate(zip(order.tolist(), output.tolist(), strict=True)):
+        left[:, place] += (1j * w) ** power * back[:, k]
+    return found[:, None], left[:, :, None]
+
+
+def _forms(plan: Plan, ports: tuple[Loads, Loads], w: Array, vectors: tuple[Complex, Complex], turns: Array) -> Complex:
+    """Derivatives to all parameters, (parameters, outputs, inputs, n)."""
+    network, (acting, seeing) = plan.network, ports
+    s: Complex = (1j * w).astype(complex)
+    powers: tuple[Complex, Complex, Complex] = (np.ones(len(s), dtype=complex), s, s * s)
+    x, y = (motions(network, each) for each in vectors)
+    momenta = momentum(network, acting.carried)
+    on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
+    by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(w))
+    on_left = -seeing.on_bodies[:, :, :, None, None] * by_order
+    right = fields(network, x, *powers, load=on_right)
+    left = _seeing(network, y, seeing, powers, on_left)
+    result: Complex = -table(plan, left, right)
+    bodies = [family for family in plan.families if family.kind == "body"]
+    for at in np.flatnonzero(acting.carried.any(axis=(0, 1))):
+        one, carried = np.ones(1), acting.carried[:, :, at, None, None]
+        by_base = replace(right, body=carried, body_wrench=momenta[:, :, at, None, None], square=one)
+        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], square=one)
+        result[:, :, at] -= table(plan, still, by_base, bodies)
+    _move_ports(result, plan, (acting, seeing), vectors, by_order[:, 0], turns)
+    return result
+
+
+def _seeing(
+    network: Network, motion: Motions, seeing: Loads, powers: tuple[Complex, Complex, Complex], load: Complex
+) -> Fields:
+    """Fields of L; forces in springs are seen through strains that lack their directions."""
+    if not seeing.strain.any():
+        return fields(network, motion, *powers, load=load)
+    asked = seeing.strain[:, :, :, None, None]
+    strain = motion.relative[len(network.joints) :] - asked
+    viscous = None if motion.viscous is None else motion.viscous - applied(network.damping, asked)
+    lacking = replace(motion, elastic=motion.elastic - applied(network.stiffness, asked), viscous=viscous)
+    return fields(network, lacking, *powers, load=load, strain=strain)
+
+
+def _move_ports(
+    result: Complex, plan: Plan, ports: tuple[Loads, Loads], vectors: tuple[Complex, Complex], by_order: Complex,
+    turns: Array,
+) -> None:  # fmt: skip
+    """Ports at centres of mass move with these: dG = wrench . (angular x dp)."""
+    (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
+    for family in plan.only("body", ("position",)):
+        for body, rows in zip(family.number.tolist(), family.rows, strict=True):
+            asked = rows >= 0
+            for i in np.flatnonzero(acting.centre == body):
+                theta = np.tensordot(acting.motion[i, 3:], left, axes=1)
+                result[rows[asked], :, i] += np.cross(acting.wrench[i, :3], theta, axisb=0, axisc=0)[asked]
+            for o in np.flatnonzero(seeing.centre == body):
+                theta = np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o] + turns[o][:, :, None].swapaxes(
+                    0, 1
+                )
+                result[rows[asked], o] += np.cross(seeing.wrench[o, :3], theta, axisb=0, axisc=0)[asked]

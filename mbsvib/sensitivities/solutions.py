@@ -1,0 +1,83 @@
+"""Solutions of (K + s C + s^2 M) x = b for any right sides, all frequencies at once, by the roads of the responses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib import frequency_response as responses
+from mbsvib.damped import Damped
+from mbsvib.errors import ResponseError
+from mbsvib.modal_sum import sum_of_motions
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+
+
+def solutions(system: System, b: Array, w: Array, *, adjoint: bool = False) -> Complex:
+    """Return x = (K + i w C - w^2 M)^-1 b.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    b : array, shape (m, columns)
+        Right sides.
+    w : array, shape (n,)
+        Angular frequencies [rad/s], none negative.
+    adjoint : bool
+        Whether to solve with the transposed matrix.
+
+    Returns
+    -------
+    array, shape (m, columns, n)
+        Solutions.
+
+    Raises
+    ------
+    ResponseError
+        If a frequency is an undamped pole.
+    """
+    modal = system._modal
+    if not isinstance(modal, Damped):
+        result = _direct(system, b, w, adjoint)
+    else:
+        result = _modal(system, modal, modal.shapes.T @ b, w)
+    bad = np.flatnonzero(~np.isfinite(result).all(axis=(0, 1)))
+    if len(bad):
+        raise ResponseError(
+            f"omega[{bad[0]}] = {w[bad[0]]:g} rad/s is a pole of '{system.name}', where responses and their "
+            f"sensitivities are infinite; leave this frequency out, or give the mechanism damping."
+        )
+    return result
+
+
+def _modal(system: System, modal: Damped, b: Array, w: Array) -> Complex:
+    s: Complex = (1j * w).astype(complex)
+    if modal.vectors is None or (system._strong_dampers is None and responses.trusted(modal, b, w)):
+        eta = sum_of_motions(modal, b).at(s)
+    elif system._strong_dampers is not None:
+        eta = responses._separated(modal, system._strong_dampers, b, w, np.arange(len(w)))
+    else:
+        eta = responses._refined(system, modal, b, s)
+        bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
+        eta[:, :, bad] = responses._direct(modal, b, w, bad)
+    flat = (modal.shapes @ eta.reshape(len(b), -1).view(float)).view(complex)
+    return np.asarray(flat.reshape(len(modal.shapes), *eta.shape[1:]))
+
+
+def _direct(system: System, b: Array, w: Array, adjoint: bool) -> Complex:
+    result = np.empty((len(b), b.shape[1], len(w)), dtype=complex)
+    for i, frequency in enumerate(w):
+        matrix = system.K - frequency**2 * system.M + 1j * frequency * system.C
+        try:
+            result[:, :, i] = np.linalg.solve(matrix.T if adjoint else matrix, b)
+        except np.linalg.LinAlgError:
+            result[:, :, i] = np.nan
+    return result
