@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.library import from_dh
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
+    from mbsvib.studies import sweep
     from mbsvib.system import System
 
 __version__ = "0.1.0"
@@ -48,6 +49,7 @@ __all__ = [
     "load",
     "plots",
     "save",
+    "sweep",
 ]
 
 _HOMES = {
@@ -61,6 +63,7 @@ _HOMES = {
     "linearize": "mbsvib.assembly",
     "load": "mbsvib.files",
     "save": "mbsvib.files",
+    "sweep": "mbsvib.studies",
 }
 
 

@@ -1,0 +1,108 @@
+"""Figures of studies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.studies.results import Sweep
+
+MOST_LINES = 12
+BINS = 60
+
+
+def sweep(data: Sweep, label: str | None = None) -> Figure:
+    """Draw one result of a sweep.
+
+    Parameters
+    ----------
+    data : Sweep
+        The sweep.
+    label : str, optional
+        The result; default: the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Lines over one variable, a map over two (of the first entry of a vector), histograms over more.
+
+    Raises
+    ------
+    ModelError
+        If there is no result of real numbers to draw.
+    """
+    name = next(iter(data.results), "") if label is None else label
+    values = data[name]
+    if values.dtype.kind not in "biuf":
+        raise ModelError(f"plot of '{data.name}': '{name}' is not of real numbers; draw results of real numbers.",
+                         element=name, field="label")  # fmt: skip
+    varied = [variable for variable, axis in data.axes.items() if len(np.unique(axis)) > 1]
+    flat = values.reshape(len(data), -1).astype(float)
+    with style.context():
+        figure = style.new_figure(6.4, 4.2)
+        axes = figure.subplots()
+        if len(varied) == 1:
+            _lines(axes, data.parameters[varied[0]], flat)
+            axes.set_xlabel(_said(varied[0], data))
+            axes.set_ylabel(_said(name, data))
+        elif len(varied) == 2 and len(data.shape) > 1:
+            _map(figure, axes, data, varied, flat[:, 0], _said(name, data))
+        else:
+            histograms(axes, flat)
+            axes.set_xlabel(_said(name, data))
+            axes.set_ylabel("points [-]")
+        over = ", ".join(varied[:3]) + (", ..." if len(varied) > 3 else "")
+        title(axes, f"{name} over {over or 'nothing'}", data.name)
+    return figure
+
+
+def histograms(axes: Axes, values: NDArray[Any]) -> None:
+    """Draw histograms of columns that are far from each other on one axis, each in bins of its own."""
+    for i in range(min(values.shape[1], MOST_LINES)):
+        column = values[np.isfinite(values[:, i]), i]
+        axes.hist(column, bins=BINS, color=style.COLOURS[i % len(style.COLOURS)], alpha=0.75, label=f"{i + 1}")
+    if values.shape[1] > 1:
+        axes.legend(title="entry")
+
+
+def title(axes: Axes, words: str, name: str) -> None:
+    """Write a title, and the model's name where there is room."""
+    axes.set_title(words)
+    if len(words) + len(name) < 55:
+        axes.set_title(name, loc="right", color=style.MARK, fontsize=8.5)
+
+
+def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any]) -> None:
+    order = np.argsort(x, kind="stable")
+    samples = not ((np.diff(x) >= 0.0).all() or (np.diff(x) <= 0.0).all())
+    for i in range(min(flat.shape[1], MOST_LINES)):
+        dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
+        axes.plot(x[order], flat[order, i], label=f"{i + 1}", **(style.line(i) | dots))
+    if flat.shape[1] > 1:
+        axes.legend(title="entry", ncols=2)
+
+
+def _map(figure: Figure, axes: Axes, data: Sweep, varied: list[str], values: NDArray[Any], words: str) -> None:
+    shape = [len(axis) for axis in data.axes.values()]
+    table = values.reshape(shape).squeeze()
+    first, second = (data.axes[name] for name in varied)
+    rows, columns = np.argsort(first), np.argsort(second)
+    image = axes.pcolormesh(second[columns], first[rows], table[np.ix_(rows, columns)], shading="nearest",
+                            cmap="viridis", rasterized=True)  # fmt: skip
+    axes.grid(False)
+    figure.colorbar(image, ax=axes, label=words)
+    axes.set_xlabel(_said(varied[1], data))
+    axes.set_ylabel(_said(varied[0], data))
+
+
+def _said(name: str, data: Sweep) -> str:
+    return f"{name} [{data.units.get(name, '-')}]"

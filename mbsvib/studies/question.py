@@ -1,0 +1,156 @@
+"""What is asked at each point of a study: results of a system by name, or functions of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.batch import Batch
+
+    Answer: TypeAlias = dict[str, NDArray[Any]]
+
+Asked: TypeAlias = "str | Callable[[Any], Any] | Mapping[str, str | Callable[[Any], Any]]"
+
+# What batches give with an axis of variants in front, and else as single systems do; units of what is often asked for.
+BATCHED = frozenset((
+    "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", "modes.eigenvalues", "modes.errors", "modes.natural",
+    "modes.frequencies", "modes.damped_frequencies", "modes.damping_ratios", "modes.stable",
+))  # fmt: skip
+UNITS = {"modes.eigenvalues": "1/s", "poles": "1/s", "modes.natural": "rad/s", "modes.frequencies": "Hz",
+         "modes.damped_frequencies": "Hz", "modes.damping_ratios": "-", "modes.errors": "-"}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Results by label: a path such as "modes.frequencies", or a function of a system (``takes_batch``: of a batch)."""
+
+    items: Mapping[str, str | Callable[[Any], Any]]
+    takes_batch: bool = False
+
+    @property
+    def batched(self) -> bool:
+        """Whether a batch can be asked for all of it at once."""
+        return all(item in BATCHED if isinstance(item, str) else self.takes_batch for item in self.items.values())
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the results, where known."""
+        return {label: UNITS[item] for label, item in self.items.items() if isinstance(item, str) and item in UNITS}
+
+    def ask(self, system: Any) -> Answer:
+        """Return the results of one system as arrays."""
+        result: Answer = {}
+        for label, item in self.items.items():
+            value = follow(system, item) if isinstance(item, str) else item(system)
+            if isinstance(value, Mapping):
+                own = "" if len(self.items) == 1 else f"{label}."
+                result |= {f"{own}{key}": _numbers(f"{own}{key}", entry) for key, entry in value.items()}
+            else:
+                result[label] = _numbers(label, value)
+        return result
+
+    def ask_batch(self, batch: Batch) -> Answer:
+        """Return the results of all variants, which have an axis of variants in front.
+
+        Raises
+        ------
+        ModelError
+            If a result has no such axis.
+        """
+        found = self.ask(batch)
+        for label, value in found.items():
+            if value.shape[:1] != (len(batch),):
+                raise ModelError(f"of: '{label}' of a batch of {len(batch)} has shape {value.shape}; expected one "
+                                 f"entry for each along the first axis. Leave batched=True away for functions of "
+                                 f"single systems.", field="of")  # fmt: skip
+        return found
+
+
+def question(of: Asked, batched: bool = False) -> Question:
+    """Return what is asked at each point.
+
+    Parameters
+    ----------
+    of : str, callable or mapping of str to str or callable
+        A path from a system ("modes.frequencies", "poles", "K"), a function of a system, or several by label.
+    batched : bool
+        Say that functions take batches as well and return an axis of variants in front.
+
+    Returns
+    -------
+    Question
+        The question, checked.
+
+    Raises
+    ------
+    ModelError
+        If it is neither.
+    """
+    given: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
+    for item in given.values():
+        if not callable(item) and not (isinstance(item, str) and item):
+            raise check.refuse("study", "of", item, "a result such as 'modes.frequencies', or a function of a system")
+    if not given:
+        raise check.refuse("study", "of", of, "at least one result")
+    return Question({str(label): item for label, item in given.items()}, batched)
+
+
+def follow(system: Any, path: str) -> Any:
+    """Return what a path leads to: attributes, and methods that need no arguments.
+
+    Parameters
+    ----------
+    system : System or Batch
+        Where it starts.
+    path : str
+        Names with dots in between.
+
+    Returns
+    -------
+    object
+        The result.
+
+    Raises
+    ------
+    ModelError
+        If there is no such name, or a method needs arguments.
+    """
+    here = system
+    for name in path.split("."):
+        kind = type(here).__name__
+        if name.startswith("_") or not (hasattr(type(here), name) or hasattr(here, name)):
+            known = [other for other in dir(here) if not other.startswith("_")]
+            raise ModelError(f"of = '{path}': a {kind} has no '{name}'.{nearest(name, known)}", element=path,
+                             field="of")  # fmt: skip
+        here = getattr(here, name)
+        if callable(here):
+            try:
+                here = here()
+            except TypeError as error:
+                raise ModelError(f"of = '{path}': {name}() of a {kind} needs arguments; give a function, such as "
+                                 f"lambda system: system.{name}(...). ({error})", element=path,
+                                 field="of") from error  # fmt: skip
+    return here
+
+
+def _label(of: Any) -> str:
+    if isinstance(of, str):
+        return of
+    name = str(getattr(of, "__name__", type(of).__name__))
+    return "value" if name == "<lambda>" else name
+
+
+def _numbers(label: str, value: Any) -> NDArray[Any]:
+    array = np.asarray(value)
+    if array.dtype.kind not in "biufc":
+        raise ModelError(f"of: '{label}' is {check.shown(value)}; expected numbers.", element=label, field="of")
+    return array

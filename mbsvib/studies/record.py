@@ -1,0 +1,158 @@
+"""The record of a study: one line of JSON for each point, added as it is answered, so that nothing is lost.
+
+The first line says which study it is; a line that was cut short by an interruption is dropped, the others are kept.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from hashlib import sha256
+from pathlib import Path
+from time import monotonic
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from types import TracebackType
+
+    from mbsvib.model import Model
+    from mbsvib.studies.points import Points
+    from mbsvib.studies.question import Answer, Question
+    from mbsvib.studies.running import Outcome
+
+VERSION = 1
+# Lines reach the system at once; they are forced onto the disk after so many seconds.
+SYNC = 1.0
+
+
+class Record:
+    """A file of answers, ``known`` from before and added to by ``add``; use it by ``with``."""
+
+    def __init__(self, path: str | os.PathLike[str], head: Mapping[str, Any]) -> None:
+        self.path = Path(path)
+        self.known: dict[int, Outcome] = {}
+        self._stream: IO[bytes] | None = None
+        self._synced = monotonic()
+        try:
+            content = self.path.read_bytes()
+        except FileNotFoundError:
+            content = b""
+        except OSError as error:
+            raise ModelError(f"{path}: cannot be read: {error.strerror}.", field="file") from error
+        whole = content[: content.rfind(b"\n") + 1]
+        lines = whole.splitlines()
+        if lines:
+            self._check(lines[0], head)
+        self.known = dict(self._read(line, number) for number, line in enumerate(lines[1:], 2))
+        if len(whole) < len(content) or not lines:
+            start = whole or (json.dumps(head) + "\n").encode()
+            try:
+                write_whole(self.path, lambda stream: stream.write(start))
+            except OSError as error:
+                raise ModelError(f"{path}: cannot be written: {error.strerror}.", field="file") from error
+
+    def _check(self, line: bytes, head: Mapping[str, Any]) -> None:
+        try:
+            found = json.loads(line)
+        except ValueError:
+            found = None
+        if not isinstance(found, dict) or "study" not in found:
+            raise ModelError(f"{self.path}: this is no record of a study; give another file.", field="file")
+        for key, value in head.items():
+            if found.get(key) != value:
+                raise ModelError(f"{self.path}: it is the record of another study ({key} is not the same); delete it, "
+                                 f"or give another file.", field="file")  # fmt: skip
+
+    def _read(self, line: bytes, number: int) -> tuple[int, Outcome]:
+        try:
+            entry = json.loads(line)
+            if "error" in entry:
+                return entry["point"], str(entry["error"])
+            return entry["point"], {label: _decoded(value) for label, value in entry["result"].items()}
+        except (ValueError, KeyError, TypeError) as error:
+            raise ModelError(f"{self.path}, line {number}: this is no line of a record.", field="file") from error
+
+    def add(self, outcomes: Iterable[tuple[int, Outcome]]) -> None:
+        """Write answers behind the others."""
+        if self._stream is None:
+            raise ValueError("the record is not open")
+        self._stream.write("".join([_line(point, outcome) for point, outcome in outcomes]).encode())
+        self._stream.flush()
+        if monotonic() - self._synced > SYNC:
+            os.fsync(self._stream.fileno())
+            self._synced = monotonic()
+
+    def __enter__(self) -> Record:
+        self._stream = open(self.path, "ab")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._stream is not None:
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+            self._stream.close()
+
+
+def head(model: Model, points: Points, values: Mapping[str, Any], question: Question) -> dict[str, Any]:
+    """Return what tells a study from others: the model, the values of its parameters, and the names of what is asked.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    points : Points
+        The points.
+    values : mapping of str to array, shape (n,)
+        Values of parameters at the points.
+    question : Question
+        What is asked.
+
+    Returns
+    -------
+    dict
+        The first line of a record.
+    """
+    from mbsvib.files.saving import described
+    from mbsvib.files.text import json_text
+
+    table = sha256()
+    for name, column in values.items():
+        table.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
+    asked = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
+             for label, item in question.items.items()}  # fmt: skip
+    text = json_text(described(model))
+    return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": asked,
+            "variables": list(points.columns), "points": len(points), "values": table.hexdigest()}  # fmt: skip
+
+
+def _line(point: int, outcome: Outcome) -> str:
+    if isinstance(outcome, str):
+        return json.dumps({"point": point, "error": outcome}) + "\n"
+    return json.dumps({"point": point, "result": {label: _encoded(value) for label, value in outcome.items()}}) + "\n"
+
+
+def _encoded(value: Any) -> Any:
+    if np.iscomplexobj(value):
+        return {"real": value.real.tolist(), "imag": value.imag.tolist()}
+    return value.tolist()
+
+
+def _decoded(value: Any) -> Any:
+    if isinstance(value, dict):
+        result = np.empty(np.shape(value["real"]), dtype=complex)
+        result.real, result.imag = value["real"], value["imag"]
+        return result
+    return np.asarray(value)
+
+
+def answers(known: Mapping[int, Outcome]) -> dict[int, Answer]:
+    """Return those of the outcomes that are no errors."""
+    return {point: outcome for point, outcome in known.items() if not isinstance(outcome, str)}

@@ -1,0 +1,213 @@
+"""What a sweep returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ModelError, counted, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from os import PathLike
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SHOWN_ROWS, SHOWN_COLUMNS, SHOWN_ERRORS = 20, 8, 3
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Sweep:
+    """Results at n points: ``parameters`` (n,) by variable, ``results`` by label, one entry along the first axis for
+    each point, not a number (NaN) where ``errors`` has the point's number and what went wrong there.
+
+    ``shape`` is that of the grid, whose values are ``axes``; ``units`` of variables and results as far as known.
+    Results whose shapes differ from point to point are arrays of objects, None where a point failed.
+    """
+
+    name: str
+    axes: Mapping[str, Array]
+    parameters: Mapping[str, Array]
+    shape: tuple[int, ...]
+    results: Mapping[str, NDArray[Any]]
+    errors: Mapping[int, str]
+    units: Mapping[str, str] = field(repr=False)
+
+    def __len__(self) -> int:
+        return int(np.prod(self.shape))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.results)
+
+    def __getitem__(self, label: str) -> NDArray[Any]:
+        if label in self.results:
+            return self.results[label]
+        if label in self.parameters:
+            return self.parameters[label]
+        known = [*self.results, *self.parameters]
+        raise ModelError(f"sweep of '{self.name}': there is no result '{label}'.{nearest(str(label), known)} "
+                         f"Results are: {', '.join(self.results) or 'none'}.", element=str(label))  # fmt: skip
+
+    @cached_property
+    def failed(self) -> NDArray[np.bool_]:
+        """Which points failed, shape (n,)."""
+        result = np.zeros(len(self), dtype=bool)
+        result[list(self.errors)] = True
+        return result
+
+    def grid(self, label: str) -> NDArray[Any]:
+        """Return a result over the grid.
+
+        Parameters
+        ----------
+        label : str
+            Name of the result.
+
+        Returns
+        -------
+        array, shape (values of the first variable, of the second, ..., shape of the result)
+            The results.
+        """
+        return self[label].reshape(*self.shape, *self[label].shape[1:])
+
+    def to_numpy(self) -> dict[str, NDArray[Any]]:
+        """Return variables and results as arrays by name, the first axis that of the points."""
+        return {**self.parameters, **self.results}
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return everything as columns of n entries: ``label[0]``, ... of vectors, ``.re`` and ``.im`` of complex."""
+        result: dict[str, NDArray[Any]] = dict(self.parameters)
+        for label, values in self.results.items():
+            flat = values.reshape(len(self), -1)
+            for i in range(flat.shape[1]):
+                place = np.unravel_index(i, values.shape[1:]) if values.ndim > 1 else ()
+                name = label + (f"[{','.join(str(int(k)) for k in place)}]" if place else "")
+                if values.dtype.kind == "c":
+                    result[f"{name}.re"], result[f"{name}.im"] = flat[:, i].real, flat[:, i].imag
+                else:
+                    result[name] = flat[:, i]
+        return result
+
+    def to_csv(self, path: str | PathLike[str]) -> Path:
+        """Write all points to a file of comma-separated values, one line each; numbers keep all their digits.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to.
+
+        Returns
+        -------
+        Path
+            The path.
+        """
+        import csv
+        from io import StringIO
+
+        from mbsvib.whole_file import write_whole
+
+        text = StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        columns = self.columns()
+        writer.writerow([*columns, *(["error"] if self.errors else [])])
+        for i in range(len(self)):
+            cells = [column[i].item() if hasattr(column[i], "item") else column[i] for column in columns.values()]
+            writer.writerow([*cells, *([self.errors.get(i, "")] if self.errors else [])])
+        return write_whole(path, lambda stream: stream.write(text.getvalue().encode()))
+
+    def table(self) -> dict[str, Any]:
+        """Return a table of the first points as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        columns = self.columns()
+        names = list(columns)[:SHOWN_COLUMNS]
+        rows = [tuple(_cell(columns[name][i]) for name in names) for i in range(min(len(self), SHOWN_ROWS))]
+        notes = []
+        if len(self) > SHOWN_ROWS or len(columns) > SHOWN_COLUMNS:
+            notes.append(f"The first of {counted(len(self), 'point')} and {counted(len(columns), 'column')}.")
+        for i, error in list(self.errors.items())[:SHOWN_ERRORS]:
+            notes.append(f"Point {i} failed: {error}")
+        if len(self.errors) > SHOWN_ERRORS:
+            notes.append(f"In all, {counted(len(self.errors), 'point')} failed.")
+        heads = [(name + (f" [{self.units[name.partition('[')[0]]}]" if name.partition("[")[0] in self.units else ""),
+                  "right") for name in names]  # fmt: skip
+        return {"title": f"Sweep of {self.name}", "columns": heads, "rows": rows, "notes": notes}
+
+    def plot(self, label: str | None = None) -> Figure:
+        """Draw a result over what varies.
+
+        Parameters
+        ----------
+        label : str, optional
+            Which result; default: the first.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Lines over one variable, a map over the grid of two, and histograms of samples of more.
+        """
+        from mbsvib.studies.figures import sweep
+
+        return sweep(self, label)
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return (f"Sweep({self.name!r}: {counted(len(self), 'point')} of {', '.join(self.parameters)}, "
+                f"{len(self.errors)} failed)")  # fmt: skip
+
+
+def gathered(count: int, found: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return arrays over all points out of the results of those that have one.
+
+    Parameters
+    ----------
+    count : int
+        How many points there are.
+    found : mapping of int to mapping of str to array
+        Results by point and label.
+
+    Returns
+    -------
+    dict of str to array
+        By label; NaN where there is none, or arrays of objects where shapes differ.
+    """
+    labels = list(dict.fromkeys(label for answer in found.values() for label in answer))
+    result = {}
+    for label in labels:
+        values = {i: answer[label] for i, answer in found.items() if label in answer}
+        kind = np.result_type(*{value.dtype for value in values.values()})
+        shapes = {value.shape for value in values.values()}
+        if len(shapes) > 1:
+            array: NDArray[Any] = np.full(count, None, dtype=object)
+            for i, value in values.items():
+                array[i] = value
+        else:
+            if len(values) < count and kind.kind in "biu":
+                kind = np.dtype(float)
+            array = np.full((count, *shapes.pop()), np.nan if kind.kind in "fc" else 0, dtype=kind)
+            where = np.fromiter(values, dtype=np.intp, count=len(values))
+            array[where] = np.array(list(values.values()))
+        array.setflags(write=False)
+        result[label] = array
+    return result
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "failed"
+    return f"{value:.8g}" if np.ndim(value) == 0 and not isinstance(value, (bool, np.bool_)) else str(value)

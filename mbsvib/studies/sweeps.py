@@ -1,0 +1,111 @@
+"""Sweeps: one question at many points of a model's parameters."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.parameters import unit
+from mbsvib.studies.design import design
+from mbsvib.studies.points import points
+from mbsvib.studies.progress import counting
+from mbsvib.studies.question import question
+from mbsvib.studies.results import Sweep, gathered
+from mbsvib.studies.running import run, task
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.model import Model
+    from mbsvib.studies.design import Design, Ties
+    from mbsvib.studies.progress import Progress
+    from mbsvib.studies.question import Asked
+    from mbsvib.studies.running import Outcome
+
+
+def sweep(
+    model: Model, values: Mapping[str, ArrayLike], of: Asked, *, how: str = "grid", ties: Ties | None = None,
+    batched: bool = False, workers: int | None = None, file: str | PathLike[str] | None = None, retry: bool = False,
+    progress: Progress = None,
+) -> Sweep:  # fmt: skip
+    """Ask one question at many points of a model's parameters.
+
+    Results such as ``"modes.frequencies"`` are computed for all points in one vectorised pass; functions are called
+    with the system of each point, in several processes where that takes long. ``joblib.parallel_config`` says where
+    else: ``with joblib.parallel_config("dask"):`` on the workers of a dask client.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    values : mapping of str to array-like, shape (k,) or ()
+        Values of each variable: a parameter, a pattern that ties several to one value (``"leg*.k.stiffness"``), or a
+        name that ``ties`` explains.
+    of : str, callable or mapping of str to str or callable
+        A result of systems by its path ("modes.frequencies", "poles", "K"), a function of a system that returns
+        numbers, an array or a mapping of these, or several by label.
+    how : str
+        "grid": all combinations; "paired": point by point, for samples.
+    ties : mapping of str to mapping of str to float, optional
+        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has.
+    batched : bool
+        Say that functions take a batch and return an axis of points in front.
+    workers : int, optional
+        How many processes, 1 for none. Default: as many as processors where it takes seconds, or joblib's own choice
+        within ``parallel_config``.
+    file : str or path-like, optional
+        Record of the sweep, a line for each point as it is answered. Where it is there, only what is missing is asked.
+        It is told by model, values and names of functions; what functions do inside is not looked at.
+    retry : bool
+        Ask points of the record again that failed.
+    progress : bool, callable or None
+        True: a progress bar; None: on terminals; a function is called with how many are done and how many there are.
+
+    Returns
+    -------
+    Sweep
+        Variables and results by point, and the errors of those that failed; the others are kept.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, a pattern picks nothing, values are no numbers, systems have no such result, or the
+        file is the record of another sweep.
+    """
+    chosen = points(values, how)
+    variables = design(model, chosen.columns, ties)
+    asked = question(of, batched)
+    work = task(model, variables, asked)
+    outcomes: dict[int, Outcome] = {}
+    if file is not None:
+        from mbsvib.studies.record import Record, head
+
+        record = Record(file, head(model, chosen, _moved(variables, chosen.columns), asked))
+        outcomes.update((i, outcome) for i, outcome in record.known.items()
+                        if not (retry and isinstance(outcome, str)))  # fmt: skip
+    todo = [i for i in range(len(chosen)) if i not in outcomes]
+    with (record if file is not None else nullcontext()) as book, \
+            counting(progress, len(chosen), f"sweep of {model.name}", len(outcomes)) as tell:  # fmt: skip
+        for some in run(work, chosen.columns, todo, workers):
+            outcomes.update(some)
+            if book is not None:
+                book.add(some)
+            tell(len(some))
+    found = {i: outcomes[i] for i in sorted(outcomes)}
+    errors = {i: outcome for i, outcome in found.items() if isinstance(outcome, str)}
+    if len(errors) == len(chosen):
+        warnings.warn(f"sweep of '{model.name}': all {len(errors)} points failed, the first by {errors[0]}",
+                      stacklevel=2)  # fmt: skip
+    results = gathered(len(chosen), {i: outcome for i, outcome in found.items() if not isinstance(outcome, str)})
+    units = {name: unit(name) for name in variables.direct} | asked.units
+    return Sweep(model.name, chosen.axes, chosen.columns, chosen.shape, results, errors, units)
+
+
+def _moved(variables: Design, columns: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: np.asarray(column, dtype=float) for name, column in variables.values(columns).items()}

@@ -1,0 +1,242 @@
+"""Sweeps: every point answered as if it were alone, whatever fails elsewhere, and nothing lost."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.errors import ModelError
+from mbsvib.library import quarter_car, stewart
+from mbsvib.studies import sweep
+
+TYRE, SUSPENSION = np.linspace(1e5, 3e5, 7), np.linspace(1e4, 4e4, 5)
+GRID = {"tyre.stiffness": TYRE, "suspension.stiffness": SUSPENSION}
+
+
+def alone(model, values):
+    return model.with_values(values).linearize().modes().frequencies
+
+
+def lowest(system):
+    return system.modes().frequencies[0]
+
+
+def picky(system):
+    if system.K[0, 0] > 2.5e5:
+        raise ArithmeticError("too stiff")
+    return {"low": system.modes().frequencies[0], "poles": system.poles()}
+
+
+def pendulum():
+    model = mv.Model("pendulum", gravity=(0, 0, -9.81))
+    model.add_body("bob", 1.0, (0.01, 0.01, 0.01), position=(0, 0, -0.5))
+    model.add_joint("pivot", "revolute", "ground", "bob", position=(0, 0, 0), axis=(0, 1, 0))
+    return model
+
+
+def test_grid_of_frequencies_is_that_of_single_models():
+    found = sweep(quarter_car(), GRID, "modes.frequencies")
+    table = found.grid("modes.frequencies")
+    assert found.shape == (7, 5)
+    assert table.shape == (7, 5, 2)
+    for i, j in ((0, 0), (2, 4), (6, 3)):
+        expected = alone(quarter_car(), {"tyre.stiffness": TYRE[i], "suspension.stiffness": SUSPENSION[j]})
+        assert np.allclose(table[i, j], expected, rtol=1e-12, atol=0)
+    assert found.units == {"tyre.stiffness": "N/m", "suspension.stiffness": "N/m", "modes.frequencies": "Hz"}
+
+
+def test_patterns_tie_and_numbers_hold_for_all_points():
+    model = stewart()
+    found = sweep(model, {"leg*.k.stiffness": [1e7, 2e7, 3e7], "platform.mass": 2.0}, "modes.frequencies", how="paired")
+    expected = alone(model, {"leg*.k.stiffness": 2e7, "platform.mass": 2.0})
+    assert np.allclose(found["modes.frequencies"][1], expected, rtol=1e-12, atol=0)
+
+
+def test_linear_maps_add_to_what_the_model_has():
+    found = sweep(quarter_car(), {"softer": [0.0, 1.0]}, lowest, ties={"softer": {
+        "tyre.stiffness": -1e4, "suspension.stiffness": -2e3}})  # fmt: skip
+    expected = alone(quarter_car(), {"tyre.stiffness": 192000.0 - 1e4, "suspension.stiffness": 20000.0})
+    assert found["lowest"][1] == pytest.approx(expected[0], rel=1e-12)
+
+
+def test_functions_that_take_batches_are_asked_once():
+    asked = []
+
+    def both(batch):
+        asked.append(len(batch))
+        return batch.frequency_response([3.0])[:, 0, 0, 0]
+
+    found = sweep(quarter_car(), GRID, both, batched=True)
+    assert len(asked) <= 3  # once to see whether it can, then all in two pieces
+    one = quarter_car().with_values({"tyre.stiffness": TYRE[3], "suspension.stiffness": SUSPENSION[1]}).linearize()
+    assert found.grid("both")[3, 1] == pytest.approx(one.frequency_response([3.0])[0, 0, 0], rel=1e-11)
+
+
+def test_models_that_batches_refuse_go_one_by_one():
+    found = sweep(pendulum(), {"bob.position.z": [-0.25, -0.5, -1.0]}, "modes.natural")
+    length = np.array([0.25, 0.5, 1.0])
+    assert np.allclose(found["modes.natural"][:, 0], np.sqrt(9.81 * length / (0.01 + length**2)), rtol=1e-12)
+
+
+def test_a_point_that_fails_is_recorded_and_the_others_kept():
+    found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 3e5, 2e5]}, picky)
+    assert found.errors == {1: "ArithmeticError: too stiff"}
+    assert found.failed.tolist() == [False, True, False]
+    assert np.isnan(found["low"][1])
+    assert np.isnan(found["poles"][1]).all()
+    assert found["poles"].dtype == complex
+    assert found["low"][2] == pytest.approx(alone(quarter_car(), {"tyre.stiffness": 2e5})[0], rel=1e-12)
+    assert "Point 1 failed: ArithmeticError: too stiff" in str(found)
+
+
+def test_a_value_that_no_part_can_have_fails_alone():
+    mass = np.full(300, 2.0)
+    mass[[17, 230]] = -1.0
+    found = sweep(stewart(), {"platform.mass": mass}, "modes.frequencies")
+    assert sorted(found.errors) == [17, 230]
+    assert "mass" in found.errors[17]
+    assert np.isfinite(found["modes.frequencies"][~found.failed]).all()
+
+
+def test_if_every_point_fails_the_sweep_says_so():
+    with pytest.warns(UserWarning, match="all 2 points failed, the first by ZeroDivisionError"):
+        found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda system: 1 / 0)
+    assert not found.results
+
+
+def test_results_of_different_shapes_are_kept_as_they_are():
+    found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 2e5]}, lambda s: np.arange(int(s.K.max() // 1e5)))
+    assert [len(value) for value in found["value"]] == [1, 2]
+
+
+def test_record_is_resumed_after_an_interruption(tmp_path):
+    file, asked = tmp_path / "sweep.jsonl", []
+
+    def interrupted(system):
+        asked.append(1)
+        if len(asked) == 4:
+            raise KeyboardInterrupt
+        return {"poles": system.poles(), "stable": True}
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file, workers=1)
+    kept = len(file.read_bytes().splitlines()) - 1
+    assert 1 <= kept <= 3
+    with open(file, "ab") as stream:
+        stream.write(b'{"point": 6, "resu')  # cut short
+    counts = []
+    found = sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file, workers=1,
+                  progress=lambda done, total: counts.append((done, total)))  # fmt: skip
+    assert len(asked) == 4 + 7 - kept
+    assert counts[-1] == (7, 7)
+    whole = sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles")
+    assert (found["poles" if "poles" in found.results else "value.poles"] == whole["poles"]).all()
+    assert not found.errors
+    again = sweep(quarter_car(), {"tyre.stiffness": TYRE}, {"value": interrupted}, file=file)
+    assert len(asked) == 4 + 7 - kept
+    assert all((again[label] == found[label]).all() for label in found)
+
+
+def test_failed_points_are_asked_again_only_if_wanted(tmp_path):
+    file, works = tmp_path / "sweep.jsonl", []
+
+    def sometimes(system):
+        if not works:
+            raise OSError("disk full")
+        return 1.0
+
+    values = {"tyre.stiffness": [1e5, 2e5]}
+    with pytest.warns(UserWarning, match="disk full"):
+        sweep(quarter_car(), values, sometimes, file=file)
+    works.append(True)
+    with pytest.warns(UserWarning, match="disk full"):
+        sweep(quarter_car(), values, sometimes, file=file)
+    assert sweep(quarter_car(), values, sometimes, file=file, retry=True)["sometimes"].tolist() == [1.0, 1.0]
+    assert sweep(quarter_car(), values, sometimes, file=file)["sometimes"].tolist() == [1.0, 1.0]
+
+
+def test_records_of_other_studies_are_refused(tmp_path):
+    file = tmp_path / "sweep.jsonl"
+    sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles", file=file)
+    before = file.read_bytes()
+    other = quarter_car().with_values({"body.mass": 300.0})
+    for model, values, of in ((other, {"tyre.stiffness": TYRE}, "poles"), (quarter_car(), GRID, "poles"),
+                              (quarter_car(), {"tyre.stiffness": TYRE}, "K")):  # fmt: skip
+        with pytest.raises(ModelError, match="record of another study"):
+            sweep(model, values, of, file=file)
+    (tmp_path / "no.jsonl").write_text("hello\n")
+    with pytest.raises(ModelError, match="no record of a study"):
+        sweep(quarter_car(), GRID, "poles", file=tmp_path / "no.jsonl")
+    (tmp_path / "bad.jsonl").write_bytes(before.replace(b'"result"', b'"rest"', 1))
+    with pytest.raises(ModelError, match="line 2"):
+        sweep(quarter_car(), {"tyre.stiffness": TYRE}, "poles", file=tmp_path / "bad.jsonl")
+    assert file.read_bytes() == before
+
+
+def test_csv_keeps_every_digit(tmp_path):
+    found = sweep(quarter_car(), {"tyre.stiffness": [1e5, 3e5, 2e5]}, picky)
+    path = found.to_csv(tmp_path / "sweep.csv")
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    assert [float(row["tyre.stiffness"]) for row in rows] == [1e5, 3e5, 2e5]
+    assert float(rows[2]["low"]) == found["low"][2]
+    assert float(rows[0]["poles[1].im"]) == found["poles"][0, 1].imag
+    assert rows[1]["error"] == "ArithmeticError: too stiff"
+    assert set(found.to_numpy()) == {"tyre.stiffness", "low", "poles"}
+
+
+@pytest.mark.parametrize(("values", "of", "kind"), [
+    (GRID, "modes.frequencies", "map"), ({"tyre.stiffness": TYRE}, "modes.frequencies", "lines"),
+    ({"tyre.stiffness": TYRE, "body.mass": TYRE / 1e3, "wheel.mass": 40.0}, lowest, "histogram"),
+])  # fmt: skip
+def test_figures_have_units(values, of, kind):
+    found = sweep(quarter_car(), values, of, how="paired" if kind == "histogram" else "grid")
+    figure = found.plot()
+    labels = [axes.get_xlabel() + axes.get_ylabel() for axes in figure.axes]
+    assert all(label.endswith("]") for label in labels)
+    assert len(figure.axes) == (2 if kind == "map" else 1)
+    with pytest.raises(ModelError, match="Did you mean"):
+        found.plot("modes.frequences" if kind != "histogram" else "lowes")
+
+
+BAD = [
+    ({"tyre.stifness": [1.0]}, "poles", {}, "Did you mean 'tyre.stiffness'"),
+    ({"leg*.k.stiffness": [1.0]}, "poles", {}, "no parameter 'leg\\*.k.stiffness'"),
+    ({"axle.mass": [1.0]}, "poles", {}, "no parameter 'axle.mass'"),
+    ({"soft": [1.0]}, "poles", {"ties": {"soft": {"axle*.mass": 1.0}}}, "no parameter 'axle"),
+    ({"soft": [1.0]}, "poles", {"ties": {"sort": {"body.mass": 1.0}}}, "Did you mean 'soft'"),
+    ({"soft": [1.0], "body.mass": [1.0]}, "poles", {"ties": {"soft": {"body.mass": 1.0}}}, "values of its own"),
+    ({"body.mass": [1.0]}, "modes.frequences", {}, "Did you mean 'frequencies'"),
+    ({"body.mass": [1.0]}, "frequency_response", {}, "needs arguments"),
+    ({"body.mass": [1.0]}, 3.0, {}, "a function of a system"),
+    ({"body.mass": [np.nan]}, "poles", {}, "finite numbers"),
+    ({"body.mass": []}, "poles", {}, "finite numbers"),
+    ({"body.mass": "heavy"}, "poles", {}, "finite numbers"),
+    ({}, "poles", {}, "a mapping from parameters"),
+    ({"body.mass": [1.0, 2.0], "wheel.mass": [1.0, 2.0, 3.0]}, "poles", {"how": "paired"}, "2 entries, values"),
+    ({"body.mass": [1.0]}, "poles", {"how": "random"}, "'grid' or 'paired'"),
+    ({"body.mass": [1.0]}, "poles", {"workers": 0}, "at least 1"),
+    ({"body.mass": [1.0]}, lambda batch: 1.0, {"batched": True}, "along the first axis"),
+]
+
+
+@pytest.mark.parametrize(("values", "of", "words", "said"), BAD)
+def test_bad_input_is_told(values, of, words, said):
+    with pytest.raises(ModelError, match=said):
+        sweep(quarter_car(), values, of, **words)
+
+
+def test_progress_bar_is_drawn_if_asked_for(capsys):
+    sweep(quarter_car(), GRID, "modes.frequencies", progress=True)
+    assert "35/35" in capsys.readouterr().err
+    sweep(quarter_car(), GRID, "modes.frequencies")
+    assert not capsys.readouterr().err
+
+
+def test_record_is_readable_by_others(tmp_path):
+    file = tmp_path / "sweep.jsonl"
+    found = sweep(quarter_car(), {"tyre.stiffness": TYRE}, "modes.frequencies", file=file)
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    assert lines[0]["of"] == {"modes.frequencies": "modes.frequencies"}
+    assert lines[3]["result"]["modes.frequencies"] == found["modes.frequencies"][lines[3]["point"]].tolist()

@@ -1,0 +1,72 @@
+"""Sweeps in processes, on back-ends of joblib, and on the workers of a dask cluster."""
+
+import os
+
+import joblib
+import numpy as np
+import pytest
+
+from mbsvib.library import quarter_car
+from mbsvib.studies import sweep
+
+VALUES = {"tyre.stiffness": np.linspace(1e5, 3e5, 9)}
+
+
+def where(system):
+    return {"pid": os.getpid(), "low": system.modes().frequencies[0]}
+
+
+def expected():
+    return sweep(quarter_car(), VALUES, where, workers=1)
+
+
+def same(found, here):
+    # variants of larger pieces are summed in another order
+    return np.allclose(found["low"], here["low"], rtol=1e-13, atol=0)
+
+
+def test_processes_give_the_same_numbers():
+    here = expected()
+    assert set(here["pid"].tolist()) == {os.getpid()}
+    found = sweep(quarter_car(), VALUES, where, workers=2)
+    assert os.getpid() not in found["pid"].tolist()
+    assert same(found, here)
+
+
+def test_joblib_says_where():
+    with joblib.parallel_config("threading", n_jobs=2):
+        found = sweep(quarter_car(), VALUES, where)
+    assert set(found["pid"].tolist()) == {os.getpid()}
+    assert same(found, expected())
+
+
+def test_back_ends_that_answer_at_the_end_are_given_some_at_a_time():
+    counts = []
+    with joblib.parallel_config("multiprocessing", n_jobs=2):
+        found = sweep(quarter_car(), VALUES, where, progress=lambda done, total: counts.append(done))
+    assert len(counts) > 2
+    assert counts[-1] == 9
+    assert same(found, expected())
+
+
+def test_a_point_that_fails_in_a_process_is_recorded(tmp_path):
+    def fails(system):
+        if system.K.max() > 2.9e5:
+            raise ArithmeticError("too stiff")
+        return 1.0
+
+    found = sweep(quarter_car(), VALUES, fails, workers=2, file=tmp_path / "record.jsonl")
+    assert set(found.errors.values()) == {"ArithmeticError: too stiff"}
+    assert 0 < len(found.errors) < 9
+    assert len((tmp_path / "record.jsonl").read_text().splitlines()) == 10
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_dask_workers_over_loopback():
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    words = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+    with distributed.LocalCluster(processes=True, **words) as cluster, distributed.Client(cluster), \
+            joblib.parallel_config("dask"):  # fmt: skip
+        found = sweep(quarter_car(), VALUES, where)
+    assert os.getpid() not in found["pid"].tolist()
+    assert same(found, expected())
