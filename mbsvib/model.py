@@ -8,20 +8,20 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from mbsvib import _checks as check
-from mbsvib.equilibrium.methods import Posed
-from mbsvib.errors import ModelError, nearest
 from mbsvib.beams import Beam
 from mbsvib.couplers.adders import CoupledMechanism
+from mbsvib.equilibrium.methods import Posed
+from mbsvib.errors import ModelError, nearest
 from mbsvib.loads.adders import LoadedMechanism
 from mbsvib.massless.adders import RelaxingMechanism
 from mbsvib.mechanism import GROUND, check_name
 from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.parts import ports as _ports
+from mbsvib.parts.coupler import Coupler, Gear, Rack, Worm
 from mbsvib.parts.rotor import Rotor
 from mbsvib.spin.adders import SpinningMechanism
 from mbsvib.superelements.adders import ReducedMechanism
 from mbsvib.superelements.superelement import Superelement
-from mbsvib.parts.coupler import Coupler, Gear, Rack, Worm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
-from mbsvib.general import is_general
-from mbsvib.undamped import triangle
+from mbsvib.modes.general import is_general
+from mbsvib.modes.undamped import triangle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.damped import Damped
+    from mbsvib.modes.damped import Damped
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -105,9 +105,9 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
 
 
 def _massless(system: System, realization: str) -> StateSpace:
-    from mbsvib.general import General
-    from mbsvib.general_states import modal_states
     from mbsvib.massless import first_order
+    from mbsvib.modes.general import General
+    from mbsvib.responses.general_states import modal_states
 
     modal = system._modal if realization == "modal" else None
     found = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)

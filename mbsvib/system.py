@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.damped import Damped
-    from mbsvib.energy_schur import EnergySchur
-    from mbsvib.general import General
     from mbsvib.loads.shares import StiffnessShares
-    from mbsvib.modal_sum import ModalSum
     from mbsvib.modes import Modes
+    from mbsvib.modes.damped import Damped
+    from mbsvib.modes.general import General
+    from mbsvib.responses.energy_schur import EnergySchur
+    from mbsvib.responses.modal_sum import ModalSum
     from mbsvib.state_space import StateSpace
 
     Array = NDArray[np.float64]
@@ -71,19 +71,19 @@ class System(Sensitive, Equations):
 
     @cached_property
     def _modal_sum(self) -> ModalSum:
-        from mbsvib.modal_sum import modal_sum
+        from mbsvib.responses.modal_sum import modal_sum
 
         return modal_sum(self, self._modal)
 
     @cached_property
     def _schur(self) -> EnergySchur:
-        from mbsvib.energy_schur import energy_schur
+        from mbsvib.responses.energy_schur import energy_schur
 
         return energy_schur(cast("Damped", self._modal))
 
     @cached_property
     def _strong_dampers(self) -> Array | None:
-        from mbsvib.frequency_response import strong_dampers
+        from mbsvib.responses.frequency_response import strong_dampers
 
         return strong_dampers(self, cast("Damped", self._modal))
 
@@ -137,7 +137,7 @@ class System(Sensitive, Equations):
         ResponseError
             If a frequency is not finite or is an undamped pole of the system.
         """
-        from mbsvib.frequency_response import frequency_response
+        from mbsvib.responses.frequency_response import frequency_response
 
         return frequency_response(self, omega)
 
@@ -167,7 +167,7 @@ class System(Sensitive, Equations):
         ResponseError
             If times do not ascend, shapes do not match, or the hold is unknown.
         """
-        from mbsvib.time_response import time_response
+        from mbsvib.responses.time_response import time_response
 
         return time_response(self, t, u, hold, initial)
 
@@ -205,7 +205,7 @@ class System(Sensitive, Equations):
         ResponseError
             If a name is unknown.
         """
-        from mbsvib.transmission_zeros import transmission_zeros
+        from mbsvib.responses.transmission_zeros import transmission_zeros
 
         return transmission_zeros(self, inputs, outputs)
 
@@ -236,7 +236,7 @@ class System(Sensitive, Equations):
         ResponseError
             If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
         """
-        from mbsvib.frequency_grid import frequency_grid
+        from mbsvib.responses.frequency_grid import frequency_grid
 
         return frequency_grid(self, inputs, outputs, n, f_min=f_min, f_max=f_max)
 

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.modes.test_modes import oscillator
 from tests.support.arm import arm
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, frequencies, linearized
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops
-from tests.test_modes import oscillator
 
 ANY = st.one_of(
     open_trees(damped=st.booleans()), open_trees(floating=st.just(True), damped=st.booleans()),

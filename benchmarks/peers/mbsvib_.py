@@ -6,8 +6,8 @@ import mbsvib
 from benchmarks.peers import harness
 from benchmarks.peers.scenes import SCENES
 from mbsvib.modes import modes
+from mbsvib.modes.undamped import undamped
 from mbsvib.system import System
-from mbsvib.undamped import undamped
 
 NOTE = "eigenvalues, shapes and an error estimate for each"
 

@@ -1,4 +1,4 @@
-"""Damped modes of all variants at once: the formulas of ``mbsvib.damped`` over arrays with an axis of variants.
+"""Damped modes of all variants at once: the formulas of ``mbsvib.modes.damped`` over arrays with an axis of variants.
 
 Classical damping is told variant by variant. Where damping couples the modes the common case is solved here, all
 modes oscillating and accurate as they come; variants in which some creep, or strong dampers leave errors that can be
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import CLASSICAL, CORRECTION, EPS, MARGIN, Damped, _classical_errors, quadratic_roots
-from mbsvib.undamped import Undamped
+from mbsvib.modes.damped import CLASSICAL, CORRECTION, EPS, MARGIN, Damped, _classical_errors, quadratic_roots
+from mbsvib.modes.undamped import Undamped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

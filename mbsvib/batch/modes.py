@@ -10,8 +10,8 @@ import numpy as np
 
 from mbsvib.batch.damped import DampedBatch, damped_batch, joined
 from mbsvib.batch.undamped import undamped_batch
-from mbsvib.damped import Damped
 from mbsvib.modes import RTOL, Modes, modes
+from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

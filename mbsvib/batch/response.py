@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modal_sum import CANCELLED, EPS
+from mbsvib.responses.modal_sum import CANCELLED, EPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

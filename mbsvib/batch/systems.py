@@ -208,7 +208,7 @@ class Batch:
             If a frequency is not finite, or is an undamped pole of a variant, by index.
         """
         from mbsvib.batch.response import FEW, few_frequencies
-        from mbsvib.frequency_response import _checked
+        from mbsvib.responses.frequency_response import _checked
 
         w = _checked(omega)
         if len(w) * self.dof <= FEW:

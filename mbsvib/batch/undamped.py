@@ -1,4 +1,4 @@
-"""Undamped modes of all variants at once: the first rung of ``mbsvib.undamped``, and its look at the factors.
+"""Undamped modes of all variants at once: the first rung of ``mbsvib.modes.undamped``, and its look at the factors.
 
 The formulas are those of single systems, over arrays with an axis of variants, for the common case: nothing rigid,
 no stiffness negative, shapes that one small rotation cleans. The variants that this does not settle to the accuracy
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.undamped import EPS, SEPARATE, SMALL_ANGLE, SUSPECT
+from mbsvib.modes.undamped import EPS, SEPARATE, SMALL_ANGLE, SUSPECT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -74,7 +74,7 @@ def modal_damper(beam: Beam) -> Piece:
     K acts on deformations only, so that no rigid-body motion of the beam is damped.
     """
     from mbsvib.model import Model
-    from mbsvib.undamped import undamped
+    from mbsvib.modes.undamped import undamped
 
     alone = Model(beam.name)
     alone._composed[beam.name] = moved(beam, a=None, b=None, alpha=0.0, beta=0.0, damping_ratio=0.0)

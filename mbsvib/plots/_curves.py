@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.frequency_grid import placed, roots
-from mbsvib.frequency_grid import span as range_of
 from mbsvib.plots import _choice as choice
+from mbsvib.responses.frequency_grid import placed, roots
+from mbsvib.responses.frequency_grid import span as range_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -103,6 +103,14 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
     return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre, point)
 
 
+def no_loads(network: Network, count: int) -> Loads:
+    """Return loads that are zero, as many as asked for."""
+    none = np.zeros((len(network.bodies), 6, count))
+    return Loads(np.zeros((count, 6)), np.zeros((count, 6, network.displacements.shape[1])), none,
+                 np.zeros(count, dtype=np.intp), np.zeros((len(network.springs), 6, count)), none,
+                 np.full(count, -1), np.zeros((count, 3)))  # fmt: skip
+
+
 def _spring(network: Network, part: ForceOutput) -> tuple[int, Array]:
     """The number of a spring-damper and the direction of its force that is asked for, world axes."""
     found = next((k for k, spring in enumerate(network.springs) if spring.name == part.element), None)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.frequency_response import _checked
 from mbsvib.reachable import chosen
+from mbsvib.responses.frequency_response import _checked
 from mbsvib.sensitivities.eigenvalues import planned
 from mbsvib.sensitivities.fields import applied, fields, momentum, motions
 from mbsvib.sensitivities.loads import check_ports, feedthrough, loads

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import frequency_response as responses
-from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError
-from mbsvib.modal_sum import sum_of_motions
+from mbsvib.modes.damped import Damped
+from mbsvib.responses import frequency_response as responses
+from mbsvib.responses.modal_sum import sum_of_motions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import Damped
+from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.general import General
     from mbsvib.kinematics import Index
+    from mbsvib.modes.general import General
     from mbsvib.system import System
 
     Complex = NDArray[np.complex128]

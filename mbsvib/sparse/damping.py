@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.damped import Damped
 from mbsvib.modes import modes as dense_modes
+from mbsvib.modes.damped import Damped
 from mbsvib.sparse.operator import NOISE
 from mbsvib.sparse.reduction import reduced
 

@@ -16,10 +16,10 @@ import numpy as np
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
+from mbsvib.modes.undamped import WELL_CLOSED, undamped
 from mbsvib.sparse.damping import coupled, decoupled
 from mbsvib.sparse.reduction import reduced
 from mbsvib.sparse.subspace import subspace
-from mbsvib.undamped import WELL_CLOSED, undamped
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.modes.undamped import undamped
 from mbsvib.sparse.operator import operator
 from mbsvib.sparse.response import frequency_response
-from mbsvib.undamped import undamped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -7,8 +7,8 @@ import pytest
 from mbsvib.files.words import SECTIONS, head_words, mandatory, options, unfit, words
 from mbsvib.model import ADDERS, Model
 
-KNOWN_TYPES = {"None", "str", "float", "bool", "ArrayLike", "Sequence[str]", "Body", "Bushing", "Spring", "Maxwell", "Joint"}
-KNOWN_TYPES |= {"int", "Tube", "Circle", "Rectangle", "Section", "Material"}
+KNOWN_TYPES = {"None", "str", "float", "int", "bool", "ArrayLike", "Sequence[str]"}
+KNOWN_TYPES |= {"Body", "Bushing", "Spring", "Maxwell", "Joint", "Tube", "Circle", "Rectangle", "Section", "Material"}
 KNOWN_TYPES |= {f"Mapping[str, {kind}]" for kind in ("Any", "float", "str", "ArrayLike")}
 
 

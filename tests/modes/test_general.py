@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.strong_damping import forces, improved
-from mbsvib.undamped import undamped
+from mbsvib.modes.strong_damping import forces, improved
+from mbsvib.modes.undamped import undamped
 from tests.support.unsymmetric import chain, eigenvalues, massless, unsymmetric, worst
 
 FAMILIES = {

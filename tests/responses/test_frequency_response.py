@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.modes.test_modes import oscillator, stiff_chain
 from tests.support.compare import assert_same_response, frequencies, linearized
 from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds, spatial
-from tests.test_modes import oscillator, stiff_chain
 
 ANY = st.one_of(
     open_trees(damped=st.booleans()), open_trees(floating=st.just(True)), closed_loops(damped=st.booleans()),

@@ -89,7 +89,7 @@ def roots(system: System, inputs: str | Sequence[str] | None, outputs: str | Seq
     array, shape (roots,)
         Poles and zeros [1/s].
     """
-    from mbsvib.transmission_zeros import numbers, transmission_zeros
+    from mbsvib.responses.transmission_zeros import numbers, transmission_zeros
 
     sources = [system.inputs[i] for i in numbers(system, "input", inputs)]
     results = [system.outputs[i] for i in numbers(system, "output", outputs)]

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError
-from mbsvib.modal_steps import Exponentials, Oscillators
+from mbsvib.modes.damped import Damped
+from mbsvib.responses.modal_steps import Exponentials, Oscillators
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.general import General
+    from mbsvib.modes.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ def time_response(
 
 def _independent(system: System, modal: Damped) -> bool:
     """Tell whether eigenvectors are good enough for initial states and inputs of any kind."""
-    from mbsvib.frequency_response import conditions, trusted
+    from mbsvib.responses.frequency_response import conditions, trusted
 
     if system._strong_dampers is not None:  # a residual with Gamma would show its rounding, not that of the modes
         return bool((conditions(modal) <= DEPENDENT).all())
@@ -215,7 +215,7 @@ def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | 
 
 def _by_exponential(system: System, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
     """Outputs by the exponential of the whole state matrix; the step matrices of each length are made once."""
-    from mbsvib.energy_schur import energy_matrix
+    from mbsvib.responses.energy_schur import energy_matrix
 
     time, u, start, first = record
     m = len(modal.square)
@@ -260,7 +260,7 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
 
 def _general(system: System, modal: General, record: tuple[Array, Array, Array, bool]) -> Array:
     """Outputs of a system without symmetry."""
-    from mbsvib import general_responses as responses
+    from mbsvib.responses import general_responses as responses
 
     time, u, initial, first = record
     state = modal.state

@@ -7,10 +7,10 @@ import pytest
 
 import mbsvib as mv
 from mbsvib.errors import ResponseError
-from mbsvib.general_responses import solved, trusted
+from mbsvib.responses.general_responses import solved, trusted
+from tests.modes.test_general import FAMILIES
 from tests.support import unsymmetric as reference
 from tests.support.unsymmetric import chain, massless, unsymmetric
-from tests.test_general import FAMILIES
 
 CHOSEN = [name for name in FAMILIES if name not in ("flutter", "massless and spin")]
 

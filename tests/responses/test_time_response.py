@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.modes.test_modes import oscillator, stiff_chain
 from tests.support.compare import linearized
 from tests.support.digits import mp, product, solve
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, seeds, spatial
-from tests.test_modes import oscillator, stiff_chain
 
 SMALL = st.one_of(
     open_trees(kinds=st.just(("revolute", "universal", "prismatic", "screw"))),

@@ -16,7 +16,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.energy_state import EnergyState
+    from mbsvib.modes.energy_state import EnergyState
     from mbsvib.system import System
 
     Array = NDArray[np.float64]

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.undamped import undamped
+from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.modes.undamped import Undamped
     from mbsvib.system import System
-    from mbsvib.undamped import Undamped
 
     Array = NDArray[np.float64]
 

@@ -18,9 +18,9 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.energy_state import EnergyState
-    from mbsvib.general import General
-    from mbsvib.modal_sum import ModalSum
+    from mbsvib.modes.energy_state import EnergyState
+    from mbsvib.modes.general import General
+    from mbsvib.responses.modal_sum import ModalSum
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -180,7 +180,7 @@ def motions(modal: General, b: Array) -> ModalSum:
     ModalSum
         (s^2 M + s C + K)^-1 b in the basis.
     """
-    from mbsvib.modal_sum import general_sum
+    from mbsvib.responses.modal_sum import general_sum
 
     state = modal.state
     m = len(state.basis)

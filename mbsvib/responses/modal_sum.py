@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import Damped
+from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.general import General
+    from mbsvib.modes.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -210,7 +210,7 @@ def general_sum(
     ModalSum
         Coefficients of all eigenvalues.
     """
-    from mbsvib.general_responses import cleaned, highest_terms, terms
+    from mbsvib.responses.general_responses import cleaned, highest_terms, terms
 
     accelerates = np.zeros(len(d), dtype=bool)
     accelerates[output[order == 2]] = True

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.general import rigid_shapes
 from mbsvib.massless.first_order import FirstOrder
+from mbsvib.modes.general import rigid_shapes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.general import General
+    from mbsvib.modes.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import quadratic_roots
+from mbsvib.modes.damped import quadratic_roots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

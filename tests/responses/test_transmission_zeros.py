@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 from scipy.linalg import eigvalsh
 
 import mbsvib as mv
+from tests.modes.test_modes import oscillator
 from tests.support.compare import assert_same_eigenvalues, linearized
 from tests.support.digits import combination, mp
 from tests.support.exact import Exact
 from tests.support.random_models import open_trees, planar_loops
 from tests.support.sliding_chain import sliding_chain
-from tests.test_modes import oscillator
 
 
 def held(m, k):

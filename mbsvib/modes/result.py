@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.damped import Damped, damped, proportional
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
-from mbsvib.general import General, general, is_general
-from mbsvib.undamped import undamped
+from mbsvib.modes.damped import Damped, damped, proportional
+from mbsvib.modes.general import General, general, is_general
+from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -261,8 +261,9 @@ class Modes:
             result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")
         diverging = np.nonzero(self.pairs.real.max(axis=1) > 0.0)[0]
         if len(diverging):
-            result.append(f"Unstable: mode{'s' if len(diverging) > 1 else ''} "
-                          f"{', '.join(str(i + 1) for i in diverging)} grow with time.")  # fmt: skip
+            many = len(diverging) > 1
+            result.append(f"Unstable: mode{'s' if many else ''} {', '.join(str(i + 1) for i in diverging)} "
+                          f"{'grow' if many else 'grows'} with time.")  # fmt: skip
         if self.first_order is not None and self.first_order.any():
             result.append(f"{counted(int(self.first_order.sum()), 'mode')} of first order: massless motions that "
                           f"dampers hold, one eigenvalue each.")  # fmt: skip

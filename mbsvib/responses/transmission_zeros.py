@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError, nearest
-from mbsvib.modal_sum import CANCELLED, ModalSum, modal_sum
+from mbsvib.modes.damped import Damped
+from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.general import General
+    from mbsvib.modes.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ def _realized(
     """A, B, C, D in energy coordinates, in units of the highest frequency and all of unit size; how many zeros at 0
     were left out: a velocity is a displacement times s, and a square system has just one zero more; and the unit.
     """
-    from mbsvib.energy_schur import energy_matrix
+    from mbsvib.responses.energy_schur import energy_matrix
 
     d = system.D[np.ix_(results, sources)].copy()
     cq, cv, ca = (c[results] for c in (system.Cq, system.Cv, system.Ca))
@@ -138,7 +138,7 @@ def _realized(
                 still += 1 if cv[i].any() else 2
                 cq[i], cv[i], ca[i] = cv[i] + ca[i], 0.0, 0.0
     if not isinstance(modal, Damped):
-        from mbsvib.general_responses import realization
+        from mbsvib.responses.general_responses import realization
 
         part = replace(system, Cq=cq, Cv=cv, Ca=ca, D=d, B=system.B[:, sources],
                        inputs=tuple([system.inputs[i] for i in sources]),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from mbsvib.modal_steps import Exponentials, Oscillators, phi
+from mbsvib.responses.modal_steps import Exponentials, Oscillators, phi
 
 mp = mpmath.MPContext()
 mp.dps = 150

@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.frequency_response import _direct, _refined, conditions, trusted
-from mbsvib.time_response import CHUNK, _by_exponential
+from mbsvib.responses.frequency_response import _direct, _refined, conditions, trusted
+from mbsvib.responses.time_response import CHUNK, _by_exponential
+from tests.responses.test_time_response import exact_time_response
 from tests.support.exact import Exact
 from tests.support.sliding_chain import chain_response, sliding_chain
-from tests.test_time_response import exact_time_response
 
 
 def random_chain(n, ratio, classical, seed=0):

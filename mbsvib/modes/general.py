@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.energy_state import EnergyState, energy_state
-from mbsvib.general_refinement import Spectrum, refined
+from mbsvib.modes.energy_state import EnergyState, energy_state
+from mbsvib.modes.general_refinement import Spectrum, refined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

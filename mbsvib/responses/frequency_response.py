@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
-from mbsvib.damped import Damped
 from mbsvib.errors import ResponseError
-from mbsvib.modal_sum import sum_of_motions
-from mbsvib.undamped import _sorted_qr as sorted_qr
+from mbsvib.modes.damped import Damped
+from mbsvib.modes.undamped import _sorted_qr as sorted_qr
+from mbsvib.responses.modal_sum import sum_of_motions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.general import General
+    from mbsvib.modes.general import General
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
 
 def _general(system: System, modal: General, w: Array) -> Complex:
     """Responses where matrices lack symmetry."""
-    from mbsvib import general_responses as responses
+    from mbsvib.responses import general_responses as responses
 
     s = 1j * np.abs(w)
     sums = responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w))

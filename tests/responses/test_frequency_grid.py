@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 import mbsvib as mv
-from mbsvib.frequency_grid import APART, CLOSEST, SHARE, roots
+from mbsvib.responses.frequency_grid import APART, CLOSEST, SHARE, roots
+from tests.modes.test_modes import oscillator
 from tests.support.sliding_chain import sliding_chain
-from tests.test_modes import oscillator
 
 NATURAL = 10.0 / (2 * np.pi)
 

@@ -16,7 +16,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.damped import Damped
+    from mbsvib.modes.damped import Damped
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

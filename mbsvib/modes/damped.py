@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.strong_damping import forces, improved
+from mbsvib.modes.strong_damping import forces, improved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.modes.undamped import Undamped
     from mbsvib.system import System
-    from mbsvib.undamped import Undamped
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
@@ -307,7 +307,7 @@ def _doubtful(
 
 def _from_factors(system: System, shapes: Array, count: int, rtol: float) -> _Found | None:
     """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
-    from mbsvib.general import spectrum
+    from mbsvib.modes.general import spectrum
 
     _, found = spectrum(system, rtol)
     turns, real = np.nonzero(found.turns)[0], np.nonzero(~found.turns)[0]

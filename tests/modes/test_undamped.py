@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib import undamped as ladder
 from mbsvib.kinematics import single_entries
 from mbsvib.modes import modes
-from mbsvib.undamped import undamped
+from mbsvib.modes import undamped as ladder
+from mbsvib.modes.undamped import undamped
 
 
 def network(n, seed=0):
