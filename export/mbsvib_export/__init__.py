@@ -13,54 +13,83 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mbsvib_export.batch_ import BatchData, from_npz_batch, to_npz_batch
+    from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
     from mbsvib_export.fmu_ import FmuFile, to_fmu
+    from mbsvib_export.hdf5_ import from_hdf5, to_hdf5
     from mbsvib_export.json_ import from_json, json_schema, to_json
+    from mbsvib_export.mat_ import from_mat, to_mat
     from mbsvib_export.names_ import SignalNames
     from mbsvib_export.naming import named
+    from mbsvib_export.nastran_ import to_dmig, to_op4
     from mbsvib_export.neutral import SystemData
     from mbsvib_export.npz_ import from_npz, to_npz
     from mbsvib_export.scipy_ import to_scipy
     from mbsvib_export.transfer_ import to_transfer_function
+    from mbsvib_export.uff_ import ResponseData, from_uff, to_uff
 
 __all__ = [
     "BatchData",
+    "Comparison",
+    "ExportCheck",
     "FmuFile",
+    "ResponseData",
     "SignalNames",
     "SystemData",
+    "check_export",
+    "from_hdf5",
     "from_json",
+    "from_mat",
     "from_npz",
     "from_npz_batch",
+    "from_uff",
     "json_schema",
     "named",
     "to_control",
+    "to_dmig",
     "to_fmu",
     "to_frd",
+    "to_hdf5",
     "to_json",
+    "to_mat",
     "to_npz",
     "to_npz_batch",
+    "to_op4",
     "to_scipy",
     "to_transfer_function",
+    "to_uff",
 ]
 
 _HOMES = {
     "BatchData": "batch_",
+    "Comparison": "checking",
+    "ExportCheck": "checking",
     "FmuFile": "fmu_",
+    "ResponseData": "uff_",
     "SignalNames": "names_",
     "SystemData": "neutral",
+    "check_export": "checking",
+    "from_hdf5": "hdf5_",
     "from_json": "json_",
+    "from_mat": "mat_",
     "from_npz": "npz_",
     "from_npz_batch": "batch_",
+    "from_uff": "uff_",
     "json_schema": "json_",
     "named": "naming",
     "to_control": "control_",
+    "to_dmig": "nastran_",
     "to_fmu": "fmu_",
     "to_frd": "control_",
+    "to_hdf5": "hdf5_",
     "to_json": "json_",
+    "to_mat": "mat_",
     "to_npz": "npz_",
     "to_npz_batch": "batch_",
+    "to_op4": "nastran_",
     "to_scipy": "scipy_",
     "to_transfer_function": "transfer_",
+    "to_uff": "uff_",
 }
 
 

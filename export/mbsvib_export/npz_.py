@@ -58,9 +58,25 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
     ResponseError
         If the realization is unknown.
     """
-    data = system_data_of(system, realization, "to_npz")
+    arrays = arrays_of(system_data_of(system, realization, "to_npz"))
+    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+
+
+def arrays_of(data: SystemData) -> dict[str, Any]:
+    """Return all that a file keeps of a system as arrays, by the keys of the file.
+
+    Parameters
+    ----------
+    data : SystemData
+        Matrices, names and units.
+
+    Returns
+    -------
+    dict
+        Texts and matrices; ``system_data_from`` leads back.
+    """
     space = data.state_space
-    arrays: dict[str, Any] = {
+    return {
         "format": np.array(FORMAT),
         "version": np.array(VERSION),
         "name": np.array(data.name),
@@ -70,7 +86,6 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
         **{key: getattr(data, key) for key in (*SECOND_ORDER, "body_motion")},
         **{f"state_space.{key}": array for key, array in first_order(space).items()},
     }
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
 
 
 def from_npz(path: str | os.PathLike[str]) -> SystemData:

@@ -7,10 +7,12 @@ from typing import Annotated
 import typer
 
 from mbsvib import __version__
+from mbsvib.cli import _checking as checking
 from mbsvib.cli import _demo as demo
 from mbsvib.cli import _drawing as drawing
 from mbsvib.cli import _exporting as exporting
 from mbsvib.cli import _looking as looking
+from mbsvib.cli import _reporting as reporting
 from mbsvib.cli import _shell as shell
 
 app = typer.Typer(
@@ -43,4 +45,6 @@ app.command()(drawing.bode)
 app.command()(drawing.step)
 app.command()(looking.check)
 app.command()(exporting.export)
+app.command()(checking.check_export)
+app.command()(reporting.report)
 app.command()(looking.schema)

@@ -14,6 +14,11 @@ from mbsvib.errors import nearest
 KINDS = {
     ".json": "the linear system with names and units as JSON",
     ".npz": "the linear system with names and units as numpy arrays",
+    ".mat": "the linear system for MATLAB and Octave, and a script that loads it",
+    ".h5": "the linear system with names and units as HDF5",
+    ".uff": "frequency responses as universal file, data sets 58",
+    ".op4": "M, C, K and the other matrices for Nastran",
+    ".pch": "M, C, K as DMIG cards for Nastran",
     ".yaml": "the model itself, to be edited",
 }
 
@@ -25,7 +30,7 @@ def export(
         str, typer.Option("--states", metavar="KIND", help="States of the state space: physical, modal or balanced.")
     ] = "physical",
 ) -> None:
-    """Write the linear system (.json, .npz) or the model (.yaml), by the suffix of the file."""
+    """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
     suffix = file.suffix.lower()
     if suffix not in KINDS:
         known = "; ".join(f"{each}: {words}" for each, words in KINDS.items())
@@ -39,6 +44,10 @@ def export(
     else:
         import mbsvib_export as mx
 
-        write = mx.to_json if suffix == ".json" else mx.to_npz
-        write(source.linearize(), file, realization=realization)
+        system = source.linearize()
+        with_states = {".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5}
+        if suffix in with_states:
+            with_states[suffix](system, file, realization=realization)
+        else:
+            {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}[suffix](system, file)
     shell.say(f"Written: {shell.shown(file)} ({KINDS[suffix]})")

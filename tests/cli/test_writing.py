@@ -87,3 +87,23 @@ def test_demo_into_another_folder(run, tmp_path):
 def test_paths_elsewhere_are_named_in_full(run, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "slider.npz"
     assert f"Written: {elsewhere} " in run(f"export slider.yaml -o {elsewhere}").stdout
+
+
+@pytest.mark.parametrize(("suffix", "package"), [("mat", "scipy"), ("h5", "h5py"), ("uff", "pyuff"),
+                                                 ("op4", "pyNastran"), ("npz", "numpy")])  # fmt: skip
+def test_exports_are_checked_against_their_model(run, suffix, package):
+    pytest.importorskip(package)
+    assert run(f"export slider.yaml -o slider.{suffix}").exit_code == 0
+    result = run(f"check-export slider.{suffix} slider.yaml")
+    assert result.exit_code == 0
+    assert "yes" in result.stdout
+    assert run(f"check-export slider.{suffix} stewart").exit_code == 1
+
+
+def test_check_export_has_a_status_for_ci(run, tmp_path):
+    run("export slider.yaml -o slider.mat")
+    run("export slider.yaml -o slider.pch")
+    assert (tmp_path / "load_slider.m").exists()
+    assert run("check-export slider.mat").exit_code == 0
+    assert run("check-export slider.mat slider.yaml --limit 1e-30").exit_code == 1
+    assert run("check-export slider.pch slider.yaml").exit_code == 1

@@ -95,7 +95,9 @@ def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
     if type(source).__module__.split(".")[0] == "control":
         plant = _controller(source, tunable)
     elif tunable:
-        raise ExportError("to_fmu: tunable parameters are not supported yet.")
+        from mbsvib_export.fmu_.tunable import tunable_plant
+
+        plant = tunable_plant(source, realization, tunable)
     else:
         plant = _of_space(state_space_of(source, realization, "to_fmu"))
     for label in ("A", "B", "C", "D"):

@@ -13,8 +13,6 @@ from mbsvib_export.fmu_.names import base_unit, unique_names
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib_export.fmu_.plant import Plant
 
 
@@ -118,15 +116,17 @@ def _rate(unit: str) -> str:
 def _dependencies(plant: Plant) -> Iterator[tuple[int, list[int]]]:
     m, p, n = len(plant.inputs), len(plant.outputs), len(plant.states)
     inputs, states = np.arange(1, 1 + m), np.arange(1 + m + p, 1 + m + p + n)
-    parameters = np.arange(1 + m + p + 2 * n, 1 + m + p + 2 * n + len(plant.tunable))
-    for first, a, b in ((1 + m, *_patterns(plant, "C", "D")), (1 + m + p + n, *_patterns(plant, "A", "B"))):
-        for i in range(len(a)):
-            yield first + i, [*inputs[b[i]].tolist(), *states[a[i]].tolist(), *parameters.tolist()]
+    # tunable parameters have to be among them: importers take wrong Jacobians otherwise, and do not say so
+    parameters = list(range(1 + m + p + 2 * n, 1 + m + p + 2 * n + len(plant.tunable)))
+    if plant.tunable:
+        from mbsvib_export.fmu_.tunable import patterns
 
-
-def _patterns(plant: Plant, one: str, other: str) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    a, b = getattr(plant, one) != 0, getattr(plant, other) != 0
-    return a, b
+        filled = patterns(plant)
+    else:
+        filled = {label: getattr(plant, label) != 0 for label in "ABCD"}
+    for first, of_states, of_inputs in ((1 + m, "C", "D"), (1 + m + p + n, "A", "B")):
+        for i, (x, u) in enumerate(zip(filled[of_states], filled[of_inputs], strict=True)):
+            yield first + i, [*inputs[u].tolist(), *states[x].tolist(), *parameters]
 
 
 def attributes(**values: object) -> str:

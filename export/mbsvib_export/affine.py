@@ -1,0 +1,158 @@
+"""What parameters do to the equations, where they do it affinely: stiffness, damping, mass, inertia.
+
+The derivatives are differences of whole linearizations, which are exact but for rounding where a matrix is affine; that
+it is so is tested, for each parameter alone and for all together, and what is not is refused by its name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ExportError, MbsvibError
+from mbsvib.parameters import unit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.parameters import Parameters
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Matrices = dict[str, Array]
+
+LABELS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+# Steps relative to the value: large ones keep most digits, small and negative ones keep inertia possible.
+_STEPS = (32.0, 1.0, 1 / 16, -1 / 16, 1 / 256, -1 / 256)
+_ROUNDING = 256 * np.finfo(float).eps
+_AFFINE = ("mass", "inertia", "stiffness", "damping", "preload")
+
+
+@dataclass(frozen=True, slots=True)
+class Affine:
+    """M(p) = M + sum_i (p_i - values_i) slopes["M"][i], likewise C, K, B, Cq, Cv, Ca, D of ``nominal``.
+
+    ``names``, ``units`` and ``values`` are those of the parameters; ``slopes`` (parameters, rows, columns).
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    nominal: System
+    slopes: dict[str, Array]
+
+
+def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
+    """Return the derivatives of the equations to parameters on which they depend affinely.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion, as ``model.linearize()`` returned them.
+    parameters : sequence of str
+        Names or patterns (``"leg*.k.stiffness"``).
+    caller : str
+        Name of the exporter, for messages.
+
+    Returns
+    -------
+    Affine
+        Names, units, values and derivatives.
+
+    Raises
+    ------
+    ExportError
+        If the equations are not affine in a parameter, or the system is not one that a model gave.
+    ModelError
+        If a parameter is unknown.
+    """
+    origin = system.provenance.origin
+    if origin is None or system.provenance.dropped is not None:
+        raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
+                          f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
+    known = origin.parameters
+    names = tuple(dict.fromkeys(name for each in parameters for name in known.matching(each)))
+
+    def build(values: Mapping[str, float]) -> Matrices | None:
+        try:
+            found = origin.with_values(values).linearize(system.coordinates, system.cut_joints, method="dense")
+        except MbsvibError:
+            return None
+        if found.coordinates != system.coordinates or found.massless != system.massless:
+            return None
+        return {label: getattr(found, label) for label in LABELS}
+
+    base = build({})
+    if base is None or any(not _near(base[label], getattr(system, label)) for label in LABELS):
+        raise ExportError(f"{caller}: the model of '{system.name}' gives other equations than these, so that nothing "
+                          f"tells what parameters do to them; give the system of model.linearize().")  # fmt: skip
+    slopes, steps = {label: np.zeros((len(names), *base[label].shape)) for label in LABELS}, {}
+    for i, name in enumerate(names):
+        found = _slope(base, known[name], _scale(known, name), lambda value, of=name: build({of: value}))  # type: ignore[misc]
+        if found is None:
+            raise ExportError(_refusal(known, name, caller))
+        steps[name] = known[name] + 0.4 * found[0]
+        for label in LABELS:
+            slopes[label][i] = found[1][label]
+    together = build(steps) if len(names) > 1 else base
+    shift = np.array([steps[name] - known[name] for name in names]) if len(names) > 1 else np.zeros(len(names))
+    for label in LABELS:
+        expected = base[label] + np.tensordot(shift, slopes[label], 1)
+        if together is None or not _near(together[label], expected, 1e-9):
+            raise ExportError(f"{caller}: {label} is not affine in {', '.join(names)} together, though in each of "
+                              f"them; leave some of them out.")  # fmt: skip
+    return Affine(names, tuple(map(unit, names)), np.array([known[name] for name in names]), system, slopes)
+
+
+def _near(found: Array, expected: Array, rtol: float = 1e-11) -> bool:
+    size = float(max(np.abs(expected).max(initial=0.0), np.abs(found).max(initial=0.0)))
+    return found.shape == expected.shape and bool(np.abs(found - expected).max(initial=0.0) <= rtol * size)
+
+
+def _scale(known: Parameters, name: str) -> float:
+    """The size of a parameter: its own, or that of the largest beside it, which tells what is possible."""
+    value = abs(known[name])
+    if value:
+        return value
+    entry = known.entry(name)
+    beside = (abs(known[other]) for other in known if other.startswith(f"{entry.part}.{entry.field}"))
+    return max(beside, default=0.0) or 1.0
+
+
+def _slope(
+    base: Matrices, value: float, scale: float, build: Callable[[float], Matrices | None]
+) -> tuple[float, Matrices] | None:
+    """Step and derivatives, or None where no step shows the equations affine."""
+    for factor in _STEPS:
+        step = factor * scale
+        step = (value + step) - value
+        end = build(value + step)
+        middle = None if end is None else build(value + step / 2)
+        if end is None or middle is None:
+            continue
+        slopes = {}
+        for label in LABELS:
+            change = end[label] - base[label]
+            noise = _ROUNDING * np.maximum(np.abs(end[label]), np.abs(base[label]))
+            change[np.abs(change) <= noise] = 0.0
+            size = max(np.abs(end[label]).max(initial=0.0), np.abs(base[label]).max(initial=0.0))
+            bend = np.abs(middle[label] - base[label] - change / 2).max(initial=0.0)
+            if bend > 1e-9 * np.abs(change).max(initial=0.0) + _ROUNDING * size:
+                return None
+            slopes[label] = change / step
+        return step, slopes
+    return None
+
+
+def _refusal(known: Parameters, name: str, caller: str) -> str:
+    part = known.entry(name).part
+    same = [other for other in known if other.startswith(f"{part}.") and known.entry(other).field in _AFFINE]
+    others = same or [other for other in known if known.entry(other).field in ("mass", "stiffness", "damping")]
+    return (f"{caller}: '{name}' cannot be tuned, as the equations are not affine in it. They would be in stiffness, "
+            f"damping, mass and inertia where nothing is condensed and no free length makes loads of them: "
+            f"{', '.join(others[:6]) or 'of which there are none'}{', ...' if len(others) > 6 else ''}. For others "
+            f"export a file for each value, of model.with_values({{'{name}': ...}}).linearize().")  # fmt: skip

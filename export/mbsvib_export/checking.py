@@ -1,0 +1,280 @@
+"""Re-reading of exports: frequency response and poles of what stands in a file against the model it came from."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib import tables
+from mbsvib.balancing import exponents
+from mbsvib.errors import ExportError
+from mbsvib.system import System
+from mbsvib_export.neutral import SystemData, refuse_many
+from mbsvib_export.responses import check_points, response_error, second_order_response, state_space_response
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.state_space import StateSpace
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+LIMIT = 1e-6
+_ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body modes
+SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".fmu")
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One line of a check: ``what`` was compared ``against`` what, the largest relative ``error``, and its ``limit``."""
+
+    what: str
+    against: str
+    error: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error is within its limit."""
+        return self.error <= self.limit
+
+
+@dataclass(frozen=True, slots=True)
+class ExportCheck:
+    """What was compared in a file; printed as a table."""
+
+    path: Path
+    comparisons: tuple[Comparison, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether all errors are within their limits."""
+        return all(each.passed for each in self.comparisons)
+
+    def __str__(self) -> str:
+        rows = [(each.what, each.against, f"{each.error:.1e}", f"{each.limit:.0e}", "yes" if each.passed else "NO")
+                for each in self.comparisons]  # fmt: skip
+        return tables.text(
+            f"Check of {self.path.name}",
+            [("in the file", "left"), ("against", "left"), ("error [1]", "right"), ("limit", "right"),
+             ("passed", "right")], rows,
+        )  # fmt: skip
+
+
+def check_export(
+    path: str | os.PathLike[str], model: System | SystemData | None = None, limit: float = LIMIT
+) -> ExportCheck:
+    """Read a file of an exporter again, and compare frequency response and poles with the model.
+
+    Without a model the equations in the file are compared with each other: state space, second-order equations, and
+    the points that .mat files keep.
+
+    Parameters
+    ----------
+    path : str or path
+        File of ``to_json``, ``to_npz``, ``to_mat``, ``to_hdf5``, ``to_uff``, ``to_op4`` or ``to_fmu``, by its suffix.
+    model : System or SystemData, optional
+        What it came from.
+    limit : float
+        Largest relative error that passes.
+
+    Returns
+    -------
+    ExportCheck
+        One line for each comparison, ``passed`` for all.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read, its names are not those of the model, or it cannot be checked without one.
+    """
+    if model is not None and not isinstance(model, (System, SystemData)):
+        refuse_many(model, "check_export")
+        raise ExportError(f"check_export: model = {type(model).__name__}; expected a System (model.linearize()).")
+    file = Path(path)
+    suffix = file.suffix.lower()
+    if suffix in _READERS:
+        return ExportCheck(file, _whole(_READERS[suffix](file), model, limit))
+    if suffix in (".uff", ".unv", ".op4", ".fmu"):
+        if model is None:
+            raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the model as well.")
+        part = _of_responses if suffix in (".uff", ".unv") else _of_matrices if suffix == ".op4" else _of_unit
+        return ExportCheck(file, part(file, model, limit))
+    raise ExportError(f"{file}: no exporter writes '{suffix}' files that can be read again; expected one of "
+                      f"{', '.join(SUFFIXES)}.")  # fmt: skip
+
+
+def _read_json(path: Path) -> SystemData:
+    from mbsvib_export.json_ import from_json
+
+    return from_json(path)
+
+
+def _read_npz(path: Path) -> SystemData:
+    from mbsvib_export.npz_ import from_npz
+
+    return from_npz(path)
+
+
+def _read_mat(path: Path) -> SystemData:
+    from mbsvib_export.mat_ import from_mat
+
+    return from_mat(path)
+
+
+def _read_hdf5(path: Path) -> SystemData:
+    from mbsvib_export.hdf5_ import from_hdf5
+
+    return from_hdf5(path)
+
+
+_READERS: dict[str, Callable[[Path], SystemData]] = {
+    ".json": _read_json, ".npz": _read_npz, ".mat": _read_mat, ".h5": _read_hdf5, ".hdf5": _read_hdf5,
+}  # fmt: skip
+
+
+def _whole(data: SystemData, model: System | SystemData | None, limit: float) -> tuple[Comparison, ...]:
+    if model is not None:
+        _same_names(data, model)
+    values = poles(data.state_space.A) if model is None else _poles(model)
+    omega = check_points(values)
+    truth = second_order_response(data, omega) if model is None else _response(model, omega)
+    against = "its second-order equations" if model is None else "the model"
+    ports = data.input_units, data.output_units
+    result = [Comparison("response of A B C D", against,
+                         response_error(state_space_response(data.state_space, omega), truth, *ports), limit)]
+    if model is not None:
+        result += [
+            Comparison("response of M C K", against,
+                       response_error(second_order_response(data, omega), truth, *ports), limit),
+            Comparison("poles", against, pole_error(poles(data.state_space.A), values), limit),
+        ]
+    found, exact = _body_responses(data.state_space, data.body_motion, omega), _bodies(model or data, omega)
+    scale = np.abs(exact).max(axis=(0, 2), keepdims=True, initial=0.0)
+    error = float(np.max(np.abs(found - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
+    result.append(Comparison("displacements of the bodies", against, error, limit))
+    return tuple(result)
+
+
+def _body_responses(space: StateSpace, body_motion: Array, omega: Array) -> Complex:
+    """Displacements of the bodies (6 bodies, inputs, n) by the way back from the states."""
+    m = len(space.transform) // 2
+    direct = np.zeros((m, len(space.inputs))) if space.through is None else space.through[:m]
+    rows = body_motion.reshape(6 * len(body_motion), m)
+    return state_space_response(replace(space, C=rows @ space.transform[:m], D=rows @ direct), omega)
+
+
+def _bodies(model: System | SystemData, omega: Array) -> Complex:
+    rows = model.body_motion.reshape(6 * len(model.bodies), len(model.coordinates))
+    result = np.empty((len(rows), len(model.inputs), len(omega)), dtype=complex)
+    for k, w in enumerate(omega):
+        result[:, :, k] = rows @ np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, model.B)
+    return result
+
+
+def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
+    from mbsvib_export.uff_ import from_uff
+
+    found = from_uff(path)
+    _same_names(found, model)
+    error = response_error(found.response, _response(model, found.omega), found.input_units, found.output_units)
+    return (Comparison("frequency responses", "the model", error, limit),)
+
+
+def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
+    from mbsvib_export.nastran_ import read_op4
+
+    found = read_op4(path)
+    data = model if isinstance(model, SystemData) else SystemData.of(model)
+    result = []
+    for key, array in found.items():
+        truth = getattr(data, key)
+        if array.shape != truth.shape:
+            raise ExportError(f"{path}: {key} has shape {array.shape}, that of the model {truth.shape}; it is the file "
+                              f"of another model.")  # fmt: skip
+        scale = np.abs(truth).max(initial=0.0) or 1.0
+        result.append(Comparison(key, "the model", float(np.abs(array - truth).max() / scale), limit))
+    return tuple(result)
+
+
+def _of_unit(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
+    from mbsvib_export.cosimulation.unit import state_space_of_unit
+
+    space = state_space_of_unit(path)
+    _same_names(space, model)
+    values = _poles(model)
+    omega = check_points(values)
+    truth = _response(model, omega)
+    error = response_error(state_space_response(space, omega), truth, model.input_units, model.output_units)
+    return (
+        Comparison("response of its derivatives", "the model", error, limit),
+        Comparison("poles", "the model", pole_error(poles(space.A), values), limit),
+    )
+
+
+def _response(model: System | SystemData, omega: Array) -> Complex:
+    return second_order_response(model, omega) if isinstance(model, SystemData) else model.frequency_response(omega)
+
+
+def _poles(model: System | SystemData) -> Complex:
+    return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
+
+
+def _same_names(found: SystemData | StateSpace | object, model: System | SystemData) -> None:
+    for what in ("inputs", "outputs"):
+        there, here = getattr(found, what), getattr(model, what)
+        if there != here:
+            missing = sorted(set(here) ^ set(there)) or list(there)
+            raise ExportError(f"the {what} of the file are not those of '{model.name}': {', '.join(missing[:6])}; it "
+                              f"is the file of another model, or the model has changed. Export it again.")  # fmt: skip
+
+
+def poles(a: Array) -> Complex:
+    """Return the eigenvalues of A, computed from balanced states.
+
+    Parameters
+    ----------
+    a : array, shape (n, n)
+        Matrix A.
+
+    Returns
+    -------
+    array, shape (n,)
+        Complex poles [1/s].
+    """
+    none = np.zeros((len(a), 0))
+    power = exponents(a, none, none.T)
+    return np.asarray(np.linalg.eigvals(np.ldexp(a, power[None, :] - power[:, None])), dtype=complex)
+
+
+def pole_error(found: Complex, truth: Complex) -> float:
+    """Return the largest relative distance of poles, each taken with its own counterpart.
+
+    Parameters
+    ----------
+    found, truth : array, shape (n,)
+        Poles [1/s]; those of rigid-body modes are compared by the size of the largest.
+
+    Returns
+    -------
+    float
+        Relative error [1]; infinity if the numbers differ.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    if len(found) != len(truth):
+        return float("inf")
+    if not len(found):
+        return 0.0
+    size = np.abs(truth)
+    scale = np.where(size > _ZERO * size.max(), size, size.max() or 1.0)
+    distance = np.abs(found[:, None] - truth[None, :]) / scale
+    rows, columns = linear_sum_assignment(distance)
+    return float(distance[rows, columns].max())

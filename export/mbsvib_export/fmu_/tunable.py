@@ -1,0 +1,116 @@
+"""Plants with tunable parameters: second-order matrices, affine in them, in the form E x' = A x + B u."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.system import System
+from mbsvib_export.affine import LABELS, affine
+from mbsvib_export.fmu_.nominal import nominal_values
+from mbsvib_export.fmu_.plant import Plant, Tunable
+from mbsvib_export.neutral import refuse_many
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+
+def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
+    """Return a plant with tunable parameters, in physical states.
+
+    Parameters
+    ----------
+    source : System
+        The equations of motion.
+    realization : str
+        "physical": others would change with the parameters.
+    tunable : tuple of str
+        Names or patterns of parameters.
+
+    Returns
+    -------
+    Plant
+        Matrices, names and units.
+
+    Raises
+    ------
+    ExportError
+        If the source is no System, has motions without mass, or is not affine in a parameter.
+    ModelError
+        If a parameter is unknown.
+    """
+    if not isinstance(source, System):
+        refuse_many(source, "to_fmu")
+        raise ExportError(f"to_fmu: tunable = {', '.join(tunable)}, but {type(source).__name__} knows no parameters; "
+                          f"give a System (model.linearize()).")  # fmt: skip
+    if realization != "physical":
+        raise ExportError(f"to_fmu: realization = {realization!r} with tunable parameters, which would change what the "
+                          f"states are; leave it out: they are physical.")  # fmt: skip
+    if source.massless:
+        raise ExportError(f"to_fmu: '{source.name}' has motions that move no mass (see system.explain()), whose rates "
+                          f"are affine in no parameter; give them a little mass, or leave tunable out.")  # fmt: skip
+    found, space = affine(source, tunable, "to_fmu"), source.state_space()
+    descriptor = _first_order(*(getattr(source, label) for label in LABELS), unit=1.0)
+    sizes = [each.size for each in descriptor]
+    starts = np.cumsum([0, *sizes])
+    entries = []
+    for i, name in enumerate(found.names):
+        slopes = _first_order(*(found.slopes[label][i] for label in LABELS), unit=0.0)
+        place = [np.flatnonzero(each) for each in slopes]
+        entries.append(Tunable(
+            name, found.units[i], float(found.values[i]),
+            np.concatenate([start + each for start, each in zip(starts[:-1], place, strict=True)]).astype(np.int64),
+            np.concatenate([each.ravel()[k] for each, k in zip(slopes, place, strict=True)]),
+        ))  # fmt: skip
+    a, b, c, d, e, f = descriptor
+    return Plant(
+        space.name, space.realization, a, b, c, d, space.states, space.state_units, space.inputs, space.input_units,
+        space.outputs, space.output_units, nominal_values(space.A, space.B), e, f, tuple(entries),
+    )  # fmt: skip
+
+
+def _first_order(
+    mass: Array, damping: Array, stiffness: Array, b: Array, cq: Array, cv: Array, ca: Array, d: Array, *, unit: float
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """A, B, C, D, E, F with x = (q, q'); ``unit`` is 1 for the equations and 0 for their derivatives."""
+    m = len(mass)
+    one, none = unit * np.eye(m), np.zeros((m, m))
+    return (
+        np.block([[none, one], [-stiffness, -damping]]), np.concatenate((np.zeros_like(b), b)),
+        np.concatenate((cq, cv), axis=1), d, np.block([[one, none], [none, mass]]),
+        np.concatenate((np.zeros_like(ca), ca), axis=1),
+    )  # fmt: skip
+
+
+def patterns(plant: Plant) -> dict[str, Mask]:
+    """Return where E^-1 A, E^-1 B, C + F E^-1 A and D + F E^-1 B may differ from zero, whatever the parameters.
+
+    Parameters
+    ----------
+    plant : Plant
+        A plant with tunable parameters.
+
+    Returns
+    -------
+    dict of str to array of bool
+        By "A", "B", "C" and "D".
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    assert plant.E is not None
+    assert plant.F is not None
+    matrices = (plant.A, plant.B, plant.C, plant.D, plant.E, plant.F)
+    flat = np.concatenate([each.ravel() != 0 for each in matrices])
+    for each in plant.tunable:
+        flat[each.place] = True
+    ends = np.cumsum([each.size for each in matrices])[:-1]
+    a, b, c, d, e, f = (part.reshape(each.shape) for part, each in zip(np.split(flat, ends), matrices, strict=True))
+    label = connected_components(e, directed=False)[1]
+    joined = label[:, None] == label
+    a, b = joined @ a, joined @ b
+    return {"A": a, "B": b, "C": c | (f @ a), "D": d | (f @ b)}

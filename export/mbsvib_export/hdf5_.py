@@ -1,0 +1,105 @@
+"""HDF5: the keys of ``npz_`` as datasets, those of the state space in a group; texts are UTF-8, numbers bit-exact.
+
+    /format /version /name /realization /coordinates ... /M /C /K ... /bodies /body_motion
+    /state_space/A .../transform
+"""
+
+from __future__ import annotations
+
+import os
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib_export.format_version import check_version
+from mbsvib_export.neutral import system_data_of
+from mbsvib_export.npz_ import arrays_of, system_data_from
+from mbsvib_export.packages import need
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mbsvib.system import System
+    from mbsvib_export.neutral import SystemData
+
+_INSTALL = "mbsvib[hdf5]"
+
+
+def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
+    """Write a system to an HDF5 file: whole or not at all.
+
+    Parameters
+    ----------
+    system : System or SystemData
+        The equations of motion.
+    path : str or path
+        File to write, taken as it is: no suffix is added.
+    realization : str
+        States of the state space: "physical", "modal" or "balanced".
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    ExportError
+        If h5py is not installed, the file cannot be written, or no system is given.
+    ResponseError
+        If the realization is unknown.
+    """
+    h5py = need("h5py", "to_hdf5", _INSTALL)
+    arrays = arrays_of(system_data_of(system, realization, "to_hdf5"))
+    stream = BytesIO()
+    with h5py.File(stream, "w") as file:
+        for key, array in arrays.items():
+            is_text = array.dtype.kind == "U"
+            value = array.astype(object) if is_text else array
+            file.create_dataset(key.replace(".", "/"), data=value, dtype=h5py.string_dtype() if is_text else None)
+    return write_whole(path, lambda target: target.write(stream.getvalue()))
+
+
+def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
+    """Return the system that ``to_hdf5`` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    SystemData
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+
+    Raises
+    ------
+    ExportError
+        If h5py is not installed, or the file cannot be read, is damaged, or is of a later version of the format.
+    """
+    h5py = need("h5py", "from_hdf5", _INSTALL)
+    try:
+        with open(path, "rb") as stream, h5py.File(stream, "r") as file:
+            found: dict[str, Any] = {}
+
+            def take(key: str, item: Any) -> None:
+                if isinstance(item, h5py.Dataset):
+                    is_text = h5py.check_string_dtype(item.dtype) is not None
+                    value = np.array(item.asstr()[()], dtype=str) if is_text else np.array(item[()])
+                    found[key.replace("/", ".")] = value
+
+            file.visititems(take)
+        check_version(str(found.get("format")), int(found.get("version", 0)))
+        return system_data_from(found)
+    except ExportError as error:
+        raise ExportError(f"{os.fspath(path)}: {error}") from error
+    except FileNotFoundError as error:
+        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror}; expected a file of "
+                          f"to_hdf5.") from error  # fmt: skip
+    except Exception as error:  # h5py turns damage into errors of every kind
+        raise ExportError(f"{os.fspath(path)}: no HDF5 file of to_hdf5, or a damaged one ({error}); write it "
+                          f"again.") from error  # fmt: skip

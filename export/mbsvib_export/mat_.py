@@ -1,0 +1,201 @@
+"""MATLAB's .mat, for ``ss`` and ``mechss``, and a script beside it that rebuilds the named objects and checks them.
+
+    A B C D E Ts                                       x' = A x + B u, y = C x + D u;  E empty: identity;  Ts 0: continuous
+    Name InputName InputUnit OutputName OutputUnit StateName StateUnit
+    mech.M .C .K .B .F .G .D                           M q'' + C q' + K q = B u, y = F q + G q' + D u, as mechss takes it
+    mech.CoordinateName .CoordinateUnit                F, G, D are empty where an acceleration cannot be written so
+    check.omega (n, 1), .response (outputs, inputs, n), .scale     what the frequency response must be, and its size
+    mbsvib                                             all else that ``from_mat`` needs: Cq Cv Ca D, bodies, transform
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.state_space import StateSpace
+from mbsvib.system import System
+from mbsvib_export.format_version import FORMAT, VERSION, check_version
+from mbsvib_export.mat_script import script
+from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
+from mbsvib_export.responses import check_points, response_scale, second_order_response
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
+LEFT_OVER = 1e-11
+TITLE = 116  # bytes of free text that a .mat file begins with
+
+
+def to_mat(
+    system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical", loader: bool = True
+) -> Path:
+    """Write a system to a .mat file of MATLAB, and beside it a script that rebuilds it there with all its names.
+
+    ``[plant, mech] = load_stewart()`` gives an ``ss`` and a ``mechss`` object (in Octave ``ss`` of its package control,
+    without it a struct) after comparing their frequency response with that in the file.
+
+    Parameters
+    ----------
+    system : System or SystemData
+        The equations of motion.
+    path : str or path
+        File to write, taken as it is: no suffix is added.
+    realization : str
+        States of the state space: "physical", "modal" or "balanced".
+    loader : bool
+        Whether to write the script ``load_NAME.m`` into the same folder.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written, or no system is given.
+    ResponseError
+        If the realization is unknown.
+    """
+    data = system_data_of(system, realization, "to_mat")
+    content = _content(data, system if isinstance(system, System) else None)
+    from scipy.io import savemat
+
+    stream = BytesIO()
+    savemat(stream, content, format="5", long_field_names=True, oned_as="column")
+    # scipy writes the time into the title; without it the same system gives the same bytes
+    title = b"MATLAB 5.0 MAT-file, written by mbsvib"
+    whole = title.ljust(TITLE) + stream.getvalue()[TITLE:]
+    result = write_whole(path, lambda file: file.write(whole))
+    if loader:
+        name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", result.stem)[:50]
+        text = script(name, result.name, data.name)
+        write_whole(result.with_name(f"{name}.m"), lambda file: file.write(text.encode("ascii")))
+    return result
+
+
+def from_mat(path: str | os.PathLike[str]) -> SystemData:
+    """Return the system that ``to_mat`` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    SystemData
+        Matrices, names and units; ``to_control``, ``to_json`` and the other exporters take it.
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read, is damaged, or is of a later version of the format.
+    """
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(os.fspath(path), appendmat=False, simplify_cells=False)
+        own = _fields(found["mbsvib"])
+        check_version(_word(own["format"]), int(own["version"].item()))
+        return _data(found, own, _fields(found["mech"]))
+    except OSError as error:
+        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
+                          f"to_mat.") from error  # fmt: skip
+    except ExportError as error:
+        raise ExportError(f"{os.fspath(path)}: {error}") from error
+    except Exception as error:  # the reader of .mat files raises kinds of many modules
+        raise ExportError(f"{os.fspath(path)}: no .mat file of to_mat, or a damaged one ({error}); write it "
+                          f"again.") from error  # fmt: skip
+
+
+def _content(data: SystemData, system: System | None) -> dict[str, Any]:
+    space = data.state_space
+    omega = check_points(np.linalg.eigvals(space.A) if system is None else system.poles())
+    response = second_order_response(data, omega) if system is None else system.frequency_response(omega)
+    first, rate, through = _mechss(data)
+    own = {"format": FORMAT, "version": float(VERSION), "realization": space.realization,
+           "transform": space.transform, "bodies": _cells(data.bodies), "body_motion": data.body_motion,
+           **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")}}  # fmt: skip
+    if space.through is not None:
+        own[THROUGH] = space.through
+    return {
+        **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0, "Name": data.name,
+        "InputName": _cells(data.inputs), "InputUnit": _cells(data.input_units),
+        "OutputName": _cells(data.outputs), "OutputUnit": _cells(data.output_units),
+        "StateName": _cells(space.states), "StateUnit": _cells(space.state_units),
+        "mech": {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
+                 "CoordinateName": _cells(data.coordinates), "CoordinateUnit": _cells(data.coordinate_units)},
+        "check": {"omega": omega[:, None], "response": response,
+                  "scale": response_scale(response, data.input_units, data.output_units)},
+        "mbsvib": own,
+    }  # fmt: skip
+
+
+def _mechss(data: SystemData) -> tuple[Array, Array, Array]:
+    """F, G, D with the accelerations taken in: Ca q'' = X M q'' = X (B u - C q' - K q) where X M = Ca."""
+    if not data.Ca.any():
+        return data.Cq, data.Cv, data.D
+    size = np.sqrt(np.abs(np.diag(data.M)))
+    size = np.where(size > 0.0, size, 1.0)
+    even, right = data.M / np.outer(size, size), (data.Ca / size).T
+    x = np.linalg.lstsq(even, right, rcond=None)[0]
+    if np.abs(even @ x - right).max() > LEFT_OVER * np.abs(right).max():
+        none = np.zeros((0, 0))
+        return none, none, none
+    x = (x / size[:, None]).T
+    return data.Cq - x @ data.K, data.Cv - x @ data.C, data.D + x @ data.B
+
+
+def _cells(words: tuple[str, ...]) -> NDArray[Any]:
+    result = np.empty((len(words), 1), dtype=object)
+    result[:, 0] = words
+    return result
+
+
+def _fields(struct: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    return {name: struct[name][0, 0] for name in struct.dtype.names or ()}
+
+
+def _word(text: NDArray[Any]) -> str:
+    return str(text.item()) if text.size else ""
+
+
+def _words(cells: NDArray[Any]) -> tuple[str, ...]:
+    return tuple(_word(cell) for cell in cells.ravel())
+
+
+def _data(found: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
+    def real(array: NDArray[Any], *shape: int) -> Array:
+        # no .mat file tells apart the shapes of arrays without entries
+        result = np.array(array, dtype=float)
+        return result.reshape(shape) if shape and not result.size else result
+
+    names = {key: _words(found[key])
+             for key in ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")}  # fmt: skip
+    ports = {"inputs": names["InputName"], "input_units": names["InputUnit"], "outputs": names["OutputName"],
+             "output_units": names["OutputUnit"]}  # fmt: skip
+    coordinates, bodies = _words(mech["CoordinateName"]), _words(own["bodies"])
+    m, i, o, n = len(coordinates), len(ports["inputs"]), len(ports["outputs"]), len(names["StateName"])
+    shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i), "transform": (2 * m, n), THROUGH: (2 * m, i)}
+    first = {key: real((found if key in "ABCD" else own)[key], *shapes[key])
+             for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in own else []))}  # fmt: skip
+    widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
+    second = {key: real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
+    motion = own["body_motion"].reshape(len(bodies), 6, m)
+    name = _word(found["Name"])
+    space = StateSpace(name=name, realization=_word(own["realization"]), states=names["StateName"],
+                       state_units=names["StateUnit"], **first, **ports)  # fmt: skip
+    return SystemData(name=name, coordinates=coordinates, coordinate_units=_words(mech["CoordinateUnit"]),
+                      bodies=bodies, body_motion=real(motion), state_space=space, **ports, **second)  # fmt: skip

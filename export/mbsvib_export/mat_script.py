@@ -1,0 +1,88 @@
+"""The MATLAB and Octave script that rebuilds a system from its .mat file and compares its frequency response."""
+
+from __future__ import annotations
+
+TOLERANCE = 1e-6
+
+_TEXT = """\
+function [plant, mech, worst] = {function}(file)
+%{upper}  Rebuild the system {system} of {file} with its names, and check it.
+%
+%   plant          ss object, SI units and radians; a struct of the matrices where there is no ss
+%   mech           mechss object (R2020b and later), else a struct: M q'' + C q' + K q = B u, y = F q + G q' + D u
+%   worst          largest relative error of the frequency response against the points kept in the file
+%
+%   An error beyond {tolerance} stops with a message. Written by mbsvib.
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), '{file}');
+end
+data = load(file);
+worst = 0;
+for k = 1:numel(data.check.omega)
+    s = 1i * data.check.omega(k);
+    found = data.C * ((s * eye(size(data.A, 1)) - data.A) \\ data.B) + data.D;
+    worst = max([worst; reshape(abs(found - data.check.response(:, :, k)) ./ data.check.scale(:, :, k), [], 1)]);
+    if ~isempty(data.mech.F)
+        q = (data.mech.K + s * data.mech.C + s^2 * data.mech.M) \\ data.mech.B;
+        found = (data.mech.F + s * data.mech.G) * q + data.mech.D;
+        worst = max([worst; reshape(abs(found - data.check.response(:, :, k)) ./ data.check.scale(:, :, k), [], 1)]);
+    end
+end
+if ~(worst <= {tolerance})
+    error('mbsvib:export', 'The frequency response of %s is off by %.1e; the file is damaged.', file, worst);
+end
+mech = data.mech;
+if exist('OCTAVE_VERSION', 'builtin')
+    plant = octave_plant(data);
+    return
+end
+if exist('ss') > 0
+    plant = ss(data.A, data.B, data.C, data.D, 'Name', data.Name, 'StateName', data.StateName, ...
+        'StateUnit', data.StateUnit, 'InputName', data.InputName, 'InputUnit', data.InputUnit, ...
+        'OutputName', data.OutputName, 'OutputUnit', data.OutputUnit);
+else
+    plant = data;
+end
+if exist('mechss') > 0 && ~isempty(data.mech.F)
+    mech = mechss(sparse(mech.M), sparse(mech.C), sparse(mech.K), mech.B, mech.F, mech.G, mech.D);
+    mech.Name = data.Name;
+    mech.InputName = data.InputName;
+    mech.InputUnit = data.InputUnit;
+    mech.OutputName = data.OutputName;
+    mech.OutputUnit = data.OutputUnit;
+end
+end
+
+function plant = octave_plant(data)
+plant = data;
+try
+    pkg('load', 'control');
+    plant = ss(data.A, data.B, data.C, data.D, 'stname', data.StateName, 'inname', data.InputName, ...
+        'outname', data.OutputName);
+catch
+    plant = data;
+end
+end
+"""
+
+
+def script(function: str, file: str, system: str) -> str:
+    """Return the text of the script.
+
+    Parameters
+    ----------
+    function : str
+        Name of its function, and of its file without ``.m``.
+    file : str
+        Name of the .mat file beside it.
+    system : str
+        Name of the system, for the help text.
+
+    Returns
+    -------
+    str
+        ASCII text.
+    """
+    plain = file.replace("'", "''").encode("ascii", "replace").decode()
+    return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=plain,
+                        tolerance=f"{TOLERANCE:.0e}")  # fmt: skip

@@ -1,0 +1,142 @@
+"""Frequency responses that files carry along, to be checked by whoever reads them, and the points for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.balancing import exponents
+from mbsvib.errors import ExportError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.state_space import StateSpace
+    from mbsvib_export.neutral import SystemData
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+MOST_POINTS = 12
+
+
+def check_points(eigenvalues: Complex) -> Array:
+    """Return angular frequencies that tell one system from another: beside resonances, below and above all of them.
+
+    Parameters
+    ----------
+    eigenvalues : array, shape (n,)
+        Poles [1/s].
+
+    Returns
+    -------
+    array, shape (points,)
+        Ascending angular frequencies [rad/s], none of them an undamped pole.
+    """
+    size = np.unique(np.abs(eigenvalues[np.abs(eigenvalues) > 1e-9 * np.abs(eigenvalues).max(initial=0.0)]))
+    if not len(size):
+        return np.array([1.0, 10.0])
+    apart = size[np.concatenate(([True], np.diff(size) > 1e-3 * size[1:]))]
+    chosen = apart[np.unique(np.linspace(0, len(apart) - 1, MOST_POINTS - 2).round().astype(int))]
+    return np.unique(np.concatenate(([0.1 * size[0]], 1.002 * chosen, [3.0 * size[-1]])))
+
+
+def state_space_response(space: StateSpace, omega: Array) -> Complex:
+    """Return C (i w - A)^-1 B + D of a state space.
+
+    Parameters
+    ----------
+    space : StateSpace
+        First-order equations.
+    omega : array, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Complex responses.
+    """
+    power = exponents(space.A, space.B, space.C)
+    a = np.ldexp(space.A, power[None, :] - power[:, None])
+    b, c = np.ldexp(space.B, -power[:, None]), np.ldexp(space.C, power)
+    one = np.eye(len(a))
+    result = np.empty((*space.D.shape, len(omega)), dtype=complex)
+    for k, w in enumerate(omega):
+        result[:, :, k] = c @ np.linalg.solve(1j * w * one - a, b) + space.D
+    return result
+
+
+def second_order_response(data: SystemData, omega: Array) -> Complex:
+    """Return (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D of the second-order equations.
+
+    Parameters
+    ----------
+    data : SystemData
+        Matrices as a file keeps them.
+    omega : array, shape (n,)
+        Angular frequencies [rad/s].
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Complex responses.
+    """
+    result = np.empty((*data.D.shape, len(omega)), dtype=complex)
+    for k, w in enumerate(omega):
+        q = np.linalg.solve(data.K + 1j * w * data.C - w * w * data.M, data.B)
+        result[:, :, k] = (data.Cq + 1j * w * data.Cv - w * w * data.Ca) @ q + data.D
+    return result
+
+
+def response_scale(response: Complex, input_units: tuple[str, ...], output_units: tuple[str, ...]) -> Array:
+    """Return what the errors of a response are measured by: the largest entry between ports of the same units.
+
+    Parameters
+    ----------
+    response : array, shape (outputs, inputs, n)
+        Complex responses.
+    input_units, output_units : tuple of str
+        Units of the ports.
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Positive numbers; 1 where all is zero.
+    """
+    size = np.abs(response)
+    result = np.ones_like(size)
+    for output in set(output_units):
+        rows = [i for i, unit in enumerate(output_units) if unit == output]
+        for given in set(input_units):
+            block = np.ix_(rows, [i for i, unit in enumerate(input_units) if unit == given])
+            result[block] = size[block].max(axis=(0, 1), initial=0.0)
+    return np.where(result > 0.0, result, 1.0)
+
+
+def response_error(found: Complex, truth: Complex, input_units: tuple[str, ...], output_units: tuple[str, ...]) -> float:
+    """Return the largest difference of two responses, relative to the largest entry between ports of the same units.
+
+    Parameters
+    ----------
+    found, truth : array, shape (outputs, inputs, n)
+        Complex responses.
+    input_units, output_units : tuple of str
+        Units of the ports.
+
+    Returns
+    -------
+    float
+        Relative error [1]; infinity where a response is not finite.
+
+    Raises
+    ------
+    ExportError
+        If the responses differ in shape.
+    """
+    if found.shape != truth.shape:
+        raise ExportError(f"responses have shapes {found.shape} and {truth.shape}; expected the same inputs, outputs "
+                          f"and frequencies.")  # fmt: skip
+    if not np.isfinite(found).all():
+        return float("inf")
+    return float(np.max(np.abs(found - truth) / response_scale(truth, input_units, output_units), initial=0.0))

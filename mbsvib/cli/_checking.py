@@ -1,0 +1,27 @@
+"""Commands that read exports again, for CI: exit status 0 if all is well, 1 if not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbsvib.cli import _shell as shell
+from mbsvib.cli._lookup import system_of
+
+
+def check_export(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="What mbsvib export wrote.")],
+    model: Annotated[
+        str | None, typer.Argument(metavar="[MODEL]", help="The model that it came from: a file or a built-in name.")
+    ] = None,
+    limit: Annotated[float, typer.Option("--limit", metavar="ERROR", help="Largest relative error that passes.")] = 1e-6,
+) -> None:
+    """Read an export again and compare frequency response and poles with the model; exit status 1 if they differ."""
+    import mbsvib_export as mx
+
+    found = mx.check_export(file, None if model is None else system_of(model), limit)
+    shell.say(str(found))
+    if not found.passed:
+        raise typer.Exit(shell.FAILED)

@@ -1,0 +1,86 @@
+"""Exports read again and compared with their models."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib import library
+from mbsvib_export.checking import pole_error
+from tests.export.plants import slider, stewart, stiff_model
+from tests.export.test_json import SYSTEMS
+from tests.export.test_massless import plant as massless
+
+CASES = {**SYSTEMS, "massless": massless, "stiff": lambda: stiff_model().linearize(),
+         "free": lambda: slider(stiffness=0.0)}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
+def test_every_system_passes(case, realization, tmp_path):
+    system = CASES[case]()
+    path = mx.to_npz(system, tmp_path / "x.npz", realization)
+    for found in (mx.check_export(path, system), mx.check_export(path)):
+        assert found.passed, str(found)
+        assert all(each.error < 1e-8 for each in found.comparisons), str(found)
+
+
+@pytest.mark.parametrize("name", ["stewart", "quadruped", "quarter_car", "cubic"])
+def test_every_format_of_a_library_model(name, tmp_path):
+    if name not in library.models():
+        pytest.skip(f"no built-in model {name}")
+    system = library.build(name).linearize()
+    for suffix, write in ((".json", lambda s, p: mx.to_json(s, p)), (".npz", mx.to_npz), (".mat", mx.to_mat)):
+        path = tmp_path / f"x{suffix}"
+        write(system, path)
+        assert mx.check_export(path, system).passed
+    pytest.importorskip("h5py")
+    assert mx.check_export(mx.to_hdf5(system, tmp_path / "x.h5"), system).passed
+    pytest.importorskip("pyuff")
+    assert mx.check_export(mx.to_uff(system, tmp_path / "x.uff"), system).passed
+    pytest.importorskip("pyNastran")
+    assert mx.check_export(mx.to_op4(system, tmp_path / "x.op4"), system).passed
+
+
+def test_a_spring_that_was_changed_since_is_found(tmp_path):
+    system = stewart()
+    path = mx.to_npz(system, tmp_path / "x.npz")
+    changed = library.stewart(ports="all").with_values({"leg1.k.stiffness": 1.01e7}).linearize()
+    found = mx.check_export(path, changed)
+    assert not found.passed
+    assert [each.passed for each in found.comparisons] == [False] * 4
+    assert "NO" in str(found)
+
+
+def test_a_state_space_that_is_not_of_its_matrices_is_found(tmp_path):
+    data = mx.from_json(mx.to_json(stewart()))
+    a = data.state_space.A.copy()
+    a[7, 1] *= 1.0001
+    wrong = replace(data, state_space=replace(data.state_space, A=a))
+    path = mx.to_npz(wrong, tmp_path / "x.npz")
+    assert not mx.check_export(path).passed
+    assert mx.check_export(path, limit=1.0).passed
+    back = replace(data, state_space=replace(data.state_space, transform=2 * data.state_space.transform))
+    found = mx.check_export(mx.to_npz(back, tmp_path / "y.npz"), stewart())
+    assert [each.passed for each in found.comparisons] == [True, True, True, False]
+
+
+def test_what_cannot_be_checked(tmp_path):
+    path = mx.to_npz(slider(), tmp_path / "x.npz")
+    with pytest.raises(mv.ExportError, match=r"inputs of the file are not those of 'stewart'"):
+        mx.check_export(path, stewart())
+    with pytest.raises(mv.ExportError, match="no exporter writes '.txt'"):
+        mx.check_export(tmp_path / "x.txt", slider())
+    with pytest.raises(mv.ExportError, match="give the model as well"):
+        mx.check_export(tmp_path / "x.uff")
+    with pytest.raises(mv.ExportError, match="model = Model; expected a System"):
+        mx.check_export(path, library.stewart())
+
+
+def test_poles_are_matched_one_to_one():
+    assert pole_error(np.array([1j, -1j]), np.array([-1j, 1j])) == 0.0
+    assert pole_error(np.array([1j, 1j]), np.array([-1j, 1j])) == 2.0
+    assert pole_error(np.array([1j]), np.array([-1j, 1j])) == np.inf
+    assert pole_error(np.array([1e-9, 100.0]), np.array([0.0, 100.0])) == pytest.approx(1e-11)

@@ -1,0 +1,119 @@
+"""MATLAB's .mat: read by scipy and by Octave, whose script rebuilds the system and checks it."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib import library
+from tests.export.plants import block_error, resonances, same_bits, slider, stewart
+from tests.export.test_json import SYSTEMS, assert_same
+from tests.export.test_massless import plant as massless
+
+CASES = {**SYSTEMS, "massless": massless}
+OCTAVE = shutil.which("octave-cli")
+needs_octave = pytest.mark.skipif(OCTAVE is None, reason="octave-cli is not installed (apt-get install octave)")
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
+def test_there_and_back(case, realization, tmp_path):
+    system = CASES[case]()
+    path = tmp_path / "system.mat"
+    assert mx.to_mat(system, path, realization) == path
+    data = mx.from_mat(path)
+    assert_same(data, system, realization)
+    if (through := system.state_space(realization).through) is not None:
+        assert same_bits(data.state_space.through, through)
+    mx.to_mat(data, tmp_path / "again.mat", loader=False)
+    assert_same(mx.from_mat(tmp_path / "again.mat"), system, realization)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["again.mat", "load_system.m", "system.mat"]
+
+
+def test_the_same_system_gives_the_same_bytes(tmp_path):
+    one, two = (mx.to_mat(stewart(), tmp_path / name).read_bytes() for name in ("a.mat", "b.mat"))
+    assert one == two
+
+
+def test_scipy_reads_what_ss_and_mechss_take(tmp_path):
+    system = stewart()
+    found = loadmat(mx.to_mat(system, tmp_path / "plant.mat"), simplify_cells=True)
+    space = system.state_space()
+    assert all(same_bits(found[key], getattr(space, key)) for key in "ABCD")
+    assert found["InputName"].tolist() == list(system.inputs)
+    assert found["OutputUnit"].tolist() == list(system.output_units)
+    assert found["StateName"].tolist() == list(space.states)
+    assert found["Ts"] == 0
+    assert found["E"].size == 0
+    mech = found["mech"]
+    omega = resonances(system)
+    truth = system.frequency_response(omega)
+    q = [np.linalg.solve(mech["K"] + 1j * w * mech["C"] - w * w * mech["M"], mech["B"]) for w in omega]
+    response = np.stack([(mech["F"] + 1j * w * mech["G"]) @ each + mech["D"]
+                         for w, each in zip(omega, q, strict=True)], axis=2)  # fmt: skip
+    assert any(unit.endswith("s^2") for unit in system.output_units)  # F, G, D hold accelerations as well
+    assert block_error(response, truth, system) < 1e-10
+    assert block_error(found["check"]["response"], system.frequency_response(found["check"]["omega"]), system) == 0.0
+
+
+def octave(folder, code):
+    return subprocess.run([OCTAVE, "--norc", "--eval", code], cwd=folder, capture_output=True, text=True, check=False)
+
+
+@needs_octave
+@pytest.mark.parametrize("case", ["stewart", "names", "massless", "no outputs", "locked"])
+def test_octave_rebuilds_and_checks(case, tmp_path):
+    system = CASES[case]()
+    mx.to_mat(system, tmp_path / "system.mat")
+    code = "[p, m, w] = load_system(); d = load('system.mat'); printf('%.3g\\n', w); printf('%s\\n', d.InputName{:});"
+    result = octave(tmp_path, code + "printf('%d\\n', size(m.M, 1)); fflush(stdout);")
+    lines = result.stdout.splitlines()
+    assert lines, result.stderr
+    assert float(lines[0]) < 1e-10
+    assert tuple(lines[1:-1]) == system.inputs
+    assert int(lines[-1]) == system.dof
+
+
+@needs_octave
+def test_octave_refuses_a_file_whose_response_has_changed(tmp_path):
+    path = mx.to_mat(stewart(), tmp_path / "system.mat")
+    raw = bytearray(path.read_bytes())
+    at = raw.find(stewart().state_space().A[6:, :6].T.tobytes()[:8])
+    raw[at : at + 8] = np.float64(1.0).tobytes()
+    path.write_bytes(raw)
+    result = octave(tmp_path, "load_system();")
+    assert "the file is damaged" in result.stderr
+    assert result.returncode != 0
+
+
+def test_an_acceleration_of_what_has_no_mass_leaves_mechss_empty(tmp_path):
+    """F, G, D come from Ca M^-1, which a singular M may not have: state space and M, C, K are there all the same."""
+    system = massless()
+    found = loadmat(mx.to_mat(system, tmp_path / "x.mat"), simplify_cells=True)
+    assert found["mech"]["F"].shape == (2, 2)  # velocities only: nothing to invert
+    from dataclasses import replace
+
+    data = replace(mx.from_mat(tmp_path / "x.mat"), Ca=np.eye(2))
+    assert loadmat(mx.to_mat(data, tmp_path / "y.mat"), simplify_cells=True)["mech"]["F"].size == 0
+
+
+@pytest.mark.parametrize("content", [b"", b"text", b"MATLAB 5.0 MAT-file" + bytes(200)])
+def test_files_of_another_kind(content, tmp_path):
+    path = tmp_path / "wrong.mat"
+    path.write_bytes(content)
+    with pytest.raises(mv.ExportError, match=r"wrong\.mat: "):
+        mx.from_mat(path)
+    with pytest.raises(mv.ExportError, match=r"none\.mat: cannot be read"):
+        mx.from_mat(tmp_path / "none.mat")
+
+
+def test_places_that_cannot_be_written(tmp_path):
+    with pytest.raises(mv.ExportError, match="cannot be written"):
+        mx.to_mat(slider(), tmp_path / "no" / "x.mat")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(mv.ExportError, match="to_mat: system = Model"):
+        mx.to_mat(library.stewart(), tmp_path / "x.mat")
