@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import ModelError
 from mbsvib.loads.pairs import Pairs, spread
 from mbsvib.loads.reactions import carriers, reactions
 from mbsvib.loads.shared_forces import shared_wrenches
@@ -61,13 +60,7 @@ def joint_force_rows(
         Its matrices; rows of Cq, Cv, Ca and D are changed in place.
     statics : Statics or None
         The forces at the pose, if anything loads it.
-
-    Raises
-    ------
-    ModelError
-        If rotors are there.
     """
-    _check_supported(model, scene)
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
     ways = carriers(scene.topology, position)
     to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
@@ -89,7 +82,11 @@ def joint_force_rows(
     change = _Change(scene, relative, reduction, statics, motion) if statics is not None else None
     if change is not None:
         elastic = elastic + change.on_bodies
-    parts = {"Cq": elastic, "Cv": damping, "Ca": inertia, "D": sources + base}
+    gyroscopic = np.zeros_like(inertia)
+    if model._rotors:
+        elastic = elastic + _of_rotating_dampers(model, scene, found["body_motion"], position)
+        gyroscopic = _of_rotors(model, scene, still)
+    parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia, "D": sources + base}
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
         carried_by = {key: to_joints(part) for key, part in parts.items()}
         if change is not None:
@@ -101,31 +98,45 @@ def joint_force_rows(
             for key, part in carried_by.items():
                 found[key][row] = np.einsum("c,cn->n", pull, part[:, place])
         else:
-            _sum(found, row, place, wrench, inertia, base, position, change)
-
-
-def _check_supported(model: Model, scene: Scene) -> None:
-    name = list(model.outputs)[scene.port.wrench_outputs[0][0]]
-    for there, what in ((bool(model._rotors), "rotors"),):
-        if there:
-            raise ModelError(f"output '{name}': forces in joints, and sums of forces, are not supported beside {what} "
-                             f"yet; ask for the force of a bushing, or leave the output out.",
-                             element=name, field="element")  # fmt: skip
+            _sum(found, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
 
 
 def _sum(
-    found: Mapping[str, Any], row: int, body: int, wrench: Array, inertia: Array, base: Array, position: Array,
+    found: Mapping[str, Any], row: int, body: int, wrench: Array, momentum: Mapping[str, Array], position: Array,
     change: _Change | None,
 ) -> None:  # fmt: skip
-    """All forces on a body are its mass times acceleration; what the ground lacks of that, the bodies have."""
-    for key, part in (("Ca", inertia), ("D", base)):
+    """All forces on a body are its change of momentum; what the ground lacks of that, the bodies have."""
+    found["Cq"][row] = 0.0
+    for key, part in momentum.items():
         if body < part.shape[1] - 1:
             found[key][row] = -wrench @ part[:, body]
         else:
             found[key][row] = wrench @ _about_origin(part, position)
-    found["Cq"][row] = found["Cv"][row] = 0.0
     if change is not None and body == position.shape[1] - 1:
         found["Cq"][row] = wrench @ change.of_loads
+
+
+def _of_rotors(model: Model, scene: Scene, motion: Array) -> Array:
+    """What turning the axes of rotors does to the bodies that carry them, (6, bodies + 1, m) per unit of q'."""
+    from mbsvib.spin.terms import momenta
+
+    result = np.zeros((6, len(motion), motion.shape[2]))
+    for body, momentum in momenta(model, scene):
+        result[3:, body] += np.cross(momentum, motion[body, 3:], axis=0)
+    return result
+
+
+def _of_rotating_dampers(model: Model, scene: Scene, motion: Array, position: Array) -> Array:
+    """What dampers that turn along with spinning bodies do to these on that account, per unit of q."""
+    from mbsvib.spin.terms import rotating_dampers
+
+    result = np.zeros((6, position.shape[1], motion.shape[2]))
+    for damper in rotating_dampers(model, scene, motion):
+        for body, sign in ((damper.second, 1.0), (damper.first, -1.0)):
+            force, moment = damper.wrench[:3], damper.wrench[3:]
+            arm = damper.point - position[:, body]
+            result[:, body] += sign * np.concatenate((force, moment + np.cross(arm, force, axis=0)))
+    return result
 
 
 def _about_origin(part: Array, position: Array) -> Array:

@@ -7,6 +7,7 @@ d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,24 +49,15 @@ def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, An
     """
     check_steady(model, scene)
     _check_surroundings(model)
-    motion, number = found["body_motion"], {body.name: i for i, body in enumerate(scene.bodies)}
+    motion = found["body_motion"]
     m = motion.shape[-1]
     parts = {"gyroscopic": np.zeros((m, m)), "circulatory": np.zeros((m, m))}
-    for rotor in model.rotors.values():
-        i = number[rotor.body]
-        axis = np.array(rotor.axis)
-        moment = float(axis @ tensor(scene.bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
+    for i, momentum in momenta(model, scene):
         turn = motion[i, 3:]
-        parts["gyroscopic"] -= turn.T @ cross(moment * rotor.speed * axis) @ turn
-    spins = own_spin(model)
-    for spring in scene.elements:
-        if isinstance(spring, Bushing) and together(model, spins, spring.first, spring.second):
-            damping = world(spring, spring.damping)
-            turning = np.kron(np.eye(2), cross(spins[spring.first]))
-            seen = [_at(motion[number[name]], scene.bodies[number[name]].position, spring.position)
-                    for name in (spring.first, spring.second)]  # fmt: skip
-            relative = seen[1] - seen[0]
-            parts["circulatory"] -= relative.T @ damping @ turning @ relative
+        parts["gyroscopic"] -= turn.T @ cross(momentum) @ turn
+    for damper in rotating_dampers(model, scene, motion):
+        parts["circulatory"] -= damper.relative.T @ damper.wrench
+    _with_forces(model, scene, found)
     result = dict(found)
     for name, letter in (("gyroscopic", "C"), ("circulatory", "K")):
         part = 0.5 * (parts[name] - parts[name].T)
@@ -74,6 +66,87 @@ def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, An
             result[name] = part if before is None else before + part
             result[letter] = found[letter] + part
     return result
+
+
+@dataclass(frozen=True, slots=True)
+class RotatingDamper:
+    """A bushing between bodies ``first`` and ``second`` (numbers) that spin together: its ``relative`` displacement
+    (6, m) at its ``point``, and the ``wrench`` C_d [W]x relative (6, m) on the second body, world axes.
+    """
+
+    name: str
+    first: int
+    second: int
+    point: Array
+    relative: Array
+    wrench: Array
+
+
+def momenta(model: Model, scene: Scene) -> list[tuple[int, Array]]:
+    """Return the number of each body with a rotor, and the rotor's angular momentum (3,) [kg m^2/s], world axes.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    scene : Scene
+        The same in numbers.
+
+    Returns
+    -------
+    list of (int, array)
+        One for each rotor.
+    """
+    number, result = {body.name: i for i, body in enumerate(scene.bodies)}, []
+    for rotor in model.rotors.values():
+        i, axis = number[rotor.body], np.array(rotor.axis)
+        moment = float(axis @ tensor(scene.bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
+        result.append((i, moment * rotor.speed * axis))
+    return result
+
+
+def rotating_dampers(model: Model, scene: Scene, motion: Array) -> list[RotatingDamper]:
+    """Return the bushings that turn along with spinning bodies, and what their dampers do on that account.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    scene : Scene
+        The same in numbers.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
+
+    Returns
+    -------
+    list of RotatingDamper
+        One for each bushing with damping.
+    """
+    number, spins, result = {body.name: i for i, body in enumerate(scene.bodies)}, own_spin(model), []
+    for spring in scene.elements:
+        if isinstance(spring, Bushing) and together(model, spins, spring.first, spring.second):
+            damping = world(spring, spring.damping)
+            if not damping.any():
+                continue
+            turning = np.kron(np.eye(2), cross(spins[spring.first]))
+            a, b = number[spring.first], number[spring.second]
+            seen = [_at(motion[i], scene.bodies[i].position, spring.position) for i in (a, b)]
+            relative = seen[1] - seen[0]
+            result.append(RotatingDamper(spring.name, a, b, np.array(spring.position), relative,
+                                         damping @ turning @ relative))  # fmt: skip
+    return result
+
+
+def _with_forces(model: Model, scene: Scene, found: dict[str, Any]) -> None:
+    """Take what rotating dampers do on that account to the outputs that are forces in them."""
+    if not scene.port.force_outputs:
+        return
+    for damper in rotating_dampers(model, scene, found["body_motion"]):
+        for row, owner, wrench in scene.port.force_outputs:
+            spring = scene.elements[owner]
+            if spring.name == damper.name and isinstance(spring, Bushing):
+                axes = np.array(spring.orientation)
+                found["Cq"][row] -= np.concatenate((axes @ wrench[:3], axes @ wrench[3:])) @ damper.wrench
 
 
 def _at(motion: Array, center: Any, point: Any) -> Array:
