@@ -1,0 +1,193 @@
+"""Active legs: actuators beside the springs of a mechanism, and the sensors that go with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ModelError, nearest
+from mbsvib.isolation.figures import DISPLACEMENTS, Isolation, figures
+from mbsvib.isolation.scene import Scene, scene
+from mbsvib.mechanism import GROUND
+from mbsvib.parts import Bushing
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.isolation.closed_loop import ClosedLoop
+    from mbsvib.isolation.controller import Controller
+    from mbsvib.kinematics import Array
+    from mbsvib.model import Model
+    from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
+
+SENSORS = ("tension", "stroke", "rate", "acceleration")
+HELD = 1e-12  # stiffness in parts of the largest, below which a motion is not held
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Active:
+    """A mechanism whose ``legs`` have actuators, ready for control.
+
+    ``system`` has, beside the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends of the
+    leg apart, and the outputs ``LEG.tension`` [N], the force in the whole leg as a sensor in series with spring and
+    actuator feels it, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2], that
+    of the isolated body along the leg's line, absolute.
+    """
+
+    scene: Scene
+    legs: tuple[str, ...]
+
+    @property
+    def system(self) -> System:
+        """The equations of motion, loops open."""
+        return self.scene.system
+
+    def names(self, port: str) -> tuple[str, ...]:
+        """Return the names of one kind of port, leg after leg.
+
+        Parameters
+        ----------
+        port : str
+            actuator, tension, stroke, rate or acceleration.
+
+        Returns
+        -------
+        tuple of str
+            Names of inputs or outputs.
+        """
+        return tuple([f"{leg}.{port}" for leg in self.legs])
+
+    @cached_property
+    def _space(self) -> StateSpace:
+        return self.system.state_space("modal")
+
+    @cached_property
+    def _static(self) -> tuple[Array, Array]:
+        """Static shapes (m, 6) for unit displacements of the body, and its stiffness (6, 6)."""
+        system = self.system
+        rows = system.Cq[[system.outputs.index(name) for name in DISPLACEMENTS]]
+        size = np.linalg.svd(system.K, compute_uv=False)
+        if size[-1] <= HELD * size[0]:
+            raise ModelError(f"active: '{self.scene.model.name}' has motions that no spring holds; control in modal "
+                             f"coordinates needs a static stiffness.")  # fmt: skip
+        compliant = np.linalg.solve(system.K, rows.T)
+        stiffness = np.linalg.inv(rows @ compliant)
+        return compliant @ stiffness, 0.5 * (stiffness + stiffness.T)
+
+    @property
+    def stiffness(self) -> Array:
+        """Static stiffness of the body at the reference point, (6, 6), the other motions free."""
+        return self._static[1]
+
+    @property
+    def mass(self) -> Array:
+        """Mass that the body's static motions move, with the legs', at the reference point, (6, 6)."""
+        shapes = self._static[0]
+        return np.asarray(shapes.T @ self.system.M @ shapes)
+
+    @property
+    def wrenches(self) -> Array:
+        """Wrench on the body at the reference point, (6, legs), that has the static effect of unit actuator forces."""
+        system = self.system
+        forces = system.B[:, [system.inputs.index(name) for name in self.names("actuator")]]
+        return np.asarray(self._static[0].T @ forces)
+
+    def with_gains(self, *controllers: Controller) -> ClosedLoop:
+        """Return the closed loop; several controllers act together (HAC-LAC: an inner and an outer one).
+
+        Parameters
+        ----------
+        *controllers : Controller
+            Their outputs on the same actuator add up.
+
+        Returns
+        -------
+        ClosedLoop
+            The mechanism with all loops closed.
+        """
+        from mbsvib.isolation.closed_loop import close
+
+        return close(self, *controllers)
+
+    def isolation(self, frequencies: ArrayLike | None = None) -> Isolation:
+        """Return the figures with open loops.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,), optional
+            Ascending frequencies [Hz].
+
+        Returns
+        -------
+        Isolation
+            Transmissibility, compliance and figures.
+        """
+        return figures(self.scene, self.system, frequencies)
+
+    def __repr__(self) -> str:
+        return f"Active({self.scene.model.name!r}: {len(self.legs)} actuators)"
+
+
+def actuated(
+    model: Model, body: str, legs: Sequence[str] | None = None, base: str = GROUND, *, point: ArrayLike | None = None,
+    length: float | None = None, directions: Sequence[str] | None = None,
+) -> Active:  # fmt: skip
+    """Return a mechanism with an actuator beside the spring of each leg, and sensors.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism; it stays as it is.
+    body : str
+        The isolated body.
+    legs : sequence of str, optional
+        Line springs or Maxwell elements that get actuators; default: all of them.
+    base, point, length, directions
+        As in ``study``.
+
+    Returns
+    -------
+    Active
+        The plant.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown, or a leg has no line.
+    """
+    lines = [name for name, part in model.springs.items() if not isinstance(part, Bushing)]
+    chosen = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
+    for name in chosen:
+        if name not in lines:
+            raise ModelError(f"active: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."
+                             f"{nearest(str(name), lines)} It has {', '.join(lines) or 'none'}.", element=str(name),
+                             field="legs")  # fmt: skip
+    if not chosen:
+        raise ModelError(f"active: model '{model.name}' has no line spring beside which an actuator could act; add "
+                         f"legs by add_spring.", field="legs")  # fmt: skip
+    made = scene(model, body, base, point, length, directions)
+    changed = made.model
+    missing = [name for name in chosen if name not in changed.springs]
+    if missing:
+        raise ModelError(f"active: leg '{missing[0]}' is below the base '{base}'; choose legs above it.",
+                         element=missing[0], field="legs")  # fmt: skip
+    for name in chosen:
+        leg = changed.springs[name]
+        changed.add_input(f"{name}.actuator", leg.second, leg.line, leg.start, leg.first)  # type: ignore[union-attr]
+        changed.add_output(f"{name}.rate", leg.second, leg.line, leg.start, leg.first,  # type: ignore[union-attr]
+                           quantity="velocity")  # fmt: skip
+        changed.add_force_output(f"{name}.tension", name)
+        changed.add_output(f"{name}.acceleration", body, leg.line, leg.end,  # type: ignore[union-attr]
+                           quantity="acceleration")  # fmt: skip
+    system = changed.linearize(method="dense")
+    direct = system.D.copy()
+    for name in chosen:
+        # the sensor in series feels spring and actuator
+        direct[system.outputs.index(f"{name}.tension"), system.inputs.index(f"{name}.actuator")] -= 1.0
+    return Active(replace(made, system=replace(system, D=direct)), chosen)

@@ -1,0 +1,170 @@
+"""Collocation: which sensor is an actuator's own, so that any gain between them damps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.parts import Spring
+from mbsvib.responses.transmission_zeros import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.isolation.actuated import Active
+    from mbsvib.kinematics import Array
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+
+PARALLEL = 1e-9
+SAME = 1e-6  # a pole and a zero this near to each other are a mode that the pair does not see
+ROUNDING = 1e-8  # share of the response by which a real part may be negative
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """An actuator and a sensor: ``dual`` if the sensor sees just the motion on which the actuator does work, or the
+    force in that motion; ``poles`` and ``zeros`` [Hz] of the undamped mechanism that the pair sees, ``interlaced`` if
+    one zero is between two poles everywhere; ``passive`` if feedback of one sign takes energy at every frequency.
+    """
+
+    actuator: str
+    sensor: str
+    dual: bool
+    interlaced: bool
+    passive: bool
+    poles: Array
+    zeros: Array
+    minimum_phase: bool
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Collocation:
+    """The report on pairs of actuators and sensors."""
+
+    name: str
+    pairs: tuple[Pair, ...]
+
+    def table(self) -> dict[str, Any]:
+        """Return the report as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        words = {True: "yes", False: "no"}
+        rows = [(p.actuator, p.sensor, words[p.dual], words[p.interlaced], words[p.passive]) for p in self.pairs]
+        columns: list[tuple[str, Any]] = [("actuator", "left"), ("sensor", "left"), ("collocated", "left"),
+                                          ("poles and zeros interlaced", "left"), ("passive", "left")]  # fmt: skip
+        notes = [] if all(pair.passive for pair in self.pairs) else [
+            "Pairs that are not passive damp some modes and drive others: their gain is limited."]  # fmt: skip
+        return {"title": f"Collocation: {self.name}", "columns": columns, "rows": rows, "notes": notes}
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+
+def collocation(plant: Active, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
+    """Return a report on pairs of actuators and sensors.
+
+    Parameters
+    ----------
+    plant : Active
+        The mechanism.
+    pairs : iterable of (str, str), optional
+        Names of an actuator and a sensor each; default: tension, rate and acceleration of each leg with its actuator.
+
+    Returns
+    -------
+    Collocation
+        Collocated, interlaced, passive or not; prints as a table.
+
+    Raises
+    ------
+    ResponseError
+        If a name is unknown.
+    """
+    system = plant.system
+    if pairs is None:
+        pairs = [(f"{leg}.actuator", f"{leg}.{sensor}") for leg in plant.legs
+                 for sensor in ("tension", "rate", "acceleration")]  # fmt: skip
+    chosen = list(pairs)
+    if not chosen:
+        raise ResponseError("collocation: no pairs; give at least one (actuator, sensor).")
+    undamped = replace(system, C=np.zeros_like(system.C), damping=np.zeros_like(system.damping), gyroscopic=None)
+    still = undamped if not system.massless else None
+    return Collocation(system.name, tuple([_pair(plant, still, *pair) for pair in chosen]))
+
+
+def _pair(plant: Active, undamped: System | None, actuator: str, sensor: str) -> Pair:
+    system = plant.system
+    i, j = numbers(system, "input", actuator)[0], numbers(system, "output", sensor)[0]
+    rows = [m[j] for m in (system.Cq, system.Cv, system.Ca)]
+    force = system.output_units[j] in ("N", "N m")
+    order = 0 if force or rows[0].any() else 1 if rows[1].any() else 2
+    b, row = system.B[:, i], rows[order]
+    size = np.linalg.norm(b) * np.linalg.norm(row)
+    dual = bool(size > 0.0 and 1.0 - abs(b @ row) / size <= PARALLEL**0.5
+                and np.linalg.norm(np.outer(b, row) - np.outer(row, b)) <= PARALLEL * size)  # fmt: skip
+    leg = sensor.removesuffix(".tension")
+    free = without(undamped, [leg]) if undamped is not None and sensor != leg and actuator == f"{leg}.actuator" and \
+        removable(plant, [leg]) else None  # fmt: skip
+    poles, zeros, minimum = _seen(system if undamped is None else undamped, actuator, sensor, free)
+    both = np.concatenate((poles, zeros))
+    kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
+    interlaced = minimum and bool((np.diff(kind) != 0.0).all()) and undamped is not None
+    return Pair(actuator, sensor, dual, interlaced, _passive(system, i, j, force, order), poles, zeros, minimum)
+
+
+def removable(plant: Active, legs: Sequence[str]) -> bool:
+    """Return whether legs are plain springs, so that tensions are zero where the mechanism moves without them."""
+    return all(isinstance(plant.scene.model.springs[leg], Spring) for leg in legs)
+
+
+def without(system: System, legs: Sequence[str]) -> System:
+    """Return a system without the springs and dampers of some legs: its poles are the zeros of their tensions."""
+    gone = np.isin(system.row_owner, [system.provenance.springs.index(leg) for leg in legs])
+    rows = system.elastic_rows[gone]
+    k, c = system.stiffness.copy(), system.damping.copy()
+    k[gone] = c[gone] = 0.0
+    return replace(system, stiffness=k, damping=c, K=system.K - rows.T @ (system.stiffness[gone, None] * rows),
+                   C=system.C - rows.T @ (system.damping[gone, None] * rows))  # fmt: skip
+
+
+def _seen(system: System, actuator: str, sensor: str, free: System | None) -> tuple[Array, Array, bool]:
+    """Frequencies [Hz] of poles and zeros that do not cancel, and whether all zeros are on the imaginary axis."""
+    poles = system.poles()
+    zeros = system.transmission_zeros(actuator, sensor) if free is None else free.poles()
+    unit = np.abs(poles).max(initial=0.0)
+    up = np.sort(poles.imag[poles.imag > SAME * unit])
+    rest = zeros[np.abs(zeros) > SAME * unit]
+    minimum = bool((np.abs(rest.real) <= SAME * np.abs(rest)).all())
+    dips = np.sort(rest.imag[(rest.imag > 0.0) & (np.abs(rest.real) <= SAME * np.abs(rest))])
+    kept = []
+    for pole in up.tolist():
+        near = np.flatnonzero(np.abs(dips - pole) <= SAME * pole)
+        if len(near):
+            dips = np.delete(dips, near[0])
+        else:
+            kept.append(pole)
+    return np.array(kept) / (2.0 * np.pi), dips / (2.0 * np.pi), minimum
+
+
+def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:
+    """Whether the force times the rate that belongs to the sensor is never negative, or never positive."""
+    omega = system.frequency_grid(system.inputs[i], system.outputs[j])
+    g = system.frequency_response(omega)[j, i]
+    # displacement, velocity, acceleration: to a velocity; a force in the leg is integrated, as by force feedback
+    power = -1 if force else 1 - order
+    rate = g * (1j * omega) ** power
+    floor = ROUNDING * np.abs(rate)
+    return bool((rate.real >= -floor).all() or (rate.real <= floor).all())

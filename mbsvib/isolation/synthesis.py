@@ -1,0 +1,164 @@
+"""Controllers by synthesis: linear quadratic Gaussian, and H-infinity where slycot is installed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ExportError, ResponseError
+from mbsvib.isolation.controller import Controller
+from mbsvib.isolation.figures import ACCELERATIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.isolation.actuated import Active
+    from mbsvib.kinematics import Array
+
+
+def lqg(
+    plant: Active, sensors: Sequence[str], effort: float, base: float = 1.0, noise: float = 1e-6,
+    performance: Sequence[str] = ACCELERATIONS,
+) -> Controller:  # fmt: skip
+    """Return the controller that keeps the mean square of the body's acceleration plus that of forces least.
+
+    minimise E[z^T z + effort u^T u] under white acceleration of the base in all directions and white noise of sensors
+
+    Parameters
+    ----------
+    plant : Active
+        The mechanism.
+    sensors : sequence of str
+        What is measured: outputs of the plant.
+    effort : float
+        Weight of actuator forces [performance^2/N^2], positive: the smaller, the harder the actuators work.
+    base : float
+        Density of the base's acceleration [(m/s^2)^2/Hz], of rotations at the characteristic length.
+    noise : float
+        Density of the sensors' noise in their units, positive.
+    performance : sequence of str
+        Outputs z to keep small; default: the body's accelerations, rotations times the characteristic length.
+
+    Returns
+    -------
+    Controller
+        The law, of as many states as the mechanism.
+
+    Raises
+    ------
+    ResponseError
+        If a weight is not positive, a name unknown, or no stabilising law exists.
+    """
+    for name, value in (("effort", effort), ("base", base), ("noise", noise)):
+        if not 0.0 < value < np.inf:
+            raise ResponseError(f"lqg: {name} = {value!r}; expected a positive number.")
+    a, b, bw, c, d, dw, z, zd, scale = _weighed(plant, sensors, performance)
+    from scipy.linalg import solve_continuous_are
+
+    m, n = b.shape[1], len(c)
+    try:
+        cost = solve_continuous_are(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), s=z.T @ zd)
+        spread = solve_continuous_are(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n),
+                                      s=base * bw @ dw.T)  # fmt: skip
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise ResponseError("lqg: no stabilising law was found; a mode may be out of reach of the actuators or "
+                            "sensors, or effort and noise are too small against the rest.") from error  # fmt: skip
+    back = np.linalg.solve(zd.T @ zd + effort * np.eye(m), b.T @ cost + zd.T @ z)
+    inject = np.linalg.solve(base * dw @ dw.T + noise * np.eye(n), c @ spread + base * dw @ bw.T).T
+    law = a - b @ back - inject @ c + inject @ d @ back
+    return Controller("LQG", law * scale, inject * scale, -back, np.zeros((m, n)), tuple(sensors),
+                      plant.names("actuator"))  # fmt: skip
+
+
+def hinf(
+    plant: Active, sensors: Sequence[str], effort: float, noise: float = 1e-3,
+    performance: Sequence[str] = ACCELERATIONS,
+) -> tuple[Controller, float]:  # fmt: skip
+    """Return the controller that keeps the largest response to base and sensor noise least, by python-control.
+
+    minimise the H-infinity norm from (base acceleration, noise n) to (z, effort u)
+
+    Parameters
+    ----------
+    plant : Active
+        The mechanism.
+    sensors : sequence of str
+        What is measured: outputs of the plant.
+    effort : float
+        Weight of actuator forces [performance/N], positive.
+    noise : float
+        Amplitude of the sensors' noise in their units, positive.
+    performance : sequence of str
+        Outputs z to keep small.
+
+    Returns
+    -------
+    law, norm : Controller, float
+        The controller and the norm that it reaches.
+
+    Raises
+    ------
+    ExportError
+        If slycot is not installed.
+    ResponseError
+        If a weight is not positive, or no law is found.
+    """
+    try:
+        import slycot  # type: ignore[import-not-found]  # noqa: F401
+    except ImportError as error:
+        raise ExportError("hinf: python-control needs slycot for H-infinity synthesis; install it by 'pip install "
+                          "slycot' (or conda), or use lqg, which does without.") from error  # fmt: skip
+    for name, value in (("effort", effort), ("noise", noise)):
+        if not 0.0 < value < np.inf:
+            raise ResponseError(f"hinf: {name} = {value!r}; expected a positive number.")
+    import control
+
+    a, b, bw, c, d, dw, z, zd, scale = _weighed(plant, sensors, performance)
+    zw = _through(plant, performance)
+    m, n, k = b.shape[1], len(c), bw.shape[1]
+    whole = control.ss(
+        a, np.hstack((bw, np.zeros((len(a), n)), b)), np.vstack((z, np.zeros((m, len(a))), c)),
+        np.block([[zw, np.zeros((len(z), n)), zd], [np.zeros((m, k + n)), effort * np.eye(m)],
+                  [dw, noise * np.eye(n), d]]),
+    )  # fmt: skip
+    try:
+        law, _, norm, _ = control.hinfsyn(whole, n, m)
+    except (control.ControlArgument, ValueError, ArithmeticError) as error:
+        raise ResponseError(f"hinf: no law was found: {error}") from error
+    return Controller("Hinf", law.A * scale, law.B * scale, law.C, law.D, tuple(sensors),
+                      plant.names("actuator")), float(norm)  # fmt: skip
+
+
+def _weighed(plant: Active, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
+    """Matrices of the plant in time units of its highest frequency, balanced, rotations times the length."""
+    from scipy.linalg import matrix_balance
+
+    from mbsvib.responses.transmission_zeros import numbers
+
+    space, scene = plant._space, plant.scene
+    u, w = ([space.inputs.index(name) for name in names] for names in (plant.names("actuator"), scene.inputs))
+    y, z = numbers(plant.system, "output", sensors), numbers(plant.system, "output", performance)
+    size = _sizes(plant, performance)
+    scale = float(np.abs(plant.system.poles()).max())
+    a, (states, _) = matrix_balance(space.A / scale, permute=False, separate=True)
+    b = space.B / scale / states[:, None]
+    shaken = 1.0 / scene.scale(scene.moved)
+    c = space.C * states
+    d = space.D
+    # noise and cost are densities over time as well: changing its unit scales all of them alike
+    return (a, b[:, u], b[:, w] * shaken, c[y], d[np.ix_(y, u)], d[np.ix_(y, w)] * shaken, size[:, None] * c[z],
+            size[:, None] * d[np.ix_(z, u)], np.array(scale))  # fmt: skip
+
+
+def _sizes(plant: Active, names: Sequence[str]) -> Array:
+    """The length for rotations, 1 for the rest."""
+    units = dict(zip(plant.system.outputs, plant.system.output_units, strict=True))
+    return np.array([plant.scene.length if units[name].startswith("rad") else 1.0 for name in names])
+
+
+def _through(plant: Active, performance: Sequence[str]) -> Array:
+    scene, space = plant.scene, plant._space
+    w = [space.inputs.index(name) for name in scene.inputs]
+    z = [space.outputs.index(name) for name in performance]
+    return np.asarray(_sizes(plant, performance)[:, None] * space.D[np.ix_(z, w)] / scene.scale(scene.moved))
