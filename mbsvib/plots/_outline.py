@@ -1,0 +1,108 @@
+"""Shapes that stand for bodies and springs: what spans the points at which a body is held, and coils."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+FLAT = 1e-4  # share of the size below which points lie in a line or a plane
+LEAD = 0.14  # share of a spring's length that is straight at either end
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """Points, ways along them (kind and numbers of points) and triangles that stand for a body."""
+
+    points: Array
+    ways: tuple[tuple[str, tuple[int, ...]], ...]
+    faces: tuple[tuple[int, int, int], ...] = ()
+
+
+def outline(centre: Array, held: Array, size: float) -> Outline:
+    """Return what a body looks like: a bar, a plate or a hull between the points at which it is held.
+
+    Parameters
+    ----------
+    centre : array, shape (3,)
+        Its centre of mass.
+    held : array, shape (n, 3)
+        Where joints and springs hold it, each point once.
+    size : float
+        Extent of the mechanism [m].
+
+    Returns
+    -------
+    Outline
+        Its lines and faces; none where it is held at its centre only.
+    """
+    points = np.concatenate((held, centre[None]))
+    if not len(held):
+        return Outline(points, ())
+    spread, axes = _principal(held)
+    rank = int(np.count_nonzero(spread > FLAT * size))
+    if rank >= 2:
+        ring, faces = _plate(held @ axes[:2].T) if rank == 2 else _hull(held)
+        off = _distance(centre, held, axes, rank) > 0.02 * size
+        corners = sorted({i for way in ring for i in way}) if off else []
+        ways: list[tuple[str, tuple[int, ...]]] = [("body", way) for way in ring]
+        return Outline(points, (*ways, *(("spoke", (len(held), i)) for i in corners)), faces)
+    inline, axes = _principal(points)
+    if np.count_nonzero(inline > FLAT * size) <= 1:
+        return Outline(points, (("body", tuple(np.argsort(points @ axes[0], kind="stable").tolist())),))
+    return Outline(points, tuple([("body", (len(held), i)) for i in range(len(held))]))
+
+
+def coil(start: Array, end: Array, radius: float, turns: int, per_turn: int) -> tuple[Array, Array]:
+    """Return the points (n, 3) of a coil spring from start to end, and how far along each is, (n,) from 0 to 1."""
+    way = end - start
+    length = float(np.linalg.norm(way))
+    along = way / length
+    across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+    across /= np.linalg.norm(across)
+    third = np.cross(along, across)
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, turns * per_turn + 1)
+    share = np.linspace(LEAD, 1.0 - LEAD, len(angle))
+    r = min(radius, 0.12 * length) * np.minimum(1.0, np.minimum(angle, angle[-1] - angle) / np.pi)
+    points = start + share[:, None] * way + r[:, None] * (
+        np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * third)  # fmt: skip
+    return np.concatenate((start[None], points, end[None])), np.concatenate(([0.0], share, [1.0]))
+
+
+def _principal(points: Array) -> tuple[Array, Array]:
+    """How far points spread along their principal axes, and these axes as rows."""
+    moved = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(moved, full_matrices=True)
+    return np.ptp(moved @ axes.T, axis=0), axes
+
+
+def _distance(centre: Array, held: Array, axes: Array, rank: int) -> float:
+    """How far the centre is from the plane of the points, 0 inside of a hull."""
+    return abs(float((centre - held.mean(axis=0)) @ axes[2])) if rank == 2 else 0.0
+
+
+def _plate(flat: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
+    from scipy.spatial import ConvexHull
+
+    ring = ConvexHull(flat).vertices.tolist()
+    faces = tuple((ring[0], ring[i], ring[i + 1]) for i in range(1, len(ring) - 1))
+    return [(*ring, ring[0])], faces
+
+
+def _hull(held: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int], ...]]:
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(held)
+    edges = set()
+    for face, neighbours in enumerate(hull.neighbors):
+        for other in neighbours:
+            # an edge between two triangles of one flat side is none of the body
+            if not np.allclose(hull.equations[face], hull.equations[other], atol=1e-6):
+                edges.add(tuple(sorted(set(hull.simplices[face].tolist()) & set(hull.simplices[other].tolist()))))
+    return sorted(edges), tuple((int(i), int(j), int(k)) for i, j, k in hull.simplices)

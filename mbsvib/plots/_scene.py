@@ -1,0 +1,284 @@
+"""What a mechanism looks like: points that ride on bodies, joined by lines and faces, for pictures of any kind.
+
+A point between two bodies (on a spring) moves by a share of either: u = (1 - s) u_first(p) + s u_second(q). So the
+picture of any displacement of the bodies is one product, and no drawing needs to know of joints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.beams import Beam
+from mbsvib.parts import Body, Bushing, Input, Joint, Maxwell, Spring
+from mbsvib.plots import _outline as outline
+from mbsvib.superelements.superelement import Superelement
+from mbsvib.topology import span
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.parts._part import Part
+    from mbsvib.system import Provenance
+
+    Array = NDArray[np.float64]
+    Index = NDArray[np.intp]
+
+GROUND = "ground"
+AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
+COIL, TURNS = 0.016, 6  # radius of a spring, as a share of the size, and its turns
+FEW_SPRINGS = 60  # more than these are drawn with fewer points
+# A pyramid below what the ground holds, and a way along all of its edges.
+_FOOT = np.array([(0.0, 0.0, 0.0), (0.6, 0.6, -1.0), (-0.6, 0.6, -1.0), (-0.6, -0.6, -1.0), (0.6, -0.6, -1.0)])
+_FOOT_WAY = (0, 1, 2, 0, 3, 4, 0, 4, 1, 2, 3)
+# What a joint's axis line shows: the directions of its axes about or along which it is free.
+_AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1), "planar": (2,),
+         "point_on_line": (2,)}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line through points ``first`` to ``last`` (exclusive); ``kind`` is body, beam, spoke, spring, damper, gap, rod,
+    axis, ground or input, ``name`` that of the element.
+    """
+
+    kind: str
+    name: str
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A marker at a point; ``kind`` is body, node, joint, cut or bushing, ``words`` what to tell of it."""
+
+    kind: str
+    name: str
+    point: int
+    words: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A mechanism as points, lines, marks and triangles.
+
+    Points (n,) ride on body ``first`` at ``start`` and on body ``second`` at ``end`` (n, 3), with ``share`` of the
+    latter; ``position`` (bodies + 1, 3) are the bodies' origins, ground last. ``points`` (n, 3) are where they are at
+    rest, ``size`` [m] is the extent of all. ``faces`` (f, 3) are triangles of points, ``face_body`` (f,) whose.
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    position: Array
+    points: Array
+    first: Index
+    second: Index
+    share: Array
+    start: Array
+    end: Array
+    lines: tuple[Line, ...]
+    marks: tuple[Mark, ...]
+    faces: Index
+    face_body: Index
+    size: float
+
+    def displacements(self, motion: ArrayLike) -> NDArray[Any]:
+        """Return the displacements of all points, (n, 3, ...), of those of the bodies, (bodies, 6, ...)."""
+        given = np.asarray(motion)
+        moves = np.concatenate((given, np.zeros((1, *given.shape[1:]), given.dtype)))
+        share = self.share.reshape(-1, *[1] * (given.ndim - 1))
+        ends = [_carried(moves[body], at - self.position[body])
+                for body, at in ((self.first, self.start), (self.second, self.end))]  # fmt: skip
+        return np.asarray((1.0 - share) * ends[0] + share * ends[1])
+
+
+def of_model(model: Model) -> Scene:
+    """Return the picture of a model; loops that are not closed yet or poses that are singular are no hindrance."""
+    plain = model._expanded() if model._composed else model
+    cut = set(span(plain).cut_joints) if plain.bodies else set()
+    groups = (model._bodies, model._joints, model._springs, model._composed, model._inputs)
+    return _scene(model.name, [part for group in groups for part in group.values()], cut)
+
+
+def of_system(name: str, provenance: Provenance, inputs: Iterable[Part] = ()) -> Scene:
+    """Return the picture of what a system was made of."""
+    cut = set(provenance.topology.cut_joints)
+    return _scene(name, [*provenance.parts, *inputs], cut, provenance.topology.bodies)
+
+
+def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str] | None = None) -> Scene:
+    places = _places(parts)
+    names = tuple(places) if bodies is None else tuple(bodies)
+    builder = _Builder({body: i for i, body in enumerate((*names, GROUND))}, places, _extent(parts, places))
+    for part in parts:
+        if type(part) is Joint:
+            builder.joint(part, part.name in cut)
+        elif isinstance(part, Spring | Maxwell):
+            builder.spring(part, sum(isinstance(other, Spring | Maxwell) for other in parts) <= FEW_SPRINGS)
+        elif isinstance(part, Bushing):
+            builder.bushing(part)
+        elif isinstance(part, Beam):
+            builder.chain(part.name, [(part.node(i), point) for i, point in enumerate(part.points)])
+        elif isinstance(part, Superelement):
+            builder.star(part.name, [(part.body_of(i), point) for i, (_, point) in enumerate(part.nodes)])
+        elif isinstance(part, Input):
+            builder.arrow(part)
+    for part in parts:
+        if type(part) is Body:  # not what stands for a Maxwell element
+            builder.body(part)
+    return builder.scene(name, names)
+
+
+def _places(parts: Iterable[Part]) -> dict[str, tuple[float, ...]]:
+    places: dict[str, tuple[float, ...]] = {}
+    for part in parts:
+        if isinstance(part, Body):
+            places[part.name] = part.position
+    for part in parts:
+        if isinstance(part, Beam | Superelement):
+            places |= part.node_names
+        if isinstance(part, Superelement):
+            places |= dict.fromkeys(part.carriers, part.nodes[0][1])
+        if isinstance(part, Maxwell):
+            places[part.node] = part.end
+    return places
+
+
+def _extent(parts: Iterable[Part], places: Mapping[str, tuple[float, ...]]) -> float:
+    points: list[Any] = list(places.values())
+    for part in parts:
+        points += [value for key in ("position", "start", "end") if (value := getattr(part, key, None)) is not None]
+    return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) or 1.0 if points else 1.0
+
+
+@dataclass(slots=True)
+class _Builder:
+    """Collects points, lines and marks."""
+
+    number: Mapping[str, int]
+    places: Mapping[str, tuple[float, ...]]
+    size: float
+    rest: list[Any] = field(default_factory=list)
+    rides: list[tuple[int, int, float, Any, Any]] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+    faces: list[tuple[int, int, int]] = field(default_factory=list)
+    face_body: list[int] = field(default_factory=list)
+    held: dict[str, list[Any]] = field(default_factory=dict)
+
+    def point(self, body: str, at: Any) -> int:
+        i = self.number[body]
+        self.rest.append(at)
+        self.rides.append((i, i, 0.0, at, at))
+        return len(self.rest) - 1
+
+    def line(self, kind: str, name: str, ends: Sequence[tuple[str, Any]]) -> None:
+        start = len(self.rest)
+        for body, at in ends:
+            self.point(body, at)
+        self.lines.append(Line(kind, name, start, len(self.rest)))
+
+    def mark(self, kind: str, name: str, body: str, at: Any, words: str) -> None:
+        self.marks.append(Mark(kind, name, self.point(body, at), words))
+
+    def hold(self, body: str, at: Any) -> None:
+        """A body reaches as far as what it is held at."""
+        held = self.held.setdefault(body, [])
+        if not any(np.allclose(at, other, rtol=0.0, atol=1e-6 * self.size) for other in held):
+            held.append(at)
+            if body == GROUND:
+                foot = np.asarray(at) + FOOT * self.size * _FOOT
+                self.line("ground", GROUND, [(GROUND, foot[i]) for i in _FOOT_WAY])
+
+    def joint(self, part: Joint, cut: bool) -> None:
+        moving = part.second if part.second != GROUND else part.first
+        at = np.array(self.places[moving] if part.position is None else part.position)
+        self.hold(part.first, at)
+        self.hold(part.second, at if part.end is None else part.end)
+        if part.end is not None:
+            self.line("rod", part.name, [(part.first, at), (part.second, part.end)])
+        axes = np.array(part.axes)
+        for i in _AXES.get(part.kind, ()):
+            reach = AXIS * self.size * axes[:, i]
+            self.line("axis", part.name, [(part.first, at - reach), (part.first, at + reach)])
+        if part.kind == "free":
+            return
+        words = f"{part.kind} joint between {part.first} and {part.second}"
+        self.mark("cut" if cut else "joint", part.name, part.first, at, words + (", cut" if cut else ""))
+
+    def spring(self, part: Spring | Maxwell, fine: bool) -> None:
+        self.hold(part.first, part.start)
+        self.hold(part.second, part.end)
+        if not part.stiffness:
+            self.line("damper", part.name, [(part.first, part.start), (part.second, part.end)])
+            return
+        radius = COIL * self.size
+        points, share = outline.coil(np.array(part.start), np.array(part.end), radius, TURNS, 12 if fine else 4)
+        first = len(self.rest)
+        a, b = self.number[part.first], self.number[part.second]
+        for at, s in zip(points, share, strict=True):
+            self.rest.append(at)
+            self.rides.append((a, b, float(s), part.start, part.end))
+        self.lines.append(Line("spring", part.name, first, len(self.rest)))
+
+    def bushing(self, part: Bushing) -> None:
+        self.hold(part.first, part.position)
+        self.hold(part.second, part.position)
+        self.line("gap", part.name, [(part.first, part.position), (part.second, part.position)])
+        self.mark("bushing", part.name, part.second, part.position, f"bushing between {part.first} and {part.second}")
+
+    def chain(self, name: str, nodes: Sequence[tuple[str, Any]]) -> None:
+        for body, at in (nodes[0], nodes[-1]):
+            self.hold(body, at)
+        self.line("beam", name, nodes)
+        self.mark("node", name, *nodes[len(nodes) // 2], f"beam of {len(nodes) - 1} elements")
+
+    def star(self, name: str, nodes: Sequence[tuple[str, Any]]) -> None:
+        for i, (body, at) in enumerate(nodes):
+            self.hold(body, at)
+            if i:
+                self.line("beam", name, [nodes[0], (body, at)])
+        self.mark("node", name, *nodes[0], f"superelement with {len(nodes)} nodes")
+
+    def arrow(self, part: Input) -> None:
+        at = np.array(self.places[part.body] if part.position is None else part.position)
+        way = np.array(part.wrench[:3] if any(part.wrench[:3]) else part.wrench[3:])
+        tail = at - ARROW * self.size * way / np.linalg.norm(way)
+        self.line("input", part.name, [(part.body, tail), (part.body, at)])
+
+    def body(self, part: Body) -> None:
+        centre = np.array(part.position)
+        shape = outline.outline(centre, np.array(self.held.get(part.name, ())).reshape(-1, 3), self.size)
+        start = len(self.rest)
+        for at in shape.points:
+            self.point(part.name, at)
+        for kind, way in shape.ways:
+            self.line(kind, part.name, [(part.name, shape.points[i]) for i in way])
+        self.faces += [(start + i, start + j, start + k) for i, j, k in shape.faces]
+        self.face_body += [self.number[part.name]] * len(shape.faces)
+        self.mark("body", part.name, part.name, centre, f"body of {part.mass:.6g} kg")
+
+    def scene(self, name: str, bodies: tuple[str, ...]) -> Scene:
+        position = np.array([self.places[body] for body in bodies] + [(0.0, 0.0, 0.0)])
+        columns = list(zip(*self.rides, strict=True)) if self.rides else [()] * 5
+        return Scene(
+            name, bodies, position, _vectors(self.rest), np.array(columns[0], dtype=np.intp),
+            np.array(columns[1], dtype=np.intp), np.array(columns[2], dtype=float), _vectors(columns[3]),
+            _vectors(columns[4]), tuple(self.lines), tuple(self.marks),
+            np.array(self.faces, dtype=np.intp).reshape(-1, 3), np.array(self.face_body, dtype=np.intp), self.size,
+        )  # fmt: skip
+
+
+def _vectors(values: Sequence[Any]) -> Array:
+    return np.array([np.asarray(value, dtype=float) for value in values]).reshape(-1, 3)
+
+
+def _carried(moves: NDArray[Any], arm: Array) -> NDArray[Any]:
+    """Displacements (n, 3, ...) of points at arms (n, 3) from the origins of bodies that move by (n, 6, ...)."""
+    cross = np.cross(moves[:, 3:], arm.reshape(*arm.shape, *[1] * (moves.ndim - 2)), axis=1)
+    return np.asarray(moves[:, :3] + cross)

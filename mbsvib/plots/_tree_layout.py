@@ -1,0 +1,83 @@
+"""Where the bodies of a mechanism go in a drawing of its topology: ground below, each body above what it hangs on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.parts import Bushing, Maxwell, Spring
+from mbsvib.parts._part import Composed
+from mbsvib.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from mbsvib.parts._part import Part
+    from mbsvib.topology import Topology
+
+
+def positions(topology: Topology) -> list[tuple[float, int]]:
+    """Return abscissa and level of each body, ground (level 0) last: leaves side by side, parents above their middle.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+
+    Returns
+    -------
+    list of (float, int)
+        One entry a body and one for the ground.
+    """
+    ground = len(topology.bodies)
+    children: list[list[int]] = [[] for _ in range(ground + 1)]
+    level = [0] * (ground + 1)
+    for branch in topology.branches:
+        children[branch.parent].append(branch.body)
+        level[branch.body] = level[branch.parent] + 1
+    abscissa = [0.0] * (ground + 1)
+    place = 0
+    stack = [ground]
+    while stack:  # leaves in the order of a walk through the tree
+        body = stack.pop()
+        stack += reversed(children[body])
+        if not children[body]:
+            abscissa[body] = place
+            place += 1
+    for body in [*(branch.body for branch in reversed(topology.branches)), ground]:
+        below = [abscissa[child] for child in children[body]]
+        if below:
+            abscissa[body] = 0.5 * (min(below) + max(below))
+    return list(zip(abscissa, level, strict=True))
+
+
+def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
+    """Return bodies and what connects them: nodes [name, x, level, floats], edges [kind, name, words, first, second].
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    parts : iterable of Part
+        What the mechanism is made of, for its springs.
+
+    Returns
+    -------
+    dict
+        ``nodes``, ground last, and ``edges`` of kind "tree", "cut", "floating" and "spring".
+    """
+    places = positions(topology)
+    names = (*topology.bodies, "ground")
+    number = {name: i for i, name in enumerate(names)}
+    cut, floating = set(topology.cut), set(topology.floating)
+    nodes = [[name, x, level, i in floating] for i, (name, (x, level)) in enumerate(zip(names, places, strict=True))]
+    edges = [["cut" if k in cut else "tree", joint.name, f"{joint.kind} joint", number[joint.first],
+              number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
+    edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
+              for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
+    given = list(parts)
+    made = {name for part in given if isinstance(part, Composed) for name in part.made}
+    for part in given:
+        if isinstance(part, Spring | Bushing | Maxwell) and part.name not in made:
+            what = type(part).__name__.lower()
+            edges.append(["spring", part.name, what, number[part.first], number[part.second]])
+    return {"nodes": nodes, "edges": edges}

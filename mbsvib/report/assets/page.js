@@ -1,0 +1,89 @@
+"use strict";
+// What all parts of the page share: data, elements, numbers, downloads.
+const data = JSON.parse(document.getElementById("data").textContent);
+const by = (id) => document.getElementById(id);
+const INK = "#1d2733", SOFT = "#5b6876", GRID = "#e6eaee", BLUE = "#2b5c9e", ORANGE = "#dd7a1f", RED = "#c4321f";
+const PALETTE = ["#2b5c9e", "#dd7a1f", "#3a9a6e", "#b8548f", "#e0b02c", "#58a6d6", "#8a6fb8", "#9b6b43", "#6f7f8f",
+                 "#c4321f", "#7fb347", "#3f8f99"];
+const FONT = {family: 'system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif', size: 13, color: INK};
+const CONFIG = {displaylogo: false, responsive: true,
+                modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d", "resetCameraLastSave3d", "tableRotation"]};
+
+// Plotly takes some tags in its labels; names are texts, whatever signs they hold.
+const plain = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
+
+function floats(code) {
+  const bytes = Uint8Array.from(atob(code), (sign) => sign.charCodeAt(0));
+  const view = new DataView(bytes.buffer), out = new Float64Array(bytes.length / 4);
+  for (let i = 0; i < out.length; i++) out[i] = view.getFloat32(4 * i, true);
+  return out;
+}
+
+function make(tag, text, parent, className) {
+  const element = document.createElement(tag);
+  if (text !== undefined && text !== null) element.textContent = text;
+  if (className) element.className = className;
+  if (parent) parent.appendChild(element);
+  return element;
+}
+
+// Six digits; null stands for what is not finite.
+function shown(value, digits = 6) {
+  if (value === null || value === undefined) return "∞";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e7 || size < 1e-3) return value.toExponential(digits - 2).replace("e+", "e").replace("-", "−").replace("e-", "e−");
+  return value.toPrecision(digits).replace("-", "−");
+}
+
+const counted = (number, what) => `${number} ${what}${number === 1 ? "" : "s"}`;
+
+function quoted(value) {
+  if (value === null || value === undefined) return "";
+  const text = String(value);
+  return /[",\n\r]/.test(text) ? `"${text.replace(/"/g, '""')}"` : text;
+}
+
+function download(name, text, type) {
+  const link = make("a"), address = URL.createObjectURL(new Blob([text], {type}));
+  link.href = address;
+  link.download = name;
+  document.body.appendChild(link);
+  link.click();
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(address), 1000);
+}
+
+const csv = (name, rows) => download(name, rows.map((row) => row.map(quoted).join(",")).join("\n") + "\n", "text/csv");
+const fileName = (name) => name.replace(/[^\w.-]+/g, "_");
+
+function axis(title, more = {}) {
+  return {title: {text: title, standoff: 8}, gridcolor: GRID, linecolor: "#aab4be", tickcolor: "#aab4be", ticks: "outside",
+          ticklen: 4, zeroline: false, showline: true, automargin: true, ...more};
+}
+
+function layout(more) {
+  return {font: FONT, paper_bgcolor: "#fff", plot_bgcolor: "#fff", margin: {l: 70, r: 18, t: 14, b: 50},
+          hoverlabel: {font: {size: 12.5}, bgcolor: "#fff", bordercolor: "#c9d1da"}, ...more};
+}
+
+function empty(id, words) {
+  const place = by(id);
+  place.style.height = "auto";
+  make("p", words, place, "note");
+}
+
+function chips(place, names, bad, none) {
+  if (!names.length) { make("p", none, place, "none"); return; }
+  const list = make("ul", null, place, bad ? "chips bad" : "chips");
+  for (const name of names) make("li", name, list);
+}
+
+for (const [what, count] of data.facts) {
+  if (!count && what !== "degrees of freedom") continue;
+  const item = make("li", null, by("facts"));
+  make("b", String(count), item);
+  item.appendChild(document.createTextNode(what));
+}
+by("made").textContent = `mbsvib ${data.version} · SI units, radians · nothing is loaded from a network`;
+by("json").onclick = () => download(`${fileName(data.name)}.json`, by("data").textContent, "application/json");

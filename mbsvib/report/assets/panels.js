@@ -1,0 +1,155 @@
+// Responses, energy, topology and accuracy.
+const responses = data.responses;
+const curvesOf = responses && {magnitude: floats(responses.magnitude), phase: floats(responses.phase)};
+
+function chosenCurve() {
+  const i = by("input").selectedIndex, j = by("output").selectedIndex, n = responses.frequencies.length;
+  const pair = i * responses.outputs.length + j, cut = (all) => Array.from(all.subarray(pair * n, (pair + 1) * n));
+  return {pair, source: responses.inputs[i][0], result: responses.outputs[j][0], unit: responses.units[pair],
+          magnitude: cut(curvesOf.magnitude), phase: cut(curvesOf.phase)};
+}
+
+function drawBode() {
+  const curve = chosenCurve(), x = responses.frequencies;
+  const line = {color: responses.negligible[curve.pair] ? "#9aa5b1" : BLUE, width: 2};
+  const low = x[0], high = x[x.length - 1];
+  const seen = [...new Set(modesOf.rows.map((mode) => mode.natural).filter((f) => f > low && f < high))];
+  const marks = by("marks").checked && seen.length <= 60 ? seen.map((f) => ({type: "line", xref: "x", yref: "paper", x0: f, x1: f,
+    y0: 0, y1: 1, line: {color: "#b6c0ca", width: 1, dash: "dot"}, layer: "below"})) : [];
+  const named = `${plain(curve.source)} → ${plain(curve.result)}`;
+  Plotly.react("bode", [
+    {x, y: curve.magnitude.map((value) => (value > 0 ? value : null)), line, mode: "lines", name: "magnitude",
+     hovertemplate: `%{x:.6g} Hz<br>%{y:.5g} ${plain(curve.unit)}<extra></extra>`},
+    {x, y: curve.phase.map((value) => (Number.isFinite(value) ? value : null)), line, mode: "lines", yaxis: "y2", name: "phase",
+     hovertemplate: "%{x:.6g} Hz<br>%{y:.2f}°<extra></extra>"},
+  ], layout({showlegend: false, shapes: marks, hovermode: "x", margin: {l: 90, r: 18, t: 34, b: 54},
+    title: {text: named, x: 0, xref: "paper", xanchor: "left", y: 0.985, yanchor: "top", font: {size: 14.5, color: INK}},
+    xaxis: axis("frequency [Hz]", {type: "log", range: [Math.log10(low), Math.log10(high)], anchor: "y2", dtick: high / low < 300 ? "D2" : 1,
+      minor: {showgrid: true, gridcolor: "#f2f4f6"}}),
+    yaxis: axis(`magnitude [${plain(curve.unit)}]`, {type: "log", domain: [0.4, 1], exponentformat: "power"}),
+    yaxis2: axis("phase [deg]", {domain: [0, 0.34], dtick: 90}), uirevision: `${curve.unit}`}), CONFIG);
+  by("response-remark").textContent = (responses.negligible[curve.pair]
+    ? "This response is zero by symmetry: what is drawn is rounding." : "A click on a curve shows the mode nearest to it.") +
+    (responses.left[0] + responses.left[1]
+      ? ` Not all fit into the page: ${counted(responses.left[0], "input")} and ${counted(responses.left[1], "output")} are left out; name those wanted by --inputs and --outputs.` : "");
+}
+
+function fill(select, ports) {
+  for (const [name, unit] of ports) make("option", `${name} [${unit}]`, select);
+  select.onchange = drawBode;
+}
+
+if (responses) {
+  fill(by("input"), responses.inputs);
+  fill(by("output"), responses.outputs);
+  by("marks").onchange = drawBode;
+  drawBode();
+  by("bode").on("plotly_click", (event) => {
+    const at = event.points[0].x;
+    let best = -1;
+    modesOf.rows.slice(0, modesOf.shown).forEach((mode, i) => {
+      if (mode.natural > 0 && (best < 0 || Math.abs(Math.log(mode.natural / at)) < Math.abs(Math.log(modesOf.rows[best].natural / at)))) best = i;
+    });
+    choose(best);
+  });
+  by("csv-response").onclick = () => {
+    const curve = chosenCurve(), head = `${curve.result} / ${curve.source} [${curve.unit}]`;
+    csv(`${fileName(data.name)}-${fileName(curve.source)}-${fileName(curve.result)}.csv`, [
+      ["frequency [Hz]", `magnitude of ${head}`, "phase [deg]"],
+      ...responses.frequencies.map((f, k) => [f, Number(curve.magnitude[k].toPrecision(7)), Number.isFinite(curve.phase[k]) ? Number(curve.phase[k].toPrecision(7)) : null])]);
+  };
+} else {
+  by("bode").parentElement.querySelector(".bar").remove();
+  by("csv-response").remove();
+  empty("bode", "The model has no input, no output or no degree of freedom: there is no response to show.");
+}
+
+// Energy
+function drawShares(which) {
+  for (const id of ["strain", "kinetic"]) by(id).setAttribute("aria-selected", String(id === which));
+  const rowsOf = data.shares[which], numbers = modesOf.rows.slice(0, modesOf.shown).map((_, i) => i + 1);
+  const words = which === "strain" ? "strain energy" : "kinetic energy";
+  Plotly.react("shares", rowsOf.map(([name, values], i) => ({type: "bar", name: plain(name), x: numbers, y: values,
+    marker: {color: name === "all others" ? "#d5dbe1" : PALETTE[i % PALETTE.length], pattern: {shape: i >= PALETTE.length ? "/" : "", solidity: 0.25}},
+    hovertemplate: `<b>${plain(name)}</b><br>mode %{x}: %{y:.2f} %<extra></extra>`})),
+  layout({barmode: "relative", bargap: 0.28, showlegend: true, legend: {traceorder: "normal", font: {size: 12}},
+    xaxis: axis("mode [–]", {dtick: Math.ceil(numbers.length / 20), range: [0.4, numbers.length + 0.6], showgrid: false}),
+    yaxis: axis(`share of ${words} [%]`)}), CONFIG);
+}
+if (modesOf.shown) {
+  by("strain").onclick = () => drawShares("strain");
+  by("kinetic").onclick = () => drawShares("kinetic");
+  drawShares(data.shares.strain.length ? "strain" : "kinetic");
+} else {
+  empty("shares", "No mode has any energy.");
+}
+by("csv-energy").onclick = () => csv(`${fileName(data.name)}-energy.csv`, [
+  ["energy [%]", "element", ...modesOf.rows.slice(0, modesOf.shown).map((_, i) => `mode ${i + 1}`)],
+  ...["strain", "kinetic"].flatMap((which) => data.shares[which].map(([name, values]) => [which, name, ...values]))]);
+
+// Topology: edges between the same two bodies bend away from each other.
+function bent(from, to, bend) {
+  const xs = [], ys = [], [x0, y0] = from, [x1, y1] = to;
+  const cx = 0.5 * (x0 + x1) + bend * (y1 - y0 || 1), cy = 0.5 * (y0 + y1) - bend * (x1 - x0);
+  for (let i = 0; i <= 16; i++) {
+    const s = i / 16, a = (1 - s) ** 2, b = 2 * s * (1 - s), c = s * s;
+    xs.push(a * x0 + b * cx + c * x1);
+    ys.push(a * y0 + b * cy + c * y1);
+  }
+  return [xs, ys];
+}
+
+function drawGraph() {
+  const {nodes, edges} = data.topology, ground = nodes.length - 1, seen = {}, at = (i) => [nodes[i][1], nodes[i][2]];
+  const kinds = {tree: {name: "joint of the tree", color: INK, width: 2.2}, floating: {name: "no joint: floats", color: "#9aa5b1", width: 1.5, dash: "dot"},
+                 cut: {name: "cut joint", color: RED, width: 2.4, dash: "dash"}, spring: {name: "spring or damper", color: ORANGE, width: 1.3}};
+  const drawn = Object.fromEntries(Object.keys(kinds).map((kind) => [kind, {x: [], y: [], mx: [], my: [], text: []}]));
+  for (const [kind, name, words, first, second] of edges) {
+    const key = `${Math.min(first, second)}-${Math.max(first, second)}`, nth = (seen[key] = (seen[key] ?? -1) + 1);
+    const side = (nth % 2 ? 1 : -1) * Math.ceil(nth / 2) * 0.22 * (first < second ? 1 : -1);
+    const flat = nth === 0 && nodes[first][2] === nodes[second][2] && Math.abs(nodes[first][1] - nodes[second][1]) > 1 ? 0.18 : 0;
+    const [x, y] = bent(at(first), at(second), side + flat), place = drawn[kind];
+    place.x.push(...x, null); place.y.push(...y, null);
+    place.mx.push(x[8]); place.my.push(y[8]);
+    place.text.push(`<b>${plain(name)}</b><br>${plain(words)}${kind === "cut" ? ", cut" : ""}<br>${plain(nodes[first][0])} – ${plain(nodes[second][0])}`);
+  }
+  const traces = Object.entries(kinds).filter(([kind]) => drawn[kind].x.length).flatMap(([kind, {name, color, width, dash}]) => [
+    {x: drawn[kind].x, y: drawn[kind].y, mode: "lines", name, legendgroup: kind, hoverinfo: "skip", line: {color, width, dash: dash || "solid"}},
+    {x: drawn[kind].mx, y: drawn[kind].my, mode: "markers", legendgroup: kind, showlegend: false, hoverinfo: "text", text: drawn[kind].text,
+     marker: {size: 7, color: kind === "cut" ? RED : "#fff", line: {color, width: 1.5}}}]);
+  const labels = nodes.length <= 80;
+  traces.push({x: nodes.map((node) => node[1]), y: nodes.map((node) => node[2]), mode: labels ? "markers+text" : "markers", showlegend: false,
+    hoverinfo: "text", text: nodes.map((node) => plain(node[0])), textposition: nodes.map((_, i) => (i === ground ? "bottom center" : "top center")),
+    textfont: {size: nodes.length > 30 ? 10 : 12}, marker: {size: nodes.map((_, i) => (i === ground ? 17 : 13)),
+    symbol: nodes.map((_, i) => (i === ground ? "square" : "circle")), color: nodes.map((_, i) => (i === ground ? "#6b7682" : BLUE)), line: {color: "#fff", width: 2}}});
+  const bare = {visible: false};
+  Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest",
+    yaxis: {...bare, range: [-0.7, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
+}
+drawGraph();
+by("csv-topology").onclick = () => csv(`${fileName(data.name)}-topology.csv`, [["part", "name", "what", "first", "second"],
+  ...data.topology.edges.map(([kind, name, words, first, second]) => [kind, name, words, data.topology.nodes[first][0], data.topology.nodes[second][0]])]);
+chips(by("cut"), data.cut, false, "None: the joints make no loop.");
+chips(by("redundant"), data.redundant, true, "None: every constraint counts.");
+if (!data.loops.length) make("p", "No loop locks anything.", by("loops"), "none");
+for (const loop of data.loops) {
+  const pivots = loop.rank ? `; smallest pivot kept ${shown(loop.kept, 3)}, largest dropped ${shown(loop.dropped, 3)}` : "";
+  const names = loop.joints.length > 8 ? `${loop.joints.slice(0, 8).join(", ")}, … (${loop.joints.length})` : loop.joints.join(", ");
+  make("p", `${names}: ${loop.rank} of ${loop.rows} constraint rows independent${pivots}; loop size ${shown(loop.length, 3)} m`, by("loops"));
+}
+
+// Accuracy
+if (modesOf.rows.length) {
+  const errors = modesOf.rows.map((mode) => Math.max(mode.error || 0, 1e-17));
+  Plotly.newPlot("errors", [{type: "scatter", mode: "markers", x: errors.map((_, i) => i + 1), y: errors, marker: {color: BLUE, size: errors.length > 80 ? 4 : 7},
+    hovertemplate: "mode %{x}: %{y:.1e}<extra></extra>"}], layout({margin: {l: 80, r: 18, t: 34, b: 50},
+    title: {text: "Estimated relative error of the eigenvalues", x: 0, xref: "paper", font: {size: 14, color: INK}},
+    xaxis: axis("mode [–]", {range: [0.4, errors.length + 0.6], dtick: Math.ceil(errors.length / 20), showgrid: false}),
+    yaxis: axis("relative error [–]", {type: "log", exponentformat: "power", dtick: 2,
+      range: [-17.2, Math.max(-9.5, Math.ceil(Math.log10(Math.max(...errors))) + 0.5)]})}), CONFIG);
+} else {
+  empty("errors", "There are no eigenvalues.");
+}
+for (const text of data.skipped) make("li", text, by("skipped"));
+by("explained").textContent = data.explained;
+document.body.dataset.ready = "yes";

@@ -1,0 +1,189 @@
+"""What a report shows, as plain lists and numbers for JSON."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import mbsvib
+from mbsvib.explain import skipped
+from mbsvib.plots import _scene
+from mbsvib.plots import _tree_layout as layout
+from mbsvib.plots import _units as units
+from mbsvib.plots._choice import pick
+from mbsvib.plots._curves import curves, shared_grid
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.modes import Modes
+    from mbsvib.parts._part import Part
+    from mbsvib.plots._choice import Names
+    from mbsvib.system import System
+
+MOST_MODES = 60  # in motion and with shares; the table has them all
+MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page
+LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the others
+MOST_ELEMENTS = 24
+
+
+def collect(system: System, inputs: Names, outputs: Names, ports: Iterable[Part] = ()) -> dict[str, Any]:
+    """Return everything that a report shows.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : str or sequence of str, optional
+        Names of those to show; default: all.
+    ports : iterable of Part
+        The inputs as parts, to be drawn.
+
+    Returns
+    -------
+    dict
+        Lists, texts and numbers.
+    """
+    modes = system.modes()
+    responses = _responses(system, inputs, outputs)  # before `skipped`, which tells how responses were computed
+    topology = system.provenance.topology
+    return {
+        "name": system.name,
+        "version": mbsvib.__version__,
+        "facts": _facts(system),
+        "scene": _picture(system, ports),
+        "modes": _modes(system, modes),
+        "responses": responses,
+        "shares": _shares(system, modes),
+        "topology": layout.graph(topology, system.provenance.parts),
+        "loops": _loops(system),
+        "floating": [topology.bodies[i] for i in topology.floating],
+        "redundant": list(system.redundant),
+        "cut": list(system.cut_joints),
+        "skipped": skipped(system),
+        "explained": system.explain(),
+    }
+
+
+def finite(value: float) -> float | None:
+    """Return a number, or None for what JSON has no word for."""
+    return float(value) if np.isfinite(value) else None
+
+
+def packed(values: NDArray[Any]) -> str:
+    """Return an array as base64 of 32-bit floats, little-endian."""
+    return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def _facts(system: System) -> list[list[Any]]:
+    topology = system.provenance.topology
+    counts = [("degrees of freedom", system.dof), ("bodies", len(topology.bodies)), ("joints", len(topology.joints)),
+              ("springs and dampers", len(system.provenance.springs)), ("loops cut", len(topology.cut)),
+              ("redundant constraints", len(system.redundant)), ("inputs", len(system.inputs)),
+              ("outputs", len(system.outputs))]  # fmt: skip
+    return [[what, count] for what, count in counts]
+
+
+def _picture(system: System, ports: Iterable[Part]) -> dict[str, Any]:
+    scene = _scene.of_system(system.name, system.provenance, ports)
+    return {
+        "size": scene.size,
+        "points": packed(scene.points),
+        "first": scene.first.tolist(),
+        "second": scene.second.tolist(),
+        "share": np.round(scene.share, 5).tolist(),
+        "firstArm": packed(scene.start - scene.position[scene.first]),
+        "secondArm": packed(scene.end - scene.position[scene.second]),
+        "lines": [[line.kind, line.name, line.first, line.last] for line in scene.lines],
+        "marks": [[mark.kind, mark.name, mark.point, mark.words] for mark in scene.marks],
+        "faces": scene.faces.tolist(),
+    }
+
+
+def _modes(system: System, modes: Modes) -> dict[str, Any]:
+    shown = min(len(modes), MOST_MODES)
+    strongest = [" ".join(most) for most in modes.strongest()] or [""] * len(modes)
+    rows = [
+        {"natural": finite(f), "damped": finite(d), "ratio": finite(z), "error": finite(e.max()), "most": most,
+         "values": [[finite(value.real), finite(value.imag)] for value in pair]}
+        for f, d, z, e, most, pair in zip(modes.frequencies, modes.damped_frequencies, modes.damping_ratios,
+                                          modes.pair_errors, strongest, modes.pairs, strict=True)
+    ]  # fmt: skip
+    motion = system.body_motion @ modes.shapes[:, :shown]
+    both = np.stack((motion.real, np.imag(motion)), axis=-1)  # bodies, 6, modes, 2
+    return {"rows": rows, "shown": shown, "bodies": len(system.bodies), "remarks": list(modes.remarks()),
+            "motion": packed(np.moveaxis(both, 2, 0))}  # fmt: skip
+
+
+def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] | None:
+    """Magnitude and phase over frequency of as many pairs as fit into the page, and which ones these are."""
+    if not (system.inputs and system.outputs and system.dof):
+        return None
+    sources, results = pick(system, "input", inputs), pick(system, "output", outputs)
+    asked = len(sources), len(results)
+    while True:
+        pairs = [(source, result) for source in sources for result in results]
+        grid = shared_grid([system], pairs, None, (None, None))
+        if len(grid) * len(pairs) <= MOST_SAMPLES or len(pairs) == 1:
+            break
+        keep = max(1.0, MOST_SAMPLES / len(grid)) / len(pairs)
+        sources, results = _fewer(sources, results, keep)
+    found = curves(system, pairs, grid)
+    return {
+        "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
+        "outputs": [[name, units.pretty(_unit(system.outputs, system.output_units, name))] for name in results],
+        "left": [asked[0] - len(sources), asked[1] - len(results)],
+        "frequencies": grid.tolist(),
+        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in found],
+        "negligible": [curve.negligible for curve in found],
+        "magnitude": packed(np.array([np.abs(curve.values) for curve in found])),
+        "phase": packed(np.array([curve.phase() for curve in found])),
+    }
+
+
+def _fewer(sources: list[str], results: list[str], keep: float) -> tuple[list[str], list[str]]:
+    """Fewer inputs or outputs, whichever there are more of."""
+    if len(sources) > len(results):
+        return sources[: max(1, min(len(sources) - 1, int(keep * len(sources))))], results
+    return sources, results[: max(1, min(len(results) - 1, int(keep * len(results))))]
+
+
+def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
+    return known[names.index(name)]
+
+
+def _shares(system: System, modes: Modes) -> dict[str, Any]:
+    shown = min(len(modes), MOST_MODES)
+    stiffness = system.stiffness_shares(modes)
+    kinds = [f"{name} ({kind})" if kind != "elastic" else name
+             for name, kind in zip(stiffness.elements, stiffness.kinds, strict=True)]  # fmt: skip
+    kinetic = modes.kinetic_energy
+    moving = np.array([*kinetic.values()]).reshape(-1, len(modes))
+    return {"strain": _largest(kinds, stiffness.shares[:, :shown]), "kinetic": _largest([*kinetic], moving[:, :shown])}
+
+
+def _largest(names: Sequence[str], shares: NDArray[np.float64]) -> list[list[Any]]:
+    """Names with their shares [%] in each mode, the largest ones first, and what is left over as others."""
+    size = np.nanmax(np.abs(shares), axis=1, initial=0.0)
+    order = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]
+    rows: list[list[Any]] = [[names[i], _percent(shares[i])] for i in sorted(order)]
+    rest = np.delete(shares, order, axis=0).sum(axis=0)
+    if np.abs(rest).max(initial=0.0) > 1e-4:
+        rows.append(["all others", _percent(rest)])
+    return rows
+
+
+def _percent(values: NDArray[np.float64]) -> list[float | None]:
+    return [finite(round(100.0 * float(value), 4)) for value in values]
+
+
+def _loops(system: System) -> list[dict[str, Any]]:
+    return [
+        {"joints": list(group.joints), "rank": int(group.rank), "rows": len(group.rows), "kept": finite(group.kept),
+         "dropped": finite(group.dropped), "length": finite(group.length), "redundant": list(group.redundant)}
+        for group in system.provenance.reduction.groups
+    ]  # fmt: skip

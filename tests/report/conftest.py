@@ -1,0 +1,50 @@
+"""A headless browser, and the pages it looks at."""
+
+import shutil
+import warnings
+
+import pytest
+
+PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
+# Drawn in software: there is no graphics card in a test.
+WORDS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium: that of the system, else the one that playwright has installed."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with sync_api.sync_playwright() as playwright:
+            try:
+                found = playwright.chromium.launch(executable_path=program, args=[*WORDS])
+            except sync_api.Error as error:
+                pytest.skip(f"no browser: {str(error).splitlines()[0]}")
+            yield found
+            found.close()
+
+
+@pytest.fixture(scope="module")
+def look(browser, tmp_path_factory):
+    """A function that writes the report of a model and opens it; it returns the page, and what went wrong in it."""
+    from mbsvib.report import write
+
+    opened = []
+
+    def show(model):
+        path = write(model, tmp_path_factory.mktemp("report") / "report.html")
+        page = browser.new_page(viewport={"width": 1380, "height": 900})
+        opened.append(page)
+        page.trouble, page.asked = [], []
+        page.on("pageerror", lambda error: page.trouble.append(str(error)))
+        page.on("console", lambda message: page.trouble.append(message.text) if message.type == "error" else None)
+        page.on("request", lambda request: page.asked.append(request.url))
+        page.goto(path.as_uri())
+        page.wait_for_function("document.body.dataset.ready === 'yes'", timeout=60_000)
+        return page
+
+    yield show
+    for page in opened:
+        page.close()

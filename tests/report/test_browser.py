@@ -1,0 +1,218 @@
+"""The page in a real browser: it is turned, played, clicked through and downloaded from."""
+
+import csv
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
+pytestmark = pytest.mark.slow
+
+EVIL = "</script><img src=x onerror=alert(1)>"
+LINES = "view.data.find((trace) => trace.mode === 'lines' && trace.line.width === 7)"
+
+
+@pytest.fixture(scope="module")
+def stewart():
+    model = mv.library.stewart(ports=("platform", "base"))
+    return model, model.linearize()
+
+
+@pytest.fixture(scope="module")
+def page(look, stewart):
+    return look(stewart[0])
+
+
+@pytest.fixture(autouse=True)
+def untroubled(request):
+    yield
+    if "page" in request.fixturenames:
+        page = request.getfixturevalue("page")
+        assert page.trouble == []
+
+
+def x_of_lines(page):
+    return np.array(page.evaluate(f"{LINES}.x.map((value) => value === null ? 0 : value)"))
+
+
+def saved(page, button):
+    with page.expect_download() as download:
+        page.click(button)
+    with open(download.value.path(), encoding="utf-8", newline="") as stream:
+        return download.value.suggested_filename, list(csv.reader(stream))
+
+
+def test_one_file_is_all_that_is_asked_for(page):
+    assert [url for url in page.asked if not url.startswith(("blob:", "data:"))] == [page.url]
+
+
+def test_the_table_lists_all_modes(page, stewart):
+    rows = page.locator("#modes tbody tr")
+    assert rows.count() == 6
+    assert rows.nth(2).locator("td").nth(1).inner_text() == f"{stewart[1].modes().frequencies[2]:.6g}"
+    assert "platform z" in rows.nth(2).inner_text()
+
+
+def test_a_click_on_a_mode_plays_it_and_another_rests(page):
+    page.click("#modes tbody tr:nth-child(3)")
+    assert page.locator("#modes tbody tr.chosen td").first.inner_text() == "3"
+    assert page.inner_text("#play") == "Pause"
+    page.wait_for_function("state.drawn > 5")
+    moving = x_of_lines(page)
+    page.wait_for_function(f"state.drawn > {page.evaluate('state.drawn') + 3}")
+    assert np.abs(x_of_lines(page) - moving).max() > 0.0
+    page.click("#play")
+    assert page.inner_text("#play") == "Play"
+    page.wait_for_timeout(200)
+    drawn = page.evaluate("state.drawn")
+    page.wait_for_timeout(200)
+    assert page.evaluate("state.drawn") == drawn
+
+
+def test_the_picture_is_the_shape_of_the_mode(page, stewart):
+    """At phase 0 points are where the bodies' displacements take them, the farthest one by the amplitude."""
+    from mbsvib.plots._scene import of_system
+
+    model, system = stewart
+    modes = system.modes()
+    scene = of_system(system.name, system.provenance, model.inputs.values())
+    for mode in (0, 5):
+        page.evaluate(f"choose({mode})")
+        moves = scene.displacements(np.array([modes.body_shapes[name][:, mode] for name in system.bodies]))
+        expected = scene.points + 0.1 * scene.size * moves / np.linalg.norm(moves, axis=1).max()
+        drawn = np.array(page.evaluate("Array.from(moved())")).reshape(-1, 3)
+        np.testing.assert_allclose(drawn, expected, atol=1e-6)
+
+
+def test_the_picture_is_turned_by_the_mouse_also_while_it_plays(page):
+    camera = "view._fullLayout.scene._scene.getCamera().eye"
+    page.click("#views button:first-child")
+    page.evaluate("choose(0); play(true)")
+    before = page.evaluate(camera)
+    box = page.locator("#view").bounding_box()
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for i in range(12):
+        page.mouse.move(x + 15 * i, y)
+        page.wait_for_timeout(30)
+    page.mouse.up()
+    page.wait_for_timeout(300)
+    after = page.evaluate(camera)
+    page.evaluate("play(false)")
+    turned = np.degrees(np.arctan2(after["y"], after["x"]) - np.arctan2(before["y"], before["x"]))
+    assert abs((turned + 180.0) % 360.0 - 180.0) > 20.0
+
+
+def test_views_and_layers(page):
+    page.click("#views button:nth-child(4)")
+    page.wait_for_function("view._fullLayout.scene._scene.getCamera().eye.z > 1.5")
+    page.click("#layers label:has-text('springs')")
+    hidden = "view.data.filter((trace) => trace.visible === false).length"
+    page.wait_for_function(f"{hidden} > 0")
+    page.click("#layers label:has-text('springs')")
+    page.wait_for_function(f"{hidden} === 0")
+    page.click("#views button:first-child")
+
+
+def test_the_pointer_tells_what_a_part_is(page):
+    texts = page.evaluate("view.data.flatMap((trace) => trace.text || [])")
+    assert any("leg1.head" in text and "joint between" in text for text in texts)
+    assert any("leg2.head" in text and ", cut" in text for text in texts)
+
+
+@pytest.mark.parametrize(("source", "result"), [("Fz", "z"), ("Fx", "x"), ("ax", "platform.ax")])
+def test_any_input_and_output_can_be_chosen(page, stewart, source, result):
+    system = stewart[1]
+    for select, name, names in (("#input", source, system.inputs), ("#output", result, system.outputs)):
+        page.select_option(select, index=names.index(name))
+    drawn = page.evaluate("({x: by('bode').data[0].x, y: by('bode').data[0].y, phase: by('bode').data[1].y})")
+    G = system.frequency_response(2.0 * np.pi * np.array(drawn["x"]))
+    G = G[system.outputs.index(result), system.inputs.index(source)]
+    np.testing.assert_allclose(drawn["y"], np.abs(G), rtol=1e-6)
+    off = np.exp(1j * np.radians(drawn["phase"])) - G / np.abs(G)
+    assert np.abs(off).max() < 1e-5
+    titles = page.evaluate("['xaxis', 'yaxis', 'yaxis2'].map((name) => by('bode').layout[name].title.text)")
+    assert titles[0] == "frequency [Hz]"
+    assert titles[1] == f"magnitude [{'m/N' if source != 'ax' else '1'}]"
+    assert titles[2] == "phase [deg]"
+
+
+def test_a_click_on_a_resonance_shows_its_mode(page):
+    page.evaluate("choose(0)")
+    page.evaluate("by('bode').emit('plotly_click', {points: [{x: 1265.0}]})")
+    assert page.evaluate("state.mode") == 5
+
+
+def test_energy_of_springs_or_of_bodies(page):
+    page.click("#kinetic")
+    names = page.evaluate("by('shares').data.map((trace) => trace.name)")
+    assert "platform" in names
+    page.click("#strain")
+    assert page.evaluate("by('shares').data.length") == 6
+
+
+def test_topology_tells_what_was_cut(page, stewart):
+    assert page.locator("#cut li").all_inner_texts() == list(stewart[1].cut_joints)
+    assert "15 of 15" in page.inner_text("#loops")
+    assert page.evaluate("by('graph').data.map((trace) => trace.name).includes('cut joint')")
+    page.click("summary")
+    assert "minimal:" in page.inner_text("#explained")
+    assert page.locator("#skipped li").count() >= 3
+
+
+def test_all_data_can_be_had_as_csv(page, stewart):
+    system = stewart[1]
+    name, rows = saved(page, "#csv-modes")
+    assert name == "stewart-modes.csv"
+    assert [float(row[1]) for row in rows[1:]] == system.modes().frequencies.tolist()
+    page.select_option("#input", index=0)
+    page.select_option("#output", index=0)
+    name, rows = saved(page, "#csv-response")
+    values = np.array(rows[1:], dtype=float)
+    G = system.frequency_response(2.0 * np.pi * values[:, 0])[0, 0]
+    np.testing.assert_allclose(values[:, 1], np.abs(G), rtol=1e-6)
+    assert "m/N" in rows[0][1]
+    _, rows = saved(page, "#csv-energy")
+    assert rows[0][-1] == "mode 6"
+    _, rows = saved(page, "#csv-topology")
+    assert {row[0] for row in rows[1:]} == {"tree", "cut", "spring"}
+
+
+def test_the_picture_is_there(page):
+    """A WebGL scene that failed to draw is one colour all over."""
+    pixels = page.locator("#view").screenshot()
+    assert len(pixels) > 15_000
+    assert page.locator("#view canvas").count() >= 1
+
+
+def test_names_are_shown_as_they_are(look):
+    model = mv.Model(EVIL)
+    model.add_body(EVIL, 1.0, (1, 1, 1))
+    model.add_joint(EVIL + "j", "prismatic", "ground", EVIL, axis=(1, 0, 0))
+    model.add_spring(EVIL + "k", "ground", EVIL, (-1, 0, 0), (0, 0, 0), stiffness=1.0)
+    model.add_input(EVIL, EVIL, "x")
+    model.add_output(EVIL, EVIL, "x")
+    page = look(model)
+    page.on("dialog", lambda dialog: page.trouble.append("dialog"))
+    assert page.inner_text("h1") == EVIL
+    assert page.locator("img[src='x']").count() == 0
+    assert EVIL in page.inner_text("#modes")
+    assert EVIL in page.inner_text("#graph")
+    assert page.trouble == []
+
+
+@pytest.mark.parametrize("name", ["quarter_car", "locked", "free"])
+def test_other_mechanisms(look, name):
+    if name == "quarter_car":
+        model = mv.library.quarter_car()
+    else:
+        model = mv.Model(name)
+        model.add_body("b", 1.0, (1, 1, 1))
+        if name == "locked":
+            model.add_joint("weld", "fixed", "ground", "b")
+    page = look(model)
+    page.click("#csv-modes")
+    assert page.trouble == []

@@ -1,0 +1,133 @@
+"""What is in the page, without looking at it."""
+
+import base64
+import json
+import re
+import time
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
+
+from mbsvib import report
+from mbsvib.report.data import collect
+from mbsvib.report.page import embedded
+
+EVIL = "</script><img src=x onerror=alert(1)>"
+
+
+def stored(page):
+    """The data that a page holds, as a browser would read them."""
+    text = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]
+    return json.loads(text)
+
+
+def floats(code):
+    return np.frombuffer(base64.b64decode(code), dtype="<f4")
+
+
+@pytest.fixture(scope="module")
+def stewart():
+    model = mv.library.stewart(ports=("platform", "base"))
+    return model, model.linearize()
+
+
+def test_a_page_is_small_quick_and_whole(stewart, tmp_path):
+    start = time.perf_counter()
+    path = report.write(stewart[0], tmp_path / "report.html")
+    assert time.perf_counter() - start < 3.0
+    assert path.stat().st_size < 6e6
+    assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
+    assert stored(path.read_text(encoding="utf-8"))["name"] == "stewart"
+
+
+def test_nothing_is_fetched(stewart):
+    page = report.html(stewart[1])
+    own = page.replace(re.search(r"<script>/\*\*\n\* plotly.*?</script>", page, re.DOTALL)[0], "")
+    assert not re.search(r"(src|href)=[\"']?(?!#)", own)
+    assert "http" not in own.replace("http-equiv", "")
+    assert "default-src 'none'" in own
+
+
+def test_the_data_are_those_of_the_system(stewart):
+    model, system = stewart
+    data, modes = collect(system, None, None, model.inputs.values()), system.modes()
+    rows = data["modes"]["rows"]
+    assert [row["natural"] for row in rows] == modes.frequencies.tolist()
+    assert [row["error"] for row in rows] == modes.errors.reshape(-1, 2).max(axis=1).tolist()
+    motion = floats(data["modes"]["motion"]).reshape(6, 13, 6, 2)
+    expected = np.array([modes.body_shapes[name] for name in system.bodies])
+    np.testing.assert_allclose(motion[..., 0], np.moveaxis(expected, 2, 0), rtol=1e-6, atol=1e-12)
+    responses = data["responses"]
+    assert responses["left"] == [0, 0]
+    frequencies = np.array(responses["frequencies"])
+    magnitude = floats(responses["magnitude"]).reshape(len(system.inputs), len(system.outputs), -1)
+    G = system.frequency_response(2.0 * np.pi * frequencies)
+    np.testing.assert_allclose(magnitude, np.abs(G).swapaxes(0, 1), rtol=1e-6, atol=1e-30)
+    assert data["cut"] == list(system.cut_joints)
+    shares = dict(data["shares"]["strain"])
+    np.testing.assert_allclose(np.sum([*shares.values()], axis=0), 100.0, atol=1e-2)
+    assert data["explained"] == system.explain()
+
+
+def test_names_cannot_leave_their_place():
+    model = mv.Model(EVIL)
+    model.add_body(EVIL, 1.0, (1, 1, 1))
+    model.add_joint(EVIL + "j", "prismatic", "ground", EVIL, axis=(1, 0, 0))
+    model.add_spring(EVIL + "k", "ground", EVIL, (-1, 0, 0), (0, 0, 0), stiffness=1.0)
+    model.add_input(EVIL, EVIL, "x")
+    model.add_output(EVIL, EVIL, "x")
+    page = report.html(model)
+    assert EVIL not in page
+    assert "<img" not in page[: page.index("/**\n* plotly")]
+    assert stored(page)["name"] == EVIL
+    assert "&lt;/script&gt;" in page[:3000]
+
+
+@pytest.mark.parametrize("text", ["</script>", "<!--<script>", "]]>", "&amp;", "\u2028\u2029", '"\\', "é"])
+def test_embedded_data_come_back(text):
+    code = embedded({"name": text})
+    assert json.loads(code) == {"name": text}
+    assert not set("<>&\u2028\u2029é") & set(code)
+
+
+def test_what_has_nothing_to_show_is_a_page_nevertheless():
+    model = mv.Model("locked")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("weld", "fixed", "ground", "b")
+    data = stored(report.html(model))
+    assert data["responses"] is None
+    assert data["modes"]["rows"] == []
+
+
+def test_too_many_pairs_are_left_out_and_counted():
+    model = mv.Model("many")
+    for i in range(40):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1), (i, 0, 0))
+        model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (i - 0.5, 0, 0), (1e3,) * 6, (1.0,) * 6)
+        model.add_input(f"F{i}", f"b{i}", "x")
+        model.add_output(f"x{i}", f"b{i}", "x")
+    page = report.html(model)
+    data = stored(page)["responses"]
+    assert len(page) < 6e6
+    assert data["left"][0] + len(data["inputs"]) == 40
+    assert data["left"][1] + len(data["outputs"]) == 40
+    assert sum(data["left"]) > 0
+    chosen = stored(report.html(model, "F39", ["x0", "x39"]))["responses"]
+    assert (len(chosen["inputs"]), len(chosen["outputs"]), chosen["left"]) == (1, 2, [0, 0])
+    with pytest.raises(mv.ResponseError, match="x40"):
+        report.html(model, outputs="x40")
+
+
+def test_refusals_say_what_to_do(monkeypatch, tmp_path):
+    model = mv.library.quarter_car()
+    with pytest.raises(mv.ExportError, match="cannot be written"):
+        report.write(model, tmp_path / "no" / "report.html")
+    with pytest.raises(mv.ModelError, match=r"method='dense'"):
+        report.html(mv.library.chain(700))
+    monkeypatch.setitem(__import__("sys").modules, "plotly.offline", None)
+    with pytest.raises(mv.ExportError, match=r"mbsvib\[report\]"):
+        report.html(model)
