@@ -92,7 +92,8 @@ def test_derivatives_to_parameters_are_those_of_the_formula(tmp_path):
             forward = plant.fmu.getDirectionalDerivative(seen, [plant.references[name]], [2.0])
             assert forward == pytest.approx([0.0, 2 * formula[name], 2 * formula[name]], rel=1e-13)
         known = [plant.references[name] for name in (*parameters, *names_of(file, "state"), "F")]
-        backward = plant.fmu.getAdjointDerivative(seen, known, [1.0, 10.0, 100.0])
+        # fmpy takes as many sensitivities as there are unknowns where it is not told better
+        backward = plant.fmu.getAdjointDerivative(seen, known, [1.0, 10.0, 100.0], nSensitivity=len(known))
         slopes = [110 * formula[name] for name in parameters]
         assert backward == pytest.approx([*slopes, -110 * k / mass, 1 - 110 * c / mass, 110 / mass], rel=1e-13)
 
