@@ -10,15 +10,21 @@ import re
 from typing import TYPE_CHECKING
 
 from mbsvib.errors import ModelError, nearest
+from mbsvib.library._cantilever import cantilever
 from mbsvib.library._chain import chain
 from mbsvib.library._cubic import cubic_hexapod
 from mbsvib.library._dh import from_dh
+from mbsvib.library._engine import engine_on_mounts
 from mbsvib.library._inclined_chain import inclined_chain
 from mbsvib.library._ladder import ladder
+from mbsvib.library._linkages import four_bar, slider_crank
+from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendulum
 from mbsvib.library._quadruped import quadruped
 from mbsvib.library._quarter_car import quarter_car
+from mbsvib.library._rotors import rotor_stator, sleeping_top
 from mbsvib.library._stewart import stewart, stewart_isolator
 from mbsvib.library._tree import tree
+from mbsvib.library._wafer_stage import wafer_stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,8 +32,9 @@ if TYPE_CHECKING:
     from mbsvib.model import Model
 
 __all__ = [
-    "build", "chain", "cubic_hexapod", "from_dh", "inclined_chain", "ladder", "models", "quadruped", "quarter_car",
-    "stewart", "stewart_isolator", "tree",
+    "build", "cantilever", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh", "hinged_rod",
+    "inclined_chain", "ladder", "models", "pendulum_chain", "quadruped", "quarter_car", "rotor_stator",
+    "sleeping_top", "slider_crank", "stewart", "stewart_isolator", "tree", "trifilar_pendulum", "wafer_stage",
 ]  # fmt: skip
 
 _FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}
@@ -53,6 +60,16 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
         "quadruped": (quadruped, "quadruped robot, floating trunk and four legs of three parts, 18 DOF"),
         "quarter_car": (quarter_car, "body, wheel, suspension with an actuator, and a road that moves, 2 DOF"),
         "inclined_chain": (inclined_chain, "8 masses and 9 springs on an inclined rail, 8 DOF"),
+        "hinged_rod": (hinged_rod, "rod that hangs from a hinge, 1 DOF"),
+        "pendulum_chain": (pendulum_chain, "3 point masses, each hung from the one above, 3 DOF"),
+        "trifilar_pendulum": (trifilar_pendulum, "plate on three wires, 3 DOF"),
+        "four_bar": (four_bar, "four-bar linkage under gravity, held by a spring, 1 DOF"),
+        "slider_crank": (slider_crank, "slider-crank under gravity, held by a spring, 1 DOF"),
+        "rotor_stator": (rotor_stator, "rotor that spins in a stator on soft mounts, 7 DOF"),
+        "sleeping_top": (sleeping_top, "top that spins upright on its tip, 3 DOF"),
+        "cantilever": (cantilever, "steel tube of 20 beam elements with a mass at its tip, 120 DOF"),
+        "wafer_stage": (wafer_stage, "long and short stroke, and a metrology frame on isolators, 21 DOF"),
+        "engine_on_mounts": (engine_on_mounts, "engine whose weight four rubber mounts carry, 6 DOF"),
     }
 
 

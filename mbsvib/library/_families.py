@@ -80,6 +80,14 @@ def count(value: Any, who: str, field: str, least: int = 1) -> int:
     return int(number)
 
 
+def positive(value: Any, who: str, field: str, unit: str) -> float:
+    """Return ``value`` if it is a positive number."""
+    number = check.number(value, who, field, f"a positive number [{unit}]")
+    if number <= 0.0:
+        raise check.refuse(who, field, value, f"a positive number [{unit}]")
+    return number
+
+
 def joint_kind(value: Any, who: str) -> str:
     """Return the kind of joint that a word or the chapter's letter stands for."""
     kind = LETTERS.get(value, value) if isinstance(value, str) else None

@@ -92,7 +92,8 @@ def test_every_model_builds_and_vibrates():
         system = model.linearize()
         assert system.inputs
         assert system.outputs
-        assert system.modes().frequencies[0] > 0
+        modes = system.modes()
+        assert modes.frequencies[modes.rigid] > 0
 
 
 @pytest.mark.parametrize("name", models())

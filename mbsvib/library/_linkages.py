@@ -1,0 +1,151 @@
+"""Planar linkages under gravity, held in their pose by a spring: loops, redundant constraints and forces in pins."""
+
+from __future__ import annotations
+
+from math import asin, atan2, cos, hypot, radians, sin
+from typing import TYPE_CHECKING
+
+from mbsvib import _checks as check
+from mbsvib.library._families import positive
+from mbsvib.library._pendulums import FREE_FALL
+from mbsvib.model import Model
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib._checks import Vector
+
+Y = (0.0, 1.0, 0.0)
+
+
+def four_bar(
+    *, pins: ArrayLike = ((0.0, 0.0), (0.2, 0.25), (1.05, 0.65), (1.2, 0.0)), mass_per_length: float = 2.0,
+    anchor: ArrayLike = (0.4, 1.1), spring_stiffness: float = 60.0, spring_damping: float = 0.5,
+    gravity: float = FREE_FALL,
+) -> Model:  # fmt: skip
+    """Build a four-bar linkage whose coupler hangs on a spring: 1 degree of freedom.
+
+    All moves in the x-z plane, on pins along y: in space three constraints of the loop are redundant. The tension of
+    the spring is the one that holds the linkage as it is drawn. With q the angle of the crank and V(q) the potential
+    of weights and spring, omega^2 = V''(q) / M(q).
+
+    Parameters
+    ----------
+    pins : array-like, shape (4, 2)
+        Pins A (ground and crank), B (crank and coupler), C (coupler and rocker) and D (rocker and ground), x and z [m].
+    mass_per_length : float
+        Of the three slender bars [kg/m].
+    anchor : array-like, shape (2,)
+        Where the spring is fixed to the ground, x and z [m]; it pulls at the middle of the coupler.
+    spring_stiffness, spring_damping : float
+        Of the spring [N/m, N s/m].
+    gravity : float
+        Acceleration of free fall [m/s^2], along -z.
+
+    Returns
+    -------
+    Model
+        Bodies ``crank``, ``coupler`` and ``rocker``, joints ``A`` to ``D``, spring ``spring``; input ``torque`` on the
+        crank, outputs ``crank`` (its angle), ``spring.force`` and the shaking forces ``ground.fx`` and ``ground.fz``.
+
+    Raises
+    ------
+    ModelError
+        If a value is refused by the part it is for.
+    EquilibriumError
+        If the spring pulls where the linkage does not move, so that it cannot hold it.
+    """
+    per_length = positive(mass_per_length, "four_bar", "mass_per_length", "kg/m")
+    four = check.listed(pins, "four_bar", "pins", "four points, x and z [m]")
+    if len(four) != 4:
+        raise check.refuse("four_bar", "pins", pins, "four points, x and z [m]")
+    points = [check.numbers(pin, (2,), "four_bar", "pins", "four points, x and z [m]") for pin in four]
+    points.append(check.numbers(anchor, (2,), "four_bar", "anchor", "a point, x and z [m]"))
+    a, b, c, d, hook = ((x, 0.0, z) for x, z in points)
+    model = Model("four_bar", gravity=(0.0, 0.0, -gravity))
+    for name, start, end in (("crank", a, b), ("coupler", b, c), ("rocker", c, d)):
+        _add_bar(model, name, start, end, per_length)
+    chain = ("ground", "crank", "coupler", "rocker", "ground")
+    for pin, point, first, second in zip("ABCD", (a, b, c, d), chain, chain[1:], strict=False):
+        model.add_joint(pin, "revolute", first, second, point, axis=Y)
+    model.add_spring("spring", "ground", "coupler", hook, model.bodies["coupler"].position, spring_stiffness,
+                     spring_damping)  # fmt: skip
+    _add_ports(model)
+    model.add_force_output("spring.force", "spring")
+    return model.equilibrium(preload="spring")
+
+
+def slider_crank(
+    *, crank: float = 0.1, rod: float = 0.3, angle: float = radians(60.0), crank_mass: float = 1.0,
+    rod_mass: float = 1.5, slider_mass: float = 2.0, spring_stiffness: float = 5e3, spring_damping: float = 5.0,
+    gravity: float = FREE_FALL,
+) -> Model:  # fmt: skip
+    """Build a slider-crank whose slider leans on a spring: 1 degree of freedom.
+
+    The crank turns about y at the origin, the slider moves along x; crank and rod are slender, their centres of mass in
+    the middle. The spring runs along x from the slider outwards, and its preload is the one that holds the crank at the
+    given angle against the weights.
+
+    Parameters
+    ----------
+    crank, rod : float
+        Lengths [m]; the rod is the longer one.
+    angle : float
+        Of the crank [rad], from x towards z.
+    crank_mass, rod_mass, slider_mass : float
+        Masses [kg].
+    spring_stiffness, spring_damping : float
+        Of the spring [N/m, N s/m].
+    gravity : float
+        Acceleration of free fall [m/s^2], along -z.
+
+    Returns
+    -------
+    Model
+        Bodies ``crank``, ``rod`` and ``slider``, joints ``A``, ``B``, ``C`` and ``rail``, spring ``spring``; input
+        ``torque`` on the crank, outputs ``crank`` (its angle), ``slider`` (its displacement) and the shaking forces
+        ``ground.fx`` and ``ground.fz``.
+
+    Raises
+    ------
+    ModelError
+        If a length is not positive, the rod too short, or a value is refused by the part it is for.
+    EquilibriumError
+        If the slider is at a dead centre, where no spring at it holds the crank.
+    """
+    r = positive(crank, "slider_crank", "crank", "m")
+    long = positive(rod, "slider_crank", "rod", "m")
+    turned = check.number(angle, "slider_crank", "angle", "an angle [rad]")
+    if r >= long:
+        raise check.refuse("slider_crank", "rod", rod, f"more than the crank, {r:g} m")
+    down = asin(r * sin(turned) / long)
+    a, b = (0.0, 0.0, 0.0), (r * cos(turned), 0.0, r * sin(turned))
+    c = (b[0] + long * cos(down), 0.0, 0.0)
+    model = Model("slider_crank", gravity=(0.0, 0.0, -gravity))
+    _add_bar(model, "crank", a, b, crank_mass / r)
+    _add_bar(model, "rod", b, c, rod_mass / long)
+    model.add_body("slider", slider_mass, (1e-3 * slider_mass,) * 3, c)  # it never turns
+    model.add_joint("A", "revolute", "ground", "crank", a, axis=Y)
+    model.add_joint("B", "revolute", "crank", "rod", b, axis=Y)
+    model.add_joint("C", "revolute", "rod", "slider", c, axis=Y)
+    model.add_joint("rail", "prismatic", "ground", "slider", axis=(1.0, 0.0, 0.0))
+    model.add_spring("spring", "slider", "ground", c, (c[0] + long, 0.0, 0.0), spring_stiffness, spring_damping)
+    _add_ports(model)
+    model.add_output("slider", "slider", "x")
+    return model.equilibrium(preload="spring")
+
+
+def _add_bar(model: Model, name: str, start: Vector, end: Vector, per_length: float) -> None:
+    """Add a slender bar; about its own line it has a hundredth of its moment, which nothing feels."""
+    length = hypot(end[0] - start[0], end[2] - start[2])
+    moment = per_length * length**3 / 12.0
+    model.add_body(name, per_length * length, (0.01 * moment, moment, moment),
+                   tuple(0.5 * (s + e) for s, e in zip(start, end, strict=True)),
+                   (0.0, atan2(start[2] - end[2], end[0] - start[0]), 0.0))  # fmt: skip
+
+
+def _add_ports(model: Model) -> None:
+    model.add_input("torque", "crank", "ry")
+    model.add_output("crank", "crank", "ry")
+    model.add_force_output("ground.fx", "ground", "x")
+    model.add_force_output("ground.fz", "ground", "z")
