@@ -95,7 +95,7 @@ class Campbell:
         dict
             Title, columns, rows and notes: critical speeds, and where modes grow.
         """
-        from mbsvib.modes import digits
+        from mbsvib.modes.result import digits
 
         signs = {"forward": " F", "backward": " B", "": "  "}
         rows = [(digits(speed), *(digits(f) + signs[d] for f, d in zip(row, which, strict=True)))

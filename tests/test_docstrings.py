@@ -95,7 +95,7 @@ def names(function):
 def test_something_is_looked_at():
     assert {"mbsvib.mechanism.Mechanism.add_joint", "mbsvib.model.Model.add_input"} <= set(SURFACE)
     assert "mbsvib.modes.result.Modes.frequencies:property" in ITEMS
-    assert {"mbsvib.system.System.displacements", "mbsvib.assembly.linearize"} <= set(SURFACE)
+    assert {"mbsvib.equations.Equations.displacements", "mbsvib.assembly.linearize"} <= set(SURFACE)
     assert any(name.startswith("mbsvib_export.") for name in SURFACE)
 
 

@@ -6,6 +6,6 @@
 ``general``   systems without symmetry or with massless motions: spin, follower loads, Maxwell elements
 """
 
-from mbsvib.modes.result import RTOL, Modes, digits, modes
+from mbsvib.modes.result import RTOL, Modes, modes
 
-__all__ = ["RTOL", "Modes", "digits", "modes"]
+__all__ = ["RTOL", "Modes", "modes"]
