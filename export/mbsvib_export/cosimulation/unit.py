@@ -1,0 +1,338 @@
+"""Units from files, run through fmpy: their signals, instances of them, and the linear equations that they obey."""
+
+from __future__ import annotations
+
+import ctypes
+import zipfile
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.state_space import StateSpace
+from mbsvib_export.packages import need
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_SAME = 1e-9  # of linear equations: what rounding may leave
+_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A scalar of a unit: its name in mbsvib, its value reference, its unit with what that is in SI base units."""
+
+    name: str
+    reference: int
+    unit: str
+    base: tuple[float, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class UnitFile:
+    """A unit that was unpacked: what its description says, and what it takes to make instances."""
+
+    path: Path
+    folder: str
+    description: Any
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    states: tuple[Signal, ...]
+    rates: tuple[int, ...]
+
+    @property
+    def name(self) -> str:
+        """What the unit calls itself."""
+        return str(self.description.modelName)
+
+    @property
+    def new(self) -> bool:
+        """Whether it is one of FMI 3."""
+        return str(self.description.fmiVersion).startswith("3")
+
+
+@contextmanager
+def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
+    """Unpack a unit for the time of a with statement.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    caller : str
+        Name of the public function that needs it.
+
+    Yields
+    ------
+    UnitFile
+        Signals and description.
+
+    Raises
+    ------
+    ExportError
+        If fmpy is not installed, or the file is none that it can read or this platform can run.
+    """
+    fmpy = need("fmpy", caller, "mbsvib[fmu]")
+    file = Path(path)
+    with TemporaryDirectory(prefix="mbsvib-", ignore_cleanup_errors=True) as folder:
+        try:
+            description = fmpy.read_model_description(str(file))
+            platforms = fmpy.supported_platforms(str(file))
+            fmpy.extract(str(file), folder)
+        except FileNotFoundError as error:
+            raise ExportError(f"{file}: there is no such file.") from error
+        except (zipfile.BadZipFile, KeyError, EOFError) as error:
+            raise ExportError(f"{file}: is no archive with a modelDescription.xml in it, or is damaged ({error}); "
+                              f"export it again.") from error  # fmt: skip
+        except Exception as error:  # fmpy raises its own and those of zlib and of XML, without a common root
+            raise ExportError(f"{file}: cannot be read as a unit: {error}. Export it again.") from error
+        if not str(description.fmiVersion).startswith(("2.", "3.")):
+            raise ExportError(f"{file}: is a unit of FMI {description.fmiVersion}; expected 2.0 or 3.0.")
+        if fmpy.platform not in platforms:
+            raise ExportError(f"{file}: holds no binary for {fmpy.platform}, only for {', '.join(platforms) or 'none'}; "
+                              f'export it on this platform, or for it: to_fmu(..., platforms="all").')  # fmt: skip
+        yield _described(file, folder, description)
+
+
+def _described(file: Path, folder: str, description: Any) -> UnitFile:
+    units = {each.name: each.baseUnit for each in description.unitDefinitions}
+
+    def signal(variable: Any, name: str) -> Signal:
+        if variable.type not in ("Real", "Float64") or variable.dimensions:
+            raise ExportError(f"{file}: '{variable.name}' is of type {variable.type}; expected scalars of type Real or "
+                              f"Float64 only.")  # fmt: skip
+        base = units.get(variable.unit)
+        numbers = None if base is None else tuple(float(getattr(base, key)) for key in _BASE)
+        return Signal(name, int(variable.valueReference), variable.unit or "", numbers)
+
+    inputs = [each for each in description.modelVariables if each.causality == "input"]
+    taken = {each.name for each in inputs}
+
+    def plain(name: str) -> str:
+        """The name that the export changed where an input has the same one."""
+        short = name.removesuffix(" (output)")
+        return short if short in taken else name
+
+    rates = [each.variable for each in description.derivatives]
+    return UnitFile(
+        file, folder, description, tuple(signal(each, each.name) for each in inputs),
+        tuple(signal(each, plain(each.name)) for each in description.modelVariables if each.causality == "output"),
+        tuple(signal(each.derivative, each.derivative.name) for each in rates),
+        tuple(int(each.valueReference) for each in rates),
+    )  # fmt: skip
+
+
+class Instance:
+    """An instance of a unit: values by arrays, calls without copies of references. ``log`` holds its messages."""
+
+    def __init__(self, unit: UnitFile, kind: str, extrapolate: bool = False) -> None:
+        from fmpy import fmi2, fmi3
+
+        interface = unit.description.coSimulation if kind == "cs" else unit.description.modelExchange
+        if interface is None:
+            words = {"cs": "co-simulation", "me": "model exchange"}
+            raise ExportError(f"{unit.path}: has no {words[kind]}; export it with both, as to_fmu does.")
+        classes = {"cs": (fmi2.FMU2Slave, fmi3.FMU3Slave), "me": (fmi2.FMU2Model, fmi3.FMU3Model)}
+        self.unit, self.new, self.log = unit, unit.new, list[str]()
+        self._u, self._y = _Values(unit.inputs), _Values(unit.outputs)
+        self._du, self._dy = _Values(unit.inputs), _Values(unit.outputs)
+        self._start = (0.0, np.zeros(len(unit.inputs)))
+        self.slope = np.zeros(len(unit.inputs))
+        try:
+            self.fmu = classes[kind][self.new](
+                guid=unit.description.guid, unzipDirectory=unit.folder, modelIdentifier=interface.modelIdentifier,
+                instanceName="unit",
+            )  # fmt: skip
+        except Exception as error:
+            raise ExportError(f"{unit.path}: its binary cannot be loaded: {error}") from error
+        try:
+            self._instantiate(fmi2, extrapolate)
+        except Exception as error:
+            self.fmu.freeLibrary()
+            raise ExportError(f"{unit.path}: cannot be instantiated: {'; '.join(self.log) or error}. The file is "
+                              f"damaged, or was changed after it was written; export it again.") from error  # fmt: skip
+
+    def _instantiate(self, fmi2: Any, extrapolate: bool) -> None:
+        if self.new:
+            def message(environment: Any, status: int, category: bytes, text: bytes) -> None:
+                self.log.append(text.decode(errors="replace"))
+
+            self.fmu.instantiate(logMessage=message, **({"intermediateUpdate": self._update} if extrapolate else {}))
+            return
+
+        def formatted(environment: Any, name: bytes, status: int, category: bytes, text: bytes) -> None:
+            self.log.append(text.decode(errors="replace"))
+
+        calls = fmi2.fmi2CallbackFunctions()
+        calls.logger = fmi2.fmi2CallbackLoggerTYPE(formatted)
+        calls.allocateMemory, calls.freeMemory = fmi2.defaultCallbacks.allocateMemory, fmi2.defaultCallbacks.freeMemory
+        from fmpy.logging import addLoggerProxy
+
+        addLoggerProxy(ctypes.byref(calls))
+        self.fmu.instantiate(callbacks=calls)
+
+    def _update(self, environment: Any, time: float, wanted: bool, *_: Any) -> None:
+        if wanted:
+            start, values = self._start
+            self.set(values + (time - start) * self.slope)
+
+    def enter(self) -> Instance:
+        """Enter initialization mode."""
+        if not self.new:
+            self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        return self
+
+    def leave(self) -> Instance:
+        """Leave initialization mode."""
+        self.fmu.exitInitializationMode()
+        return self
+
+    def close(self) -> None:
+        """Free the instance and its library."""
+        self.fmu.freeInstance()
+
+    def set(self, values: Array) -> None:
+        """Set all inputs."""
+        self._u.array[:] = values
+        if self._u.count:
+            f = self.fmu
+            if self.new:
+                f.fmi3SetFloat64(f.component, self._u.references, self._u.count, self._u.values, self._u.count)
+            else:
+                f.fmi2SetReal(f.component, self._u.references, self._u.count, self._u.values)
+
+    def get(self) -> Array:
+        """Return all outputs."""
+        f, y = self.fmu, self._y
+        if y.count:
+            if self.new:
+                f.fmi3GetFloat64(f.component, y.references, y.count, y.values, y.count)
+            else:
+                f.fmi2GetReal(f.component, y.references, y.count, y.values)
+        return y.array.copy()
+
+    def step(self, t: float, h: float, slope: Array | None = None) -> None:
+        """Do a step; inputs run with their slopes if such are given."""
+        if slope is not None:
+            self.slope[:] = slope
+            self._start = (t, self._u.array.copy())
+            if not self.new and self._u.count:
+                self._du.array[:] = slope
+                self.fmu.fmi2SetRealInputDerivatives(self.fmu.component, self._u.references, self._u.count,
+                                                     self._u.first, self._du.values)  # fmt: skip
+        self.fmu.doStep(currentCommunicationPoint=t, communicationStepSize=h)
+
+    def output_slopes(self) -> Array:
+        """Return the time derivatives of all outputs."""
+        f, y = self.fmu, self._dy
+        if y.count:
+            if self.new:
+                f.fmi3GetOutputDerivatives(f.component, y.references, y.count, y.first, y.values, y.count)
+            else:
+                f.fmi2GetRealOutputDerivatives(f.component, y.references, y.count, y.first, y.values)
+        return y.array.copy()
+
+    def set_states(self, x: Array) -> None:
+        """Set all states, in initialization mode or of model exchange."""
+        references = [each.reference for each in self.unit.states]
+        if references:
+            (self.fmu.setFloat64 if self.new else self.fmu.setReal)(references, [float(each) for each in x])
+
+    def rates(self) -> Array:
+        """Return the derivatives of all states."""
+        if not self.unit.rates:
+            return np.zeros(0)
+        call = self.fmu.getFloat64 if self.new else self.fmu.getReal
+        return np.array(call(list(self.unit.rates)), dtype=float)
+
+
+class _Values:
+    """References and room for values of signals, as C holds them."""
+
+    def __init__(self, signals: tuple[Signal, ...]) -> None:
+        self.count = len(signals)
+        self.references = (ctypes.c_uint * self.count)(*(each.reference for each in signals))
+        self.first = (ctypes.c_int * self.count)(*([1] * self.count))
+        self.values = (ctypes.c_double * self.count)()
+        self.array = np.frombuffer(self.values, dtype=float) if self.count else np.zeros(0)
+
+
+def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
+    """Return A, B, C, D of a unit, from what its model exchange answers to unit states and inputs.
+
+    Parameters
+    ----------
+    unit : UnitFile
+        The unit.
+
+    Returns
+    -------
+    tuple of arrays
+        A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs).
+
+    Raises
+    ------
+    ExportError
+        If it has no model exchange, or is not linear.
+    """
+    n, m = len(unit.states), len(unit.inputs)
+    with ExitStack() as stack:
+        found = Instance(unit, "me")
+        stack.callback(found.close)
+        found.enter()
+
+        def answer(z: Array) -> Array:
+            found.set_states(z[:n])
+            found.set(z[n:])
+            return np.concatenate((found.rates(), found.get()))
+
+        try:
+            rest = answer(np.zeros(n + m))
+            columns = [answer(each) for each in np.eye(n + m)]
+            z = np.random.default_rng(0).standard_normal(n + m)
+            there = answer(z)
+        except Exception as error:
+            raise ExportError(f"{unit.path}: {error} {'; '.join(found.log)}".strip()) from error
+    matrix = np.array(columns).T if columns else np.zeros((n + len(unit.outputs), 0))
+    size = np.abs(matrix) @ np.abs(z)
+    if not np.isfinite(matrix).all() or rest.any() or (np.abs(there - matrix @ z) > _SAME * size).any():
+        raise ExportError(f"{unit.path}: '{unit.name}' is not linear, or does not rest at zero states and inputs; "
+                          f"expected x' = A x + B u, y = C x + D u.")  # fmt: skip
+    return matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
+
+
+def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
+    """Return the state space of a unit, from the answers of its binary and not from the numbers in its archive.
+
+    Parameters
+    ----------
+    path : str or path
+        A unit with model exchange, FMI 2.0 or 3.0.
+
+    Returns
+    -------
+    StateSpace
+        Names as in mbsvib; ``transform`` is the identity, as a unit knows no coordinates.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be read or run here, or is not linear.
+    """
+    with open_unit(path, "state_space_of_unit") as unit:
+        a, b, c, d = equations(unit)
+        names = {kind: tuple(each.name for each in getattr(unit, kind)) for kind in ("states", "inputs", "outputs")}
+        units = {kind: tuple(each.unit for each in getattr(unit, kind)) for kind in names}
+        return StateSpace(unit.name, "unit", a, b, c, d, np.eye(len(a)), names["states"], units["states"],
+                          names["inputs"], units["inputs"], names["outputs"], units["outputs"])  # fmt: skip
