@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib import tables
-from mbsvib.balancing import exponents
 from mbsvib.errors import ExportError
 from mbsvib.system import System
 from mbsvib_export.neutral import SystemData, refuse_many
-from mbsvib_export.responses import check_points, response_error, second_order_response, state_space_response
+from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,18 +21,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.state_space import StateSpace
+    from mbsvib_export.uff_ import ResponseData
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
 LIMIT = 1e-6
 _ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body modes
-SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".fmu")
+SUFFIXES = (".json", ".npz", ".mat", ".h5", ".hdf5", ".uff", ".unv", ".op4", ".pch", ".fmu")
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One line of a check: ``what`` was compared ``against`` what, the largest relative ``error``, and its ``limit``."""
+    """One line of a check: ``what`` was compared ``against`` what, the largest relative ``error`` and its ``limit``."""
 
     what: str
     against: str
@@ -79,7 +79,8 @@ def check_export(
     Parameters
     ----------
     path : str or path
-        File of ``to_json``, ``to_npz``, ``to_mat``, ``to_hdf5``, ``to_uff``, ``to_op4`` or ``to_fmu``, by its suffix.
+        File of ``to_json``, ``to_npz``, ``to_mat``, ``to_hdf5``, ``to_uff``, ``to_op4``, ``to_dmig`` or
+        ``to_fmu``, by its suffix.
     model : System or SystemData, optional
         What it came from.
     limit : float
@@ -102,11 +103,10 @@ def check_export(
     suffix = file.suffix.lower()
     if suffix in _READERS:
         return ExportCheck(file, _whole(_READERS[suffix](file), model, limit))
-    if suffix in (".uff", ".unv", ".op4", ".fmu"):
+    if suffix in _PARTS:
         if model is None:
             raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the model as well.")
-        part = _of_responses if suffix in (".uff", ".unv") else _of_matrices if suffix == ".op4" else _of_unit
-        return ExportCheck(file, part(file, model, limit))
+        return ExportCheck(file, _PARTS[suffix](file, model, limit))
     raise ExportError(f"{file}: no exporter writes '{suffix}' files that can be read again; expected one of "
                       f"{', '.join(SUFFIXES)}.")  # fmt: skip
 
@@ -189,9 +189,9 @@ def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple
 
 
 def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
-    from mbsvib_export.nastran_ import read_op4
+    from mbsvib_export.nastran_ import read_dmig, read_op4
 
-    found = read_op4(path)
+    found = read_dmig(path) if path.suffix.lower() == ".pch" else read_op4(path)
     data = model if isinstance(model, SystemData) else SystemData.of(model)
     result = []
     for key, array in found.items():
@@ -219,6 +219,9 @@ def _of_unit(path: Path, model: System | SystemData, limit: float) -> tuple[Comp
     )
 
 
+_PARTS = {".uff": _of_responses, ".unv": _of_responses, ".op4": _of_matrices, ".pch": _of_matrices, ".fmu": _of_unit}
+
+
 def _response(model: System | SystemData, omega: Array) -> Complex:
     return second_order_response(model, omega) if isinstance(model, SystemData) else model.frequency_response(omega)
 
@@ -227,31 +230,13 @@ def _poles(model: System | SystemData) -> Complex:
     return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
 
 
-def _same_names(found: SystemData | StateSpace | object, model: System | SystemData) -> None:
+def _same_names(found: SystemData | StateSpace | ResponseData, model: System | SystemData) -> None:
     for what in ("inputs", "outputs"):
         there, here = getattr(found, what), getattr(model, what)
         if there != here:
             missing = sorted(set(here) ^ set(there)) or list(there)
             raise ExportError(f"the {what} of the file are not those of '{model.name}': {', '.join(missing[:6])}; it "
                               f"is the file of another model, or the model has changed. Export it again.")  # fmt: skip
-
-
-def poles(a: Array) -> Complex:
-    """Return the eigenvalues of A, computed from balanced states.
-
-    Parameters
-    ----------
-    a : array, shape (n, n)
-        Matrix A.
-
-    Returns
-    -------
-    array, shape (n,)
-        Complex poles [1/s].
-    """
-    none = np.zeros((len(a), 0))
-    power = exponents(a, none, none.T)
-    return np.asarray(np.linalg.eigvals(np.ldexp(a, power[None, :] - power[:, None])), dtype=complex)
 
 
 def pole_error(found: Complex, truth: Complex) -> float:

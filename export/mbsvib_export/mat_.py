@@ -1,11 +1,15 @@
 """MATLAB's .mat, for ``ss`` and ``mechss``, and a script beside it that rebuilds the named objects and checks them.
 
-    A B C D E Ts                                       x' = A x + B u, y = C x + D u;  E empty: identity;  Ts 0: continuous
+    A B C D E Ts                             x' = A x + B u, y = C x + D u;  E empty: identity;  Ts 0: continuous
     Name InputName InputUnit OutputName OutputUnit StateName StateUnit
-    mech.M .C .K .B .F .G .D                           M q'' + C q' + K q = B u, y = F q + G q' + D u, as mechss takes it
-    mech.CoordinateName .CoordinateUnit                F, G, D are empty where an acceleration cannot be written so
+    mech.M .C .K .B .F .G .D                 M q'' + C q' + K q = B u, y = F q + G q' + D u, as mechss takes it
+    mech.CoordinateName .CoordinateUnit      F, G, D are empty where an acceleration cannot be written so
     check.omega (n, 1), .response (outputs, inputs, n), .scale     what the frequency response must be, and its size
-    mbsvib                                             all else that ``from_mat`` needs: Cq Cv Ca D, bodies, transform
+    mbsvib                                   all else that ``from_mat`` needs: Cq Cv Ca D, bodies, transform
+
+Octave takes bytes for characters, and those of MATLAB have 16 bits: in names, a character that is not ASCII becomes
+``~`` and its number (``~FC``, ``~1F600``). The script puts the names back that were changed so, out of mbsvib.mapped
+and mbsvib.original (UTF-8, as numbers).
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ from mbsvib.system import System
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
-from mbsvib_export.responses import check_points, response_scale, second_order_response
+from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -34,6 +38,7 @@ if TYPE_CHECKING:
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
 LEFT_OVER = 1e-11
+_FOREIGN = re.compile(r"[^\x00-\x7f]")
 TITLE = 116  # bytes of free text that a .mat file begins with
 
 
@@ -122,25 +127,31 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:
     space = data.state_space
-    omega = check_points(np.linalg.eigvals(space.A) if system is None else system.poles())
+    omega = check_points(poles(space.A) if system is None else system.poles())
     response = second_order_response(data, omega) if system is None else system.frequency_response(omega)
     first, rate, through = _mechss(data)
+    words = _Words()
     own = {"format": FORMAT, "version": float(VERSION), "realization": space.realization,
-           "transform": space.transform, "bodies": _cells(data.bodies), "body_motion": data.body_motion,
+           "transform": space.transform, "bodies": words.cells(data.bodies), "body_motion": data.body_motion,
            **{key: getattr(data, key) for key in ("Cq", "Cv", "Ca", "D")}}  # fmt: skip
     if space.through is not None:
         own[THROUGH] = space.through
-    return {
-        **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0, "Name": data.name,
-        "InputName": _cells(data.inputs), "InputUnit": _cells(data.input_units),
-        "OutputName": _cells(data.outputs), "OutputUnit": _cells(data.output_units),
-        "StateName": _cells(space.states), "StateUnit": _cells(space.state_units),
+    result = {
+        **{key: getattr(space, key) for key in "ABCD"}, "E": np.zeros((0, 0)), "Ts": 0.0,
+        "Name": words.plain(data.name),
+        "InputName": words.cells(data.inputs), "InputUnit": words.cells(data.input_units),
+        "OutputName": words.cells(data.outputs), "OutputUnit": words.cells(data.output_units),
+        "StateName": words.cells(space.states), "StateUnit": words.cells(space.state_units),
         "mech": {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
-                 "CoordinateName": _cells(data.coordinates), "CoordinateUnit": _cells(data.coordinate_units)},
+                 "CoordinateName": words.cells(data.coordinates), "CoordinateUnit": words.cells(data.coordinate_units)},
         "check": {"omega": omega[:, None], "response": response,
                   "scale": response_scale(response, data.input_units, data.output_units)},
         "mbsvib": own,
     }  # fmt: skip
+    if words.changed:
+        own["mapped"] = _cells(tuple(words.changed.values()))
+        own["original"] = _cells(tuple(np.frombuffer(name.encode(), dtype=np.uint8) for name in words.changed))
+    return result
 
 
 def _mechss(data: SystemData) -> tuple[Array, Array, Array]:
@@ -158,9 +169,28 @@ def _mechss(data: SystemData) -> tuple[Array, Array, Array]:
     return data.Cq - x @ data.K, data.Cv - x @ data.C, data.D + x @ data.B
 
 
-def _cells(words: tuple[str, ...]) -> NDArray[Any]:
-    result = np.empty((len(words), 1), dtype=object)
-    result[:, 0] = words
+class _Words:
+    """Names in ASCII, no two of them the same, and what was ``changed``."""
+
+    def __init__(self) -> None:
+        self.changed: dict[str, str] = {}
+
+    def plain(self, name: str, others: tuple[str, ...] = ()) -> str:
+        if name not in self.changed and not name.isascii():
+            found = _FOREIGN.sub(lambda each: f"~{ord(each[0]):X}", name)
+            while found in self.changed.values() or found in others:
+                found += "_"
+            self.changed[name] = found
+        return self.changed.get(name, name)
+
+    def cells(self, names: tuple[str, ...]) -> NDArray[Any]:
+        return _cells(tuple(self.plain(name, names) for name in names))
+
+
+def _cells(values: tuple[Any, ...]) -> NDArray[Any]:
+    result = np.empty((len(values), 1), dtype=object)
+    for k, value in enumerate(values):
+        result[k, 0] = value
     return result
 
 
@@ -172,8 +202,6 @@ def _word(text: NDArray[Any]) -> str:
     return str(text.item()) if text.size else ""
 
 
-def _words(cells: NDArray[Any]) -> tuple[str, ...]:
-    return tuple(_word(cell) for cell in cells.ravel())
 
 
 def _data(found: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
@@ -182,20 +210,27 @@ def _data(found: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> S
         result = np.array(array, dtype=float)
         return result.reshape(shape) if shape and not result.size else result
 
-    names = {key: _words(found[key])
+    origin = ({_word(name): bytes(code.ravel()).decode() for name, code in
+               zip(own["mapped"].ravel(), own["original"].ravel(), strict=True)}
+              if "mapped" in own else {})  # fmt: skip
+
+    def texts(cells: NDArray[Any]) -> tuple[str, ...]:
+        return tuple(origin.get(_word(cell), _word(cell)) for cell in cells.ravel())
+
+    names = {key: texts(found[key])
              for key in ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")}  # fmt: skip
-    ports = {"inputs": names["InputName"], "input_units": names["InputUnit"], "outputs": names["OutputName"],
-             "output_units": names["OutputUnit"]}  # fmt: skip
-    coordinates, bodies = _words(mech["CoordinateName"]), _words(own["bodies"])
+    ports: dict[str, Any] = {"inputs": names["InputName"], "input_units": names["InputUnit"],
+                             "outputs": names["OutputName"], "output_units": names["OutputUnit"]}  # fmt: skip
+    coordinates, bodies = texts(mech["CoordinateName"]), texts(own["bodies"])
     m, i, o, n = len(coordinates), len(ports["inputs"]), len(ports["outputs"]), len(names["StateName"])
     shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i), "transform": (2 * m, n), THROUGH: (2 * m, i)}
-    first = {key: real((found if key in "ABCD" else own)[key], *shapes[key])
+    first: dict[str, Any] = {key: real((found if key in "ABCD" else own)[key], *shapes[key])
              for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in own else []))}  # fmt: skip
     widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
-    second = {key: real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
+    second: dict[str, Any] = {key: real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
     motion = own["body_motion"].reshape(len(bodies), 6, m)
-    name = _word(found["Name"])
+    name = origin.get(_word(found["Name"]), _word(found["Name"]))
     space = StateSpace(name=name, realization=_word(own["realization"]), states=names["StateName"],
                        state_units=names["StateUnit"], **first, **ports)  # fmt: skip
-    return SystemData(name=name, coordinates=coordinates, coordinate_units=_words(mech["CoordinateUnit"]),
+    return SystemData(name=name, coordinates=coordinates, coordinate_units=texts(mech["CoordinateUnit"]),
                       bodies=bodies, body_motion=real(motion), state_space=space, **ports, **second)  # fmt: skip

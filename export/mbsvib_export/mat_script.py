@@ -31,6 +31,7 @@ end
 if ~(worst <= {tolerance})
     error('mbsvib:export', 'The frequency response of %s is off by %.1e; the file is damaged.', file, worst);
 end
+data = with_names(data);
 mech = data.mech;
 if exist('OCTAVE_VERSION', 'builtin')
     plant = octave_plant(data);
@@ -53,12 +54,29 @@ if exist('mechss') > 0 && ~isempty(data.mech.F)
 end
 end
 
+function data = with_names(data)
+if ~isfield(data.mbsvib, 'mapped')
+    return
+end
+for k = 1:numel(data.mbsvib.mapped)
+    short = data.mbsvib.mapped{{k}};
+    name = native2unicode(reshape(data.mbsvib.original{{k}}, 1, []), 'UTF-8');
+    for key = {{'InputName', 'OutputName', 'StateName'}}
+        data.(key{{1}})(strcmp(data.(key{{1}}), short)) = {{name}};
+    end
+    data.mech.CoordinateName(strcmp(data.mech.CoordinateName, short)) = {{name}};
+    if strcmp(data.Name, short)
+        data.Name = name;
+    end
+end
+end
+
 function plant = octave_plant(data)
 plant = data;
 try
     pkg('load', 'control');
     plant = ss(data.A, data.B, data.C, data.D, 'stname', data.StateName, 'inname', data.InputName, ...
-        'outname', data.OutputName);
+        'outname', data.OutputName, 'name', data.Name);
 catch
     plant = data;
 end

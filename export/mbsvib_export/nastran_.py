@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _INSTALL = "mbsvib[nastran]"
+DMIG_NAMES = {"MAAX": "M", "BAAX": "C", "KAAX": "K"}
 OP4_NAMES = {"MAA": "M", "BAA": "C", "KAA": "K", "BU": "B", "CQ": "Cq", "CV": "Cv", "CA": "Ca", "DU": "D"}
 # forms of the format: 6 symmetric, 1 square, 2 rectangular
 _SYMMETRIC, _SQUARE, _RECTANGULAR = 6, 1, 2
@@ -132,10 +133,57 @@ def to_dmig(system: System | SystemData, path: str | os.PathLike[str]) -> Path:
     lines = [f"$ {data.name}: scalar point = coordinate [unit]".encode("ascii", "replace").decode()]
     for k, (name, unit) in enumerate(zip(data.coordinates, data.coordinate_units, strict=True)):
         lines.append(f"$ {k + 1} = {name} [{unit}]".encode("ascii", "replace").decode())
-    for name, array in (("MAAX", data.M), ("BAAX", data.C), ("KAAX", data.K)):
-        lines.extend(_cards(name, array))
+    for name, key in DMIG_NAMES.items():
+        lines.extend(_cards(name, getattr(data, key)))
     text = "\n".join(lines) + "\n"
     return write_whole(path, lambda stream: stream.write(text.encode("ascii")))
+
+
+def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:
+    """Return M, C and K that ``to_dmig`` wrote, of ten digits.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+
+    Returns
+    -------
+    dict of str to array
+        "M", "C", "K", each of shape (m, m).
+
+    Raises
+    ------
+    ExportError
+        If the file cannot be read or is damaged.
+    """
+    where, line = os.fspath(path), ""
+    try:
+        lines = Path(path).read_text(encoding="ascii").splitlines()
+        size = max(sum(line.startswith("$") for line in lines) - 1, 0)
+        result = {key: np.zeros((size, size)) for key in DMIG_NAMES.values()}
+        missing, array, mirrored, column = set(DMIG_NAMES), np.zeros((0, 0)), False, 0
+        for line in lines:
+            if line.startswith("DMIG "):
+                name = line[8:16].strip()
+                missing.discard(name)
+                array, mirrored = result[DMIG_NAMES[name]], int(line[24:32]) == _SYMMETRIC
+            elif line.startswith("DMIG*"):
+                column = int(line[24:40])
+            elif line.startswith("*"):
+                row, value = int(line[8:24]), float(line[40:56].replace("D", "E"))
+                array[row - 1, column - 1] = value
+                if mirrored:
+                    array[column - 1, row - 1] = value
+        if missing or size < 1:
+            raise ExportError(f"{', '.join(sorted(missing)) or 'its coordinates'} missing")
+        return result
+    except OSError as error:
+        raise ExportError(f"{where}: cannot be read: {error.strerror or error}; expected a file of "
+                          f"to_dmig.") from error  # fmt: skip
+    except (ValueError, LookupError, ExportError) as error:
+        raise ExportError(f"{where}: no cards of to_dmig, or damaged ones (line '{line}': {error}); write them "
+                          f"again.") from error  # fmt: skip
 
 
 def _cards(name: str, array: Array) -> Iterator[str]:
@@ -156,5 +204,6 @@ def _number(value: float) -> str:
 
 
 def _dense(value: Any) -> Array:
-    array = getattr(value, "data", value[1] if isinstance(value, tuple) else value)
-    return np.asarray(array.toarray() if hasattr(array, "toarray") else array, dtype=float)
+    array: Any = getattr(value, "data", value[1] if isinstance(value, tuple) else value)
+    sparse = getattr(array, "toarray", None)
+    return np.asarray(array if sparse is None else sparse(), dtype=float)

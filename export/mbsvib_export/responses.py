@@ -42,6 +42,24 @@ def check_points(eigenvalues: Complex) -> Array:
     return np.unique(np.concatenate(([0.1 * size[0]], 1.002 * chosen, [3.0 * size[-1]])))
 
 
+def poles(a: Array) -> Complex:
+    """Return the eigenvalues of A, computed from balanced states.
+
+    Parameters
+    ----------
+    a : array, shape (n, n)
+        Matrix A.
+
+    Returns
+    -------
+    array, shape (n,)
+        Complex poles [1/s].
+    """
+    none = np.zeros((len(a), 0))
+    power = exponents(a, none, none.T)
+    return np.asarray(np.linalg.eigvals(np.ldexp(a, power[None, :] - power[:, None])), dtype=complex)
+
+
 def state_space_response(space: StateSpace, omega: Array) -> Complex:
     """Return C (i w - A)^-1 B + D of a state space.
 
@@ -114,7 +132,9 @@ def response_scale(response: Complex, input_units: tuple[str, ...], output_units
     return np.where(result > 0.0, result, 1.0)
 
 
-def response_error(found: Complex, truth: Complex, input_units: tuple[str, ...], output_units: tuple[str, ...]) -> float:
+def response_error(
+    found: Complex, truth: Complex, input_units: tuple[str, ...], output_units: tuple[str, ...]
+) -> float:
     """Return the largest difference of two responses, relative to the largest entry between ports of the same units.
 
     Parameters

@@ -1,9 +1,9 @@
 """Universal file format, data sets 58: frequency response functions as test laboratories exchange them.
 
 One set for each output and input, in double precision: function type 4, angular frequency as frequency [Hz], complex
-values. Output i is response node i, input j reference node j; whole names stand in the lines ID 1 (``"output / input"``)
-and ID 2 (``"unit / unit"``) and, cut to ten characters, with the nodes. The files are read by pyuff; its own writer (2.5) leaves out the head of binary
-sets and miscounts their bytes.
+values. Output i is response node i, input j reference node j; whole names stand in the lines ID 1
+(``"output / input"``) and ID 2 (``"unit / unit"``) and, cut to ten characters, with the nodes. The files are read by
+pyuff; its own writer (2.5) leaves out the head of binary sets and miscounts their bytes.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ def check_export(
     model: Annotated[
         str | None, typer.Argument(metavar="[MODEL]", help="The model that it came from: a file or a built-in name.")
     ] = None,
-    limit: Annotated[float, typer.Option("--limit", metavar="ERROR", help="Largest relative error that passes.")] = 1e-6,
+    limit: Annotated[float, typer.Option("--limit", metavar="ERROR", help="Largest relative error to pass.")] = 1e-6,
 ) -> None:
     """Read an export again and compare frequency response and poles with the model; exit status 1 if they differ."""
     import mbsvib_export as mx

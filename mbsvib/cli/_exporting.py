@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from mbsvib.cli import _shell as shell
 from mbsvib.cli._lookup import ModelArgument, model_of
 from mbsvib.errors import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 KINDS = {
     ".json": "the linear system with names and units as JSON",
@@ -45,9 +48,12 @@ def export(
         import mbsvib_export as mx
 
         system = source.linearize()
-        with_states = {".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5}
+        with_states: dict[str, Callable[..., object]] = {
+            ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5,
+        }  # fmt: skip
         if suffix in with_states:
             with_states[suffix](system, file, realization=realization)
         else:
-            {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}[suffix](system, file)
+            others: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
+            others[suffix](system, file)
     shell.say(f"Written: {shell.shown(file)} ({KINDS[suffix]})")

@@ -1,5 +1,6 @@
 """Exports read again and compared with their models."""
 
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -36,12 +37,41 @@ def test_every_format_of_a_library_model(name, tmp_path):
         path = tmp_path / f"x{suffix}"
         write(system, path)
         assert mx.check_export(path, system).passed
+    if system.dof:
+        assert mx.check_export(mx.to_dmig(system, tmp_path / "x.pch"), system).passed
     pytest.importorskip("h5py")
     assert mx.check_export(mx.to_hdf5(system, tmp_path / "x.h5"), system).passed
     pytest.importorskip("pyuff")
     assert mx.check_export(mx.to_uff(system, tmp_path / "x.uff"), system).passed
     pytest.importorskip("pyNastran")
     assert mx.check_export(mx.to_op4(system, tmp_path / "x.op4"), system).passed
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_units_are_asked_for_their_derivatives(version, tmp_path):
+    pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
+    system = stewart()
+    path = mx.to_fmu(system, tmp_path / "x.fmu", version).path
+    found = mx.check_export(path, system)
+    assert [each.what for each in found.comparisons] == ["response of its derivatives", "poles"]
+    assert all(each.error < 1e-9 for each in found.comparisons), str(found)
+    changed = library.stewart(ports="all").with_values({"leg1.k.stiffness": 1.01e7}).linearize()
+    assert not mx.check_export(path, changed).passed
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(mv.ExportError, match=r"x\.fmu: "):
+        mx.check_export(path, system)
+
+
+def test_units_of_other_platforms_and_ports_of_one_name(tmp_path):
+    fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
+    system = slider(inputs=("z",), outputs=("z",))
+    path = mx.to_fmu(system, tmp_path / "x.fmu").path
+    assert mx.check_export(path, system).passed
+    with zipfile.ZipFile(path) as one, zipfile.ZipFile(tmp_path / "y.fmu", "w") as two:
+        for name in one.namelist():
+            two.writestr(name.replace(f"/{fmpy.platform_tuple}/", "/sparc-solaris/"), one.read(name))
+    with pytest.raises(mv.ExportError, match=r"y\.fmu: holds no binary for"):
+        mx.check_export(tmp_path / "y.fmu", system)
 
 
 def test_a_spring_that_was_changed_since_is_found(tmp_path):
@@ -71,7 +101,7 @@ def test_what_cannot_be_checked(tmp_path):
     path = mx.to_npz(slider(), tmp_path / "x.npz")
     with pytest.raises(mv.ExportError, match=r"inputs of the file are not those of 'stewart'"):
         mx.check_export(path, stewart())
-    with pytest.raises(mv.ExportError, match="no exporter writes '.txt'"):
+    with pytest.raises(mv.ExportError, match=r"no exporter writes '\.txt'"):
         mx.check_export(tmp_path / "x.txt", slider())
     with pytest.raises(mv.ExportError, match="give the model as well"):
         mx.check_export(tmp_path / "x.uff")

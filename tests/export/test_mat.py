@@ -69,13 +69,28 @@ def octave(folder, code):
 def test_octave_rebuilds_and_checks(case, tmp_path):
     system = CASES[case]()
     mx.to_mat(system, tmp_path / "system.mat")
-    code = "[p, m, w] = load_system(); d = load('system.mat'); printf('%.3g\\n', w); printf('%s\\n', d.InputName{:});"
+    code = "[p, m, w] = load_system(); n = p.InputName; printf('%.3g\\n', w); printf('%s\\n', n{:});"
     result = octave(tmp_path, code + "printf('%d\\n', size(m.M, 1)); fflush(stdout);")
     lines = result.stdout.splitlines()
     assert lines, result.stderr
     assert float(lines[0]) < 1e-10
     assert tuple(lines[1:-1]) == system.inputs
     assert int(lines[-1]) == system.dof
+
+
+@needs_octave
+def test_names_that_octave_cannot_read_are_mapped_and_the_map_is_there(tmp_path):
+    face = "\N{GRINNING FACE}"
+    system = slider(inputs=(face, "~1F600"), outputs=(f"z{face}",), name=f"slider {face}")
+    path = mx.to_mat(system, tmp_path / "system.mat")
+    found = loadmat(path, simplify_cells=True)
+    assert found["InputName"].tolist() == ["~1F600_", "~1F600"]
+    assert found["Name"] == "slider ~1F600"
+    assert_same(mx.from_mat(path), system)
+    assert found["mbsvib"]["mapped"].tolist() == ["slider ~1F600", "~1F600_", "z~1F600"]
+    assert bytes(found["mbsvib"]["original"][0]).decode() == system.name
+    code = "p = load_system(); i = p.InputName; o = p.OutputName; printf('%s\\n', p.Name, i{:}, o{:});"
+    assert octave(tmp_path, code).stdout.splitlines() == [system.name, *system.inputs, *system.outputs]
 
 
 @needs_octave

@@ -8,7 +8,7 @@ import mbsvib_export as mx
 from mbsvib import library
 from mbsvib.superelements.reading import read_op4 as read_reduced
 from mbsvib.superelements.reading import read_punch
-from mbsvib_export.nastran_ import read_op4
+from mbsvib_export.nastran_ import read_dmig, read_op4
 from tests.export.plants import same_bits, slider, stewart
 
 
@@ -44,6 +44,18 @@ def test_dmig_cards_are_read_as_a_superelement(tmp_path):
     assert max(map(len, text.splitlines())) <= 72
 
 
+def test_cards_that_are_none(tmp_path):
+    path = mx.to_dmig(stewart(), tmp_path / "x.pch")
+    text = path.read_text(encoding="ascii")
+    for wrong, message in ((text.replace("BAAX", "ABAX"), "ABAX"), (text[:200], "line 'D"), ("", "missing"),
+                           (text.replace("D+0", "D+x"), "could not convert")):  # fmt: skip
+        path.write_text(wrong, encoding="ascii")
+        with pytest.raises(mv.ExportError, match=rf"x\.pch: no cards of to_dmig.*{message}"):
+            read_dmig(path)
+    with pytest.raises(mv.ExportError, match=r"none\.pch: cannot be read"):
+        read_dmig(tmp_path / "none.pch")
+
+
 def test_unsymmetric_matrices_are_square_cards(tmp_path):
     """Spinning rotors make C unsymmetric: form 1, with the number of columns, and all entries."""
     from dataclasses import replace
@@ -55,5 +67,6 @@ def test_unsymmetric_matrices_are_square_cards(tmp_path):
     assert head.split()[3] == "1"
     assert head.split()[-1] == "6"
     assert head[64:72].strip() == "6"
+    assert np.abs(read_dmig(tmp_path / "x.pch")["C"] - skew).max() < 1e-9 * np.abs(skew).max()
     with pytest.raises(mv.ExportError, match="no degree of freedom"):
         mx.to_dmig(slider(locked=True), tmp_path / "y.pch")
