@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
     from mbsvib.system import System
 
@@ -89,3 +90,25 @@ class Sensitive:
         from mbsvib.sensitivities import frequency_response_sensitivities
 
         return frequency_response_sensitivities(cast("System", self), omega, parameters, inputs, outputs)
+
+    def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
+        """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters, without finite differences.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+
+        Returns
+        -------
+        MatrixDerivatives
+            One matrix a parameter, and ``factors`` of low rank.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        """
+        from mbsvib.sensitivities import matrix_derivatives
+
+        return matrix_derivatives(cast("System", self), parameters)

@@ -9,9 +9,11 @@ products      derivatives of the equations between many pairs of motions
 eigenvalues   derivatives of the eigenvalues, repeated ones included
 loads         inputs and outputs as connections of the network
 responses     derivatives of frequency responses
+matrices      derivatives of the matrices, whole and as factors
 """
 
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
+from mbsvib.sensitivities.matrices import MatrixDerivatives, matrix_derivatives
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 
-__all__ = ["eigenvalue_sensitivities", "frequency_response_sensitivities"]
+__all__ = ["MatrixDerivatives", "eigenvalue_sensitivities", "frequency_response_sensitivities", "matrix_derivatives"]

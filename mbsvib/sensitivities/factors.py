@@ -82,7 +82,7 @@ def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
     Returns
     -------
     tuple of array
-        Axes of bodies and bushings; directions of line springs, rods and screws.
+        Axes of bodies and bushings; directions of line springs and screws; how rods turn.
     """
     first = parts[0]
     if isinstance(first, Body):
@@ -92,12 +92,24 @@ def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
         return np.array([part.line for part in parts]), span, np.linalg.norm(span, axis=1)
     if isinstance(first, Joint):
         if first.end is not None:
-            span = np.array([np.subtract(part.end, part.position) for part in parts])
-            return (span / (span * span).sum(axis=1, keepdims=True),)
+            return (_turning(np.array([np.subtract(part.end, part.position) for part in parts])),)
         return (np.array([part.axes for part in parts])[:, :, 2],) if field == "pitch" else ()
     if field in ("stiffness", "damping"):
         return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),)
     return ()
+
+
+def _turning(span: Array) -> Array:
+    """How the axes of rods (parts, 3) turn as their ends move, (parts, direction of the motion, 3).
+
+    They are the least turn that takes the z axis of the world along the rod, or against it where the rod points down.
+    """
+    length = np.linalg.norm(span, axis=1, keepdims=True)
+    u = span / length
+    across = np.cross(u[:, None], np.eye(3) / length[:, None])
+    pole = np.where(u[:, 2] < -0.5, -1.0, 1.0)[:, None]
+    spin = across[:, :, 2] / (pole + u[:, 2, None])
+    return np.asarray(across - spin[:, :, None] * u[:, None])
 
 
 def _mass(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
@@ -166,15 +178,20 @@ def _pitch(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
 
 
 def _rod_start(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    """Rods turn with their ends: along the rod the force works on dp . u / L."""
-    d, push = found.relative[k], _along(data[0], found.wrench[k, :3])
-    return [[(push, d[:, i])] for i in range(3)]
+    return [_turned_about(found, k, -data[0][:, i]) for i in range(3)]
 
 
 def _rod_end(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    d, push = found.relative[k], _along(-data[0], found.wrench[k, :3])
     moved = _moved_joint(found, k, ())
-    return [[*moved[i], (push, d[:, i])] for i in range(3)]
+    return [moved[i] + _turned_about(found, k, data[0][:, i]) for i in range(3)]
+
+
+def _turned_about(found: Fields, k: Any, rho: Array) -> Terms:
+    """Rods turn with their ends, each by its rho (parts, 3)."""
+    d, w = -found.relative[k], found.wrench[k]
+    wide = _wide(rho, d)
+    force, moment = _cross(wide, w[:, :3]), _cross(wide, w[:, 3:])
+    return [(force[:, i], d[:, i]) for i in range(3)] + [(moment[:, i], d[:, 3 + i]) for i in range(3)]
 
 
 def _line_stiffness(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:

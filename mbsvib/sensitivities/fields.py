@@ -106,7 +106,7 @@ def motions(network: Network, vectors: Field) -> Motions:
         np.matmul(network.displacements, flat, out=body)
     else:
         body[moves] = network.displacements[moves] @ flat
-    return _moving(network, body.reshape(-1, 6, *tail), relative.reshape(len(network.point), 6, *tail))
+    return _moving(network, body.reshape(len(network.bodies), 6, *tail), relative.reshape(len(network.point), 6, *tail))
 
 
 def _moving(network: Network, body: Field, relative: Field) -> Motions:
@@ -179,7 +179,7 @@ def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> 
         found = _at_joints(network, behind)
     else:
         found = in_joints(network, behind, multipliers(network, behind))
-    return found.reshape(-1, 6, *tail)
+    return found.reshape(len(network.joints), 6, *tail)
 
 
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:

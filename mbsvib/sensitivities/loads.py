@@ -199,7 +199,7 @@ def check_ports(
     """
     (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
     relative = network.relative if network.reduction is None else network.relative @ network.reduction
-    strains = np.asarray(relative @ np.eye(relative.shape[1])).reshape(-1, 6, system.dof)[joints:]
+    strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
     acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
     acts -= np.einsum("bim,bip->mp", system.body_motion, momentum(network, acting.carried))
     seen = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)

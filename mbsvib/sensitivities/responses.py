@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array
     from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.fields import Fields, Motions
+    from mbsvib.sensitivities.fields import Field, Fields, Motions
     from mbsvib.sensitivities.loads import Loads
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.plans import Plan
@@ -82,7 +82,9 @@ def frequency_response_sensitivities(
     for start in range(0, len(w), block):
         part = slice(start, start + block)
         size = np.abs(w[part])
-        forms = _forms(plan, (acting, seeing), size, _vectors(system, i, o, size), turns)
+        s: Complex = (1j * size).astype(complex)
+        powers = np.ones(len(s), dtype=complex), s, s * s
+        forms = derivatives(plan, (acting, seeing), powers, _vectors(system, i, o, size), turns)
         forms[plan.breaking] = np.nan
         result[..., part] = plan.variables.chain(forms)
     result[..., w < 0.0] = result[..., w < 0.0].conj()
@@ -105,19 +107,39 @@ def _vectors(system: System, i: list[int], o: list[int], w: Array) -> tuple[Comp
     return found[:, None], left[:, :, None]
 
 
-def _forms(plan: Plan, ports: tuple[Loads, Loads], w: Array, vectors: tuple[Complex, Complex], turns: Array) -> Complex:
-    """Derivatives to all parameters, (parameters, outputs, inputs, n)."""
+def derivatives(
+    plan: Plan, ports: tuple[Loads, Loads], powers: tuple[Field, Field, Field], vectors: tuple[Field, Field],
+    turns: Array,
+) -> Field:  # fmt: skip
+    """Return dD + L^T dB + dH R - L^T dT R, with H = Cq + s Cv + s^2 Ca and T = K + s C + s^2 M.
+
+    Parameters
+    ----------
+    plan : Plan
+        What changes.
+    ports : pair of Loads
+        Inputs and outputs.
+    powers : tuple of three arrays, shape (n,)
+        1, s and s^2, or 1 and 0 to have the derivatives of one matrix only.
+    vectors : pair of array, shape (m, 1, inputs, n) and (m, outputs, 1, n)
+        R and L.
+    turns : array, shape (outputs, inputs, 3)
+        How D changes, see ``feedthrough``.
+
+    Returns
+    -------
+    array, shape (parameters, outputs, inputs, n)
+        Derivatives to all parameters of the plan.
+    """
     network, (acting, seeing) = plan.network, ports
-    s: Complex = (1j * w).astype(complex)
-    powers: tuple[Complex, Complex, Complex] = (np.ones(len(s), dtype=complex), s, s * s)
     x, y = (motions(network, each) for each in vectors)
     momenta = momentum(network, acting.carried)
     on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
-    by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(w))
+    by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
     on_left = -seeing.on_bodies[:, :, :, None, None] * by_order
     right = fields(network, x, *powers, load=on_right)
     left = _seeing(network, y, seeing, powers, on_left)
-    result: Complex = -table(plan, left, right)
+    result: Field = -table(plan, left, right)
     bodies = [family for family in plan.families if family.kind == "body"]
     for at in np.flatnonzero(acting.carried.any(axis=(0, 1))):
         one, carried = np.ones(1), acting.carried[:, :, at, None, None]
@@ -129,7 +151,7 @@ def _forms(plan: Plan, ports: tuple[Loads, Loads], w: Array, vectors: tuple[Comp
 
 
 def _seeing(
-    network: Network, motion: Motions, seeing: Loads, powers: tuple[Complex, Complex, Complex], load: Complex
+    network: Network, motion: Motions, seeing: Loads, powers: tuple[Field, Field, Field], load: Field
 ) -> Fields:
     """Fields of L; forces in springs are seen through strains that lack their directions."""
     if not seeing.strain.any():
@@ -142,7 +164,7 @@ def _seeing(
 
 
 def _move_ports(
-    result: Complex, plan: Plan, ports: tuple[Loads, Loads], vectors: tuple[Complex, Complex], by_order: Complex,
+    result: Field, plan: Plan, ports: tuple[Loads, Loads], vectors: tuple[Field, Field], by_order: Field,
     turns: Array,
 ) -> None:  # fmt: skip
     """Ports at centres of mass move with these: dG = wrench . (angular x dp)."""

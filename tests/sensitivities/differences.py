@@ -13,14 +13,19 @@ def step_of(parameters, name):
 
 
 def difference(model, system, name, of):
-    """d of(system) / d name by central differences of two steps (error: step^4)."""
+    """d of(system) / d name, an array or a list of them, by central differences of two steps (error: step^4)."""
     value, h = system.parameters[name], step_of(system.parameters, name)
 
     def at(change):
         return of(model.with_values({name: value + change}).linearize(independent=system.coordinates))
 
-    one, two = ((at(k * h) - at(-k * h)) / (2 * k * h) for k in (1, 2))
-    return (4 * one - two) / 3
+    def extrapolated(near, minus_near, far, minus_far):
+        return (4 * (near - minus_near) / (2 * h) - (far - minus_far) / (4 * h)) / 3
+
+    points = [at(k * h) for k in (1, -1, 2, -2)]
+    if isinstance(points[0], list):
+        return [extrapolated(*each) for each in zip(*points, strict=True)]
+    return extrapolated(*points)
 
 
 def eigenvalues(system):

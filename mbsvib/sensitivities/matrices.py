@@ -1,0 +1,158 @@
+"""Derivatives of the matrices themselves, whole and as factors of low rank."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ModelError, nearest
+from mbsvib.sensitivities.eigenvalues import planned
+from mbsvib.sensitivities.fields import fields, motions
+from mbsvib.sensitivities.loads import check_ports, feedthrough, loads, no_loads
+from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.responses import derivatives
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics import Array
+    from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.sensitivities.fields import Field
+    from mbsvib.sensitivities.loads import Loads
+    from mbsvib.sensitivities.plans import Plan
+    from mbsvib.system import System
+
+_ONE, _NONE = np.ones(1), np.zeros(1)
+_STILL = (_NONE, _NONE, _NONE)
+_POWERS = {"K": (_ONE, _NONE, _NONE), "C": (_NONE, _ONE, _NONE), "M": (_NONE, _NONE, _ONE)}
+# A factor below this share of the largest of its kind is rounding.
+ACTS = 1e-15
+
+
+@dataclass(frozen=True, repr=False)
+class MatrixDerivatives:
+    """Derivatives of a system's matrices to ``variables`` (v,), in the coordinates of the system.
+
+    ``M``, ``C``, ``K`` (v, m, m), ``B`` (v, m, inputs), ``Cq``, ``Cv``, ``Ca`` (v, outputs, m), ``D`` (v, outputs,
+    inputs) [unit of the entry per unit of the parameter]. Not a number where a parameter, changed alone, takes degrees
+    of freedom away.
+    """
+
+    variables: tuple[str, ...]
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    _plan: Plan = field(repr=False)
+
+    def factors(self, variable: str, matrix: str) -> tuple[Array, Array]:
+        """Return the derivative of M, C or K to one variable as a product of low rank, P Q^T + Q P^T.
+
+        A stiffness of a spring has one column, a mass three, whatever the number of coordinates.
+
+        Parameters
+        ----------
+        variable : str
+            One of the variables.
+        matrix : str
+            "M", "C" or "K".
+
+        Returns
+        -------
+        tuple of array, shape (m, rank)
+            P and Q; no columns where the matrix does not change.
+
+        Raises
+        ------
+        ModelError
+            If there is no such variable or matrix.
+        """
+        if variable not in self.variables or matrix not in _POWERS:
+            known, asked = (self.variables, variable) if matrix in _POWERS else (tuple(_POWERS), matrix)
+            raise ModelError(
+                f"factors('{variable}', '{matrix}'): there is no '{asked}'.{nearest(asked, known)} There is: "
+                f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
+            )  # fmt: skip
+        return _factors(self._plan, self.variables.index(variable), matrix)
+
+    def __repr__(self) -> str:
+        return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"
+
+
+def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDerivatives:
+    """Return the derivatives of all matrices to parameters.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+
+    Returns
+    -------
+    MatrixDerivatives
+        Whole matrices, and factors of low rank.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+
+    Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
+    """
+    plan = planned(system, parameters)
+    m, i, o = system.dof, list(range(len(system.inputs))), list(range(len(system.outputs)))
+    network, unit = plan.network, np.eye(system.dof)
+    acting, seeing = loads(system, network, i, "inputs"), loads(system, network, o, "outputs")
+    check_ports(system, network, (i, acting), (o, seeing))
+    free, turns = no_loads(network, m), feedthrough(system, (i, acting), (o, seeing))[1]
+    left, right = unit[:, :, None, None], unit[:, None, :, None]
+
+    def chained(form: Field) -> Array:
+        form[plan.breaking] = np.nan
+        return np.asarray(plan.variables.chain(form[..., 0]))
+
+    def ports(pair: tuple[Loads, Loads], powers: tuple[Array, Array, Array], vectors: tuple[Array, Array]) -> Array:
+        turning = turns if pair[0] is acting and pair[1] is seeing else np.zeros((*_ports(pair), 3))
+        return chained(derivatives(plan, pair, powers, vectors, turning))
+
+    x, y = motions(network, right), motions(network, left)
+    square = {key: chained(table(plan, fields(network, y, *powers), fields(network, x, *powers)))
+              for key, powers in _POWERS.items()}  # fmt: skip
+    at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
+    seen = {key: ports((free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
+    return MatrixDerivatives(
+        plan.variables.names, square["M"], square["C"], square["K"], ports((acting, free), _STILL, (at_rest, left)),
+        seen["K"], seen["C"], seen["M"], ports((acting, seeing), _STILL, (at_rest, blind)), plan,
+    )  # fmt: skip
+
+
+def _ports(pair: tuple[Loads, Loads]) -> tuple[int, int]:
+    return len(pair[1].order), len(pair[0].order)
+
+
+def _factors(plan: Plan, variable: int, matrix: str) -> tuple[Array, Array]:
+    network = plan.network
+    m = network.displacements.shape[1]
+    found = fields(network, motions(network, np.eye(m)), *_POWERS[matrix])
+    own = plan.variables.variable == variable
+    rate = np.zeros(plan.size)
+    np.add.at(rate, plan.variables.parameter[own], plan.variables.rate[own])
+    first, second = [np.zeros((0, m))], [np.zeros((0, m))]
+    for family in plan.families:
+        which = np.flatnonzero(((family.rows >= 0) & (rate[family.rows] != 0.0)).any(axis=1))
+        for k in which.tolist():
+            number, data, rows = family.part(k, k + 1)
+            for row, terms in zip(rows[0].tolist(), family.rule(found, number, data), strict=True):
+                if row >= 0 and rate[row] != 0.0:
+                    first += [rate[row] * p for p, _ in terms]
+                    second += [q for _, q in terms]
+    p, q = np.concatenate(first), np.concatenate(second)
+    size = np.abs(p).max(axis=1, initial=0.0) * np.abs(q).max(axis=1, initial=0.0)
+    acts = size > ACTS * size.max(initial=0.0)
+    return p[acts].T, q[acts].T
