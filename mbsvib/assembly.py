@@ -267,6 +267,8 @@ def system(
         from mbsvib.loads.loaded import load
 
         statics = load(scene, relative, reduction, found, model.name)
+        said = model if origin is None else origin
+        parts += (*said._falling, *said.loads.values())
     if scene.port.wrench_outputs:
         from mbsvib.loads.joint_forces import joint_force_rows
 

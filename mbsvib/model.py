@@ -15,7 +15,7 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.loads.adders import LoadedMechanism
 from mbsvib.massless.adders import RelaxingMechanism
 from mbsvib.mechanism import GROUND, check_name
-from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
+from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Gravity, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.parts import ports as _ports
 from mbsvib.parts.coupler import Coupler, Gear, Rack, Worm
 from mbsvib.parts.rotor import Rotor
@@ -225,12 +225,12 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
 
     @property
     def parameters(self) -> Parameters:
-        """Every number of bodies, joints, springs and loads by its name (``"leg1.k.stiffness"``); read-only."""
+        """Every number of parts and of gravity by its name (``"leg1.k.stiffness"``, ``"gravity.z"``); read-only."""
         from mbsvib.parameters import Parameters
 
         parts = (self._bodies, self._composed, self._joints, self._springs, self._couplers, self._rotors,
                  self._loads)  # fmt: skip
-        return Parameters([part for group in parts for part in group.values()])
+        return Parameters([*self._falling, *(part for group in parts for part in group.values())])
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """Return a new model in which some parameters have other values.
@@ -253,7 +253,8 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         from mbsvib.changes import parts_with
 
         changed: dict[str, Any] = parts_with(self.parameters, values)
-        model = Model(self.name, self.gravity)
+        falls = changed.get("gravity")
+        model = Model(self.name, falls.acceleration if isinstance(falls, Gravity) else self.gravity)
         model._bodies = {name: changed.get(name, part) for name, part in self._bodies.items()}
         model._joints = {name: changed.get(name, part) for name, part in self._joints.items()}
         model._springs = {name: changed.get(name, part) for name, part in self._springs.items()}

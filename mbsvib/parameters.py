@@ -21,6 +21,7 @@ name                                    unit                        what it is
 ``COUPLER.coefficient.1`` (2 ...)       -                           in the order of the sum
 ``ROTOR.speed``, ``ROTOR.inertia``      rad/s, kg m^2               inertia where given
 ``LOAD.force.x``, ``LOAD.torque.x``     N, N m                      world axes; ``LOAD.position.x``, m, where given
+``gravity.x`` (y z)                     m/s^2                       of the model, where given; world axes
 ``BEAM.E``, ``.rho``, ``.nu`` or ``.G``  N/m^2, kg/m^3, -           of its material
 ``BEAM.radius`` (wall, width, height)   m                           of its section, or ``.A``, ``.Iy``, ``.Iz``, ``.J``
 ``BEAM.alpha``, ``.beta``               1/s, s                      Rayleigh damping; likewise ``.damping_ratio``
@@ -60,6 +61,9 @@ _END = re.compile(
 )
 
 
+_GRAVITY = re.compile(r"(?<=^gravity)\.[xyz]$")
+
+
 class UnknownParameterError(ModelError, KeyError):
     """A name that no parameter has."""
 
@@ -96,7 +100,7 @@ class Parameters(Mapping[str, float]):
 
     def _find(self, name: str) -> Parameter | None:
         """Look one name up; a part is listed alone, as most of a large model is never asked for."""
-        end = _END.search(name) if isinstance(name, str) else None
+        end = _END.search(name) or _GRAVITY.search(name) if isinstance(name, str) else None
         part = self._parts.get(name[: end.start()]) if end else None
         if part is None:
             return None
@@ -196,6 +200,8 @@ def unit(name: str) -> str:
     UnknownParameterError
         If the name does not end as that of a parameter.
     """
+    if _GRAVITY.search(name):
+        return "m/s^2"
     end = _END.search(name)
     if end is None:
         raise UnknownParameterError(f"'{name}' does not end as the name of a parameter does. {_hint(name, ())}",
@@ -215,8 +221,9 @@ def unit(name: str) -> str:
 def _listed(part: Part) -> Iterator[Parameter]:
     """All parameters of one part."""
     for field, ends, value in _families(part):
+        owner = f"{part.name}.{field}" if field else part.name
         for end, index, entry in zip(*_indexed(ends, value), strict=True):
-            yield Parameter(f"{part.name}.{field}{end}", part.name, field, index, entry)
+            yield Parameter(owner + end, part.name, field, index, entry)
 
 
 def _families(part: Part) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:

@@ -44,6 +44,14 @@ class LoadedMechanism(Mechanism):
         self._loading: tuple[tuple[Any, ...], tuple[Applied, Felt, dict[str, Any]]] | None = None
 
     @property
+    def _falling(self) -> tuple[_load.Gravity, ...]:
+        """Gravity as a part that has parameters, where it is given and nothing else has its name."""
+        groups = (self._bodies, self._composed, self._joints, self._springs, self._couplers, self._rotors, self._loads)
+        if self.gravity is None or any("gravity" in group for group in groups):
+            return ()
+        return (_load.Gravity("gravity", self.gravity),)
+
+    @property
     def loads(self) -> Mapping[str, Load]:
         """Forces and torques on bodies by name, in the order in which they were added."""
         return MappingProxyType(self._loads)

@@ -1,14 +1,17 @@
-"""Loads: constant forces and torques on bodies, fixed in the world or in the body."""
+"""Loads: constant forces and torques on bodies, fixed in the world or in the body, and gravity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib import _checks as check
-from mbsvib._checks import Vector
+from mbsvib._checks import DIRECTIONS, Vector
 from mbsvib.errors import ModelError
-from mbsvib.parts._part import Part
+from mbsvib.parts._part import Numbered, Part
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 NONE: Vector = (0.0, 0.0, 0.0)
 
@@ -26,6 +29,26 @@ class Load(Part):
     torque: Vector = NONE
     position: Vector | None = None
     follower: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Gravity(Numbered):
+    """The ``acceleration`` of free fall [m/s^2], world axes, as its components ``"gravity.x"`` ... are parameters."""
+
+    acceleration: Vector
+
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield its three components, which have no other field than their direction."""
+        yield "", DIRECTIONS[:3], self.acceleration
+
+    def number(self, field: str) -> Any:
+        """Return the acceleration."""
+        return self.acceleration
+
+    def with_numbers(self, values: Mapping[str, Any]) -> Self:
+        """Return gravity of another acceleration."""
+        expected = "an acceleration of free fall [m/s^2]"
+        return type(self)(self.name, check.vector(values[""], "model", "gravity", expected))
 
 
 def make(name: str, body: str, force: Any, torque: Any, position: Any, follower: Any) -> Load:

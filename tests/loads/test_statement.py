@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.library import hinged_rod
 from mbsvib.loads import wrenches
+from mbsvib.studies import sweep
 
 
 def loaded():
@@ -103,3 +105,39 @@ def test_gears_carry_what_pendulums_weigh():
     torque = m * g * d * np.sin(angle)
     moments = [system.reactions[f"pin{k}"][4] for k in range(2)]
     assert np.abs(moments) == pytest.approx([torque, torque])
+
+
+def test_gravity_is_a_parameter():
+    model = hinged_rod()
+    assert [name for name in model.parameters if name.startswith("g")] == ["gravity.x", "gravity.y", "gravity.z"]
+    assert (model.parameters["gravity.z"], model.parameters.units["gravity.z"]) == (-9.81, "m/s^2")
+    moon = model.with_values({"gravity.z": -1.62})
+    assert moon.gravity == (0.0, 0.0, -1.62)
+    assert moon.bodies == model.bodies
+    earth, there = model.linearize(), moon.linearize()
+    assert there.K[0, 0] / earth.K[0, 0] == pytest.approx(1.62 / 9.81, rel=1e-14)
+    assert earth.parameters["gravity.z"] == -9.81
+    assert model.with_values({"gravity.?": 0.0}).linearize().K.tolist() == [[0.0]]
+    with pytest.raises(mv.ModelError, match=r"'gravity.z': value = nan"):
+        model.with_values({"gravity.z": float("nan")})
+    with pytest.raises(mv.ModelError, match=r"no parameter 'gravity\.w'"):
+        model.with_values({"gravity.w": 1.0})
+    found = sweep(model, {"gravity.z": [-1.0, -4.0]}, of="modes.frequencies")
+    frequencies = found["modes.frequencies"][:, 0]
+    assert frequencies[1] == pytest.approx(2 * frequencies[0], rel=1e-14)
+
+
+def test_gravity_is_no_parameter_where_there_is_none_or_where_a_part_is_called_so():
+    model = mv.Model("weightless")
+    model.add_body("gravity", 1.0, (1, 1, 1))
+    assert "gravity.z" not in model.parameters
+    model.gravity = (0.0, 0.0, -9.81)
+    assert "gravity.z" not in model.parameters
+    assert model.with_values({"gravity.mass": 2.0}).gravity == (0.0, 0.0, -9.81)
+
+
+def test_loads_are_parameters_of_systems_too():
+    model = mv.Model("held", gravity=(0, 0, -10.0))
+    model.add_body("lamp", 2.0, (1, 1, 1))
+    model.add_load("wire", "lamp", force=(0, 0, 20.0))
+    assert model.linearize().parameters["wire.force.z"] == 20.0
