@@ -17,13 +17,13 @@ from mbsvib.errors import (
 from mbsvib.model import Model
 
 if TYPE_CHECKING:
-    from mbsvib import isolation, library, plots
+    from mbsvib import isolation, library, plots, studies
     from mbsvib.assembly import linearize
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
-    from mbsvib.studies import sweep
+    from mbsvib.studies import optimize, sweep
     from mbsvib.system import System
 
 __version__ = "0.1.0"
@@ -47,8 +47,10 @@ __all__ = [
     "library",
     "linearize",
     "load",
+    "optimize",
     "plots",
     "save",
+    "studies",
     "sweep",
 ]
 
@@ -62,7 +64,9 @@ _HOMES = {
     "plots": "mbsvib.plots",
     "linearize": "mbsvib.assembly",
     "load": "mbsvib.files",
+    "optimize": "mbsvib.studies",
     "save": "mbsvib.files",
+    "studies": "mbsvib.studies",
     "sweep": "mbsvib.studies",
 }
 

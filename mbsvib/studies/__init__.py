@@ -1,13 +1,23 @@
-"""Design studies: one model at many points of its parameters.
+"""Design studies: one model at many points of its parameters, and at the best of them.
 
 points, design    values of variables: parameters, patterns of parameters, linear maps
 question          what is asked: results by name, functions
 running           in batches, or one by one, in processes
 record            answers in a file as they come
 sweeps, results   ``sweep`` and what it returns
+quantities        numbers of a system with their gradients, and what is made of them
+measures, responses   frequencies, damping ratios, gains, peaks, root mean squares
+place, scales, search, solvers, optimizing   ``optimize`` and what it returns
 """
 
+from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
+from mbsvib.studies.optimizing import Optimum, optimize
+from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
+from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
 
-__all__ = ["Sweep", "sweep"]
+__all__ = [
+    "Constraint", "Optimum", "Quantity", "Sweep", "damping_ratio", "frequency", "gain", "given", "largest", "optimize",
+    "peak", "placement", "rms", "smallest", "sweep", "variable",
+]  # fmt: skip

@@ -1,0 +1,229 @@
+"""What mechanisms are designed for: frequencies, damping, peaks and mean squares of responses, as quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.studies.quantities import Dual, Leaf, Quantity
+from mbsvib.studies.responses import Peak, Ports, band_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.studies.place import Place
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Names = str | Iterable[str] | None
+    Band = tuple[float, float]
+
+def frequency(mode: int | Iterable[int] | None = None) -> Quantity:
+    """Return natural frequencies.
+
+    Parameters
+    ----------
+    mode : int or iterable of int, optional
+        Number of a mode in ``modes()``, from 0, or several. Default: all but rigid-body modes. In a search it is the
+        number where that starts: modes are followed by their shapes.
+
+    Returns
+    -------
+    Quantity
+        |lambda| / 2 pi [Hz].
+    """
+
+    def rule(natural: Array, _: Array, d_natural: Array, __: Array) -> tuple[Array, Array]:
+        return natural / (2.0 * np.pi), d_natural / (2.0 * np.pi)
+
+    return _modal("frequency", "Hz", mode, rule)
+
+
+def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
+    """Return damping ratios.
+
+    Parameters
+    ----------
+    mode : int or iterable of int, optional
+        Number of a mode in ``modes()``, from 0, or several. Default: all but rigid-body modes.
+
+    Returns
+    -------
+    Quantity
+        -Re lambda / |lambda|, above 1 where a mode creeps.
+    """
+
+    def rule(natural: Array, total: Array, d_natural: Array, d_total: Array) -> tuple[Array, Array]:
+        ratio = -0.5 * total / natural
+        return ratio, -(0.5 * d_total + ratio * d_natural) / natural
+
+    return _modal("damping ratio", "-", mode, rule)
+
+
+def placement(targets: Mapping[int, float]) -> Quantity:
+    """Return how far natural frequencies are from where they ought to be.
+
+    Parameters
+    ----------
+    targets : mapping of int to float
+        Frequency [Hz] that each mode, by its number from 0, ought to have.
+
+    Returns
+    -------
+    Quantity
+        Sum of (f / target - 1)^2.
+
+    Raises
+    ------
+    ModelError
+        If there is no target, or one is not positive.
+    """
+    if not isinstance(targets, Mapping) or not targets:
+        raise check.refuse("placement", "targets", targets, "a frequency [Hz] for each mode, such as {0: 120.0}")
+    wanted = [check.number(f, "placement", f"targets[{mode}]", "a frequency [Hz]") for mode, f in targets.items()]
+    if min(wanted) <= 0.0:
+        raise check.refuse("placement", "targets", targets, "frequencies [Hz] above 0")
+    result = ((frequency(list(targets)) / wanted - 1.0) ** 2).sum()
+    result.label = "misplacement of frequencies [-]"
+    return result
+
+
+def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
+    """Return magnitudes of a frequency response.
+
+    Parameters
+    ----------
+    outputs, inputs : str or iterable of str, optional
+        Names of ports; of several, the Frobenius norm. None: all.
+    frequencies : array-like, shape (n,) or ()
+        Where [Hz]; 0 is the static compliance.
+
+    Returns
+    -------
+    Quantity
+        |G| at each frequency [output unit / input unit].
+
+    Raises
+    ------
+    ModelError
+        If frequencies are no numbers.
+    """
+    try:
+        f = np.atleast_1d(np.asarray(frequencies, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise check.refuse("gain", "frequencies", frequencies, "frequencies [Hz]") from error
+    ports = Ports(outputs, inputs)
+    where = f"{f[0]:g} Hz" if len(f) == 1 else f"{f.min():g} to {f.max():g} Hz"
+    return Leaf(f"gain of {ports.label} at {where}", lambda place: ports.size(place, 2.0 * np.pi * f))
+
+
+def peak(outputs: Names = None, inputs: Names = None, band: Band | None = None) -> Quantity:
+    """Return the peak of a frequency response over a band: transmissibility, compliance, whatever the ports say.
+
+    Parameters
+    ----------
+    outputs, inputs : str or iterable of str, optional
+        Names of ports; of several, the Frobenius norm. None: all.
+    band : (float, float), optional
+        First and last frequency [Hz]; default: from a tenth of the lowest to three times the highest mode, as they are.
+
+    Returns
+    -------
+    Quantity
+        max |G| [output unit / input unit]; infinite where an undamped mode is excited.
+
+    Raises
+    ------
+    ResponseError
+        If the band does not ascend from above 0.
+    """
+    return Peak(Ports(outputs, inputs), band_of(band))
+
+
+def variable(name: str) -> Quantity:
+    """Return the value of a variable of the search itself, for budgets and bounds on several.
+
+    Parameters
+    ----------
+    name : str
+        Its name, as the search has it.
+
+    Returns
+    -------
+    Quantity
+        The value.
+
+    Raises
+    ------
+    ModelError
+        In a search that has no such variable.
+    """
+    def at(place: Place) -> Dual:
+        if name not in place.values:
+            raise ModelError(f"variable('{name}'): there is no such variable.{nearest(name, place.values)} Variables "
+                             f"are: {', '.join(place.values)}.", element=name)  # fmt: skip
+        slope = np.zeros((1, len(place.scale)))
+        slope[0, list(place.rates).index(name)] = 1.0
+        return place.dual(np.array([place.values[name]]), slope)
+
+    return Leaf(name, at)
+
+
+def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[Any, Any]], label: str) -> Quantity:
+    """Return a quantity of one's own.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a system and variables {name: {parameter: rate}}, and returns numbers (k,) with derivatives
+        (k, variables), for which ``system.eigenvalue_sensitivities(variables)`` and others are made.
+    label : str
+        What it is, for tables.
+
+    Returns
+    -------
+    Quantity
+        The numbers.
+    """
+    def at(place: Place) -> Dual:
+        value, slope = function(place.system, place.rates)
+        value = np.atleast_1d(np.asarray(value, dtype=float))
+        return place.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(place.rates)))
+
+    return Leaf(label, at)
+
+
+def _modal(what: str, unit: str, mode: Any, rule: Callable[..., tuple[Array, Array]]) -> Quantity:
+    """A quantity of modes by their natural frequency and the sum of their two eigenvalues."""
+    numbers = None if mode is None else [int(n) for n in np.atleast_1d(np.asarray(mode, dtype=object))]
+    if numbers is not None and (not numbers or min(numbers) < 0):
+        raise check.refuse(what, "mode", mode, "numbers of modes, from 0")
+    if numbers is None:
+        label = f"all {'frequencies' if what == 'frequency' else 'damping ratios'}"
+    else:
+        label = f"{what} of mode{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
+
+    def at(place: Place) -> Dual:
+        count, rigid = len(place.modes), place.modes.rigid
+        which = list(range(rigid, count)) if numbers is None else numbers
+        if numbers is None and place.order is not None:
+            which = np.flatnonzero(place.order >= rigid).tolist()
+        if not which or max(which) >= count:
+            raise ModelError(f"{what}: mode {max(which, default=0)} of '{place.system.name}' is asked for, which has "
+                             f"modes 0 to {count - 1}, {rigid} of them rigid-body modes.", element=what)  # fmt: skip
+        values, slopes = place.pairs
+        (one, other), (d_one, d_other) = values[which].T, np.moveaxis(slopes[:, which], 2, 0)
+        product = one * other
+        natural = np.sqrt(np.abs(product))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            d_natural = (0.5 * natural * ((d_one * other + one * d_other) / product)).real
+            value, slope = rule(natural, (one + other).real, d_natural, (d_one + d_other).real)
+        return place.dual(value, slope.T)
+
+    return Leaf(f"{label} [{unit}]", at)

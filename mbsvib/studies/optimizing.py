@@ -1,0 +1,193 @@
+"""Design by optimisation: exact values and gradients, handed to solvers that others have written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import counted
+from mbsvib.parameters import unit
+from mbsvib.studies.design import design
+from mbsvib.studies.quantities import Constraint, Quantity
+from mbsvib.studies.scales import scales
+from mbsvib.studies.search import Search
+from mbsvib.studies.solvers import Found, solver
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.studies.design import Ties
+
+    Array = NDArray[np.float64]
+
+ROUNDS = 30
+FEASIBLE = 1e-6  # what a constraint may lack, in parts of its bound
+OPTIMAL = 1e-4  # gradient that may be left over, in parts of its own size
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Optimum:
+    """Where a search ended: the ``model`` there, the ``values`` of its variables, the ``objective`` and where it
+    began.
+
+    ``constraints`` has the constrained numbers by label, and ``violation`` what they lack at most, in parts of their
+    bounds. ``optimality`` is what is left of the objective's gradient when that of active constraints and bounds is
+    taken off, in parts of the largest gradient met: 0 at an optimum. ``success`` if the constraints hold, and the
+    solver is content or the gradient gone.
+    """
+
+    model: Model = field(repr=False)
+    values: Mapping[str, float]
+    start: Mapping[str, float]
+    objective: float
+    began: float
+    label: str
+    constraints: Mapping[str, Array]
+    violation: float
+    optimality: float
+    success: bool
+    message: str
+    iterations: int
+    evaluations: int
+    units: Mapping[str, str] = field(repr=False)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of variables as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        rows = [(name + (f" [{self.units[name]}]" if name in self.units else ""), f"{self.start[name]:.7g}",
+                 f"{value:.7g}") for name, value in self.values.items()]  # fmt: skip
+        rows.append((self.label, f"{self.began:.7g}", f"{self.objective:.7g}"))
+        notes = [f"{label}: {_span(numbers)}." for label, numbers in self.constraints.items()]
+        notes.append(f"{'Optimal' if self.success else 'Not optimal'} after {counted(self.iterations, 'iteration')}, "
+                     f"{counted(self.evaluations, 'system')} looked at; gradient left over {self.optimality:.1e}, "
+                     f"constraints lack {self.violation:.1e}.")  # fmt: skip
+        if not self.success:
+            notes.append(f"The solver says: {self.message}")
+        return {"title": f"Optimum of {self.model.name}", "columns": [("variable", "left"), ("start", "right"),
+                ("optimum", "right")], "rows": rows, "notes": notes}  # fmt: skip
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return f"Optimum({self.model.name!r}: {self.label} from {self.began:.6g} to {self.objective:.6g})"
+
+
+def optimize(
+    model: Model, variables: Mapping[str, tuple[float | None, float | None] | None], objective: Quantity,
+    constraints: Constraint | Iterable[Constraint] = (), *, ties: Ties | None = None,
+    start: Mapping[str, float] | None = None, method: str = "SLSQP", options: Mapping[str, Any] | None = None,
+) -> Optimum:  # fmt: skip
+    """Return the values of some parameters at which a quantity is smallest, by its exact gradient.
+
+    Quantities are made by ``mbsvib.studies``: ``frequency``, ``damping_ratio``, ``placement``, ``gain``, ``peak``,
+    ``rms``, ``variable``, and sums, products, ``largest`` and ``smallest`` of these. Comparing one with a number makes
+    a constraint: ``damping_ratio() >= 0.05``.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    variables : mapping of str to (float, float) or None
+        Lower and upper bound of each variable, None for none: a parameter, a pattern that ties several to one value
+        (``"leg*.k.stiffness"``), or a name that ``ties`` explains. Those with positive bounds are searched for by their
+        logarithm.
+    objective : Quantity
+        What is to be small; its negative, what is to be large.
+    constraints : Constraint or iterable of Constraint
+        What has to hold.
+    ties : mapping of str to mapping of str to float, optional
+        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has.
+    start : mapping of str to float, optional
+        Where to begin; default: what the model has.
+    method : str
+        "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``).
+    options : mapping of str to object, optional
+        The solver's own.
+
+    Returns
+    -------
+    Optimum
+        The best design found, and how good it is; prints as a table.
+
+    Raises
+    ------
+    ModelError
+        If a variable is unknown, derivatives to it are not supported, bounds are none, or a peak is to be made larger.
+    """
+    if not isinstance(variables, Mapping) or not variables:
+        raise check.refuse("optimize", "variables", variables, "bounds for each variable, such as "
+                           "{'leg*.k.stiffness': (1e6, 1e8)}")  # fmt: skip
+    if not isinstance(objective, Quantity):
+        raise check.refuse("optimize", "objective", objective, "a quantity, such as -smallest(damping_ratio())")
+    wanted = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
+    for each in wanted:
+        if not isinstance(each, Constraint):
+            raise check.refuse("optimize", "constraints", each, "a constraint, such as damping_ratio() >= 0.05")
+    solve = solver(method)
+    chosen = design(model, variables, ties)
+    search = Search(model, chosen, scales(model, chosen, variables, start), objective, wanted)
+    began = search.true(search.start)[0]
+    z, iterations = search.start, 0
+    for _ in range(ROUNDS):
+        found = solve(search, z, dict(options or {}))
+        iterations += found.iterations
+        z, grown = search.exchange(np.clip(found.z, *search.bounds()))
+        if not grown:
+            break
+    return _optimum(search, z, replace(found, iterations=iterations), began)
+
+
+def _optimum(search: Search, z: Array, found: Found, began: float) -> Optimum:
+    place = search.place(z[: len(search.scales.start)])
+    objective, numbers = search.true(z)
+    here = search.at(z)
+    violation = max(0.0, -float(here.g.value.min(initial=0.0)), float(np.abs(here.h.value).max(initial=0.0)))
+    optimality = _left_over(search, z)
+    names = search.design.variables
+    return Optimum(
+        search.model.with_values(search.design.values(place.values)), dict(place.values),
+        dict(zip(names, search.scales.start.tolist(), strict=True)), objective, began, search.objective.label,
+        {each.label: value for each, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
+        violation <= FEASIBLE and (found.success or optimality <= OPTIMAL), found.message, found.iterations,
+        search.evaluations,
+        {name: unit(name) for name in search.design.direct},
+    )  # fmt: skip
+
+
+def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
+    """What is left of the objective's gradient after that of active constraints, in parts of it."""
+    from scipy.optimize import lsq_linear
+
+    here, (low, high) = search.at(z), search.bounds()
+    gradient = here.f.slope[0]
+    size = max(float(np.linalg.norm(gradient)), search.steepest)
+    unit_ = np.eye(len(z))
+    near = here.g.value <= active
+    columns = [here.g.slope[near], unit_[z <= low + active], -unit_[z >= high - active], here.h.slope]
+    matrix = np.concatenate(columns).T
+    if not matrix.shape[1] or not size:
+        return float(np.linalg.norm(gradient)) / (size or 1.0)
+    scale = np.linalg.norm(matrix, axis=0)
+    matrix = matrix / np.where(scale > 0.0, scale, 1.0)
+    least = np.zeros(matrix.shape[1])
+    least[matrix.shape[1] - len(here.h.value) :] = -np.inf
+    answer = lsq_linear(matrix, gradient, bounds=(least, np.inf), tol=1e-12)
+    return float(np.linalg.norm(matrix @ answer.x - gradient)) / size
+
+
+def _span(numbers: Array) -> str:
+    low, high = float(numbers.min()), float(numbers.max())
+    return f"{low:.6g}" if len(numbers) == 1 else f"{low:.6g} to {high:.6g}"

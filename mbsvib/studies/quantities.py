@@ -1,0 +1,357 @@
+"""Quantities: numbers of a system that know their gradients, and sums, products and bounds of these."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from mbsvib.studies.place import Place
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dual:
+    """Numbers ``value`` (k,) with their derivatives ``slope`` (k, n)."""
+
+    value: Array
+    slope: Array
+
+    def __add__(self, other: Dual) -> Dual:
+        return Dual(self.value + other.value, self.slope + other.slope)
+
+    def __mul__(self, other: Dual) -> Dual:
+        slope = self.value[:, None] * other.slope + other.value[:, None] * self.slope
+        return Dual(self.value * other.value, slope)
+
+    def through(self, function: Callable[[Array], Array], rate: Callable[[Array], Array]) -> Dual:
+        """Return a function of each number, by its derivative."""
+        return Dual(function(self.value), rate(self.value)[:, None] * self.slope)
+
+
+class Quantity:
+    """A number, or several, that a system has, with exact derivatives to whatever variables are asked for.
+
+    Quantities are added, multiplied, divided and raised to powers like numbers; ``q[i]`` picks one of several. ``<=``,
+    ``>=``, ``between`` and ``equals`` make constraints of them. ``q(system)`` is the number itself.
+    """
+
+    __array_ufunc__ = None  # numpy's numbers leave arithmetic to this class
+
+    def __init__(self, label: str, parts: tuple[Quantity, ...], rule: Callable[..., Dual]) -> None:
+        self.label, self.parts, self._rule = label, parts, rule
+
+    def at(self, place: Place) -> Dual:
+        """Return numbers and derivatives.
+
+        Parameters
+        ----------
+        place : Place
+            A system with the variables of a study.
+
+        Returns
+        -------
+        Dual
+            Numbers, and their derivatives to these.
+        """
+        return self._rule(*[part.at(place) for part in self.parts])
+
+    def __call__(self, system: System) -> Any:
+        value = self.at(_place(system, ())).value
+        return value if len(value) != 1 else float(value[0])
+
+    def gradient(self, system: System, variables: Any) -> Array:
+        """Return the derivatives to parameters.
+
+        Parameters
+        ----------
+        system : System
+            The equations of motion.
+        variables : str, iterable of str or mapping
+            Names, patterns or linear maps of parameters, as sensitivities are asked for.
+
+        Returns
+        -------
+        array, shape (numbers, variables)
+            Derivatives [per unit of the variable].
+        """
+        return self.at(_place(system, variables)).slope
+
+    def inner(self) -> Iterator[Quantity]:
+        """Go through this quantity and all that it is made of."""
+        yield self
+        for part in self.parts:
+            yield from part.inner()
+
+    def __add__(self, other: Any) -> Quantity:
+        return _joined("+", self, quantity(other), lambda a, b: a + b)
+
+    def __sub__(self, other: Any) -> Quantity:
+        return _joined("-", self, quantity(other), lambda a, b: a + Dual(-b.value, -b.slope))
+
+    def __mul__(self, other: Any) -> Quantity:
+        return _joined("*", self, quantity(other), lambda a, b: a * b)
+
+    def __truediv__(self, other: Any) -> Quantity:
+        return _joined("/", self, quantity(other), lambda a, b: a * b.through(lambda x: 1.0 / x, lambda x: -1.0 / x**2))
+
+    def __radd__(self, other: Any) -> Quantity:
+        return quantity(other) + self
+
+    def __rsub__(self, other: Any) -> Quantity:
+        return quantity(other) - self
+
+    def __rmul__(self, other: Any) -> Quantity:
+        return quantity(other) * self
+
+    def __rtruediv__(self, other: Any) -> Quantity:
+        return quantity(other) / self
+
+    def __neg__(self) -> Quantity:
+        return Quantity(f"-{_bracketed(self)}", (self,), lambda a: Dual(-a.value, -a.slope))
+
+    def __pow__(self, power: float) -> Quantity:
+        p = check.number(power, self.label, "power")
+        return Quantity(f"{_bracketed(self)}^{p:g}", (self,),
+                        lambda a: a.through(lambda x: x**p, lambda x: p * x ** (p - 1.0)))  # fmt: skip
+
+    def __getitem__(self, which: Any) -> Quantity:
+        return Quantity(f"{self.label}[{which}]", (self,),
+                        lambda a: Dual(np.atleast_1d(a.value[which]), np.atleast_2d(a.slope[which])))  # fmt: skip
+
+    def log(self) -> Quantity:
+        """Return the natural logarithm."""
+        return Quantity(f"log {_bracketed(self)}", (self,), lambda a: a.through(np.log, lambda x: 1.0 / x))
+
+    def sum(self) -> Quantity:
+        """Return the sum of several numbers."""
+        return Quantity(f"sum of {self.label}", (self,),
+                        lambda a: Dual(a.value.sum(keepdims=True), a.slope.sum(axis=0, keepdims=True)))  # fmt: skip
+
+    def __le__(self, bound: Any) -> Constraint:
+        return _between(self, None, bound)
+
+    def __ge__(self, bound: Any) -> Constraint:
+        return _between(self, bound, None)
+
+    def between(self, low: float, high: float) -> Constraint:
+        """Return the constraint that all numbers lie between two bounds.
+
+        Parameters
+        ----------
+        low, high : float
+            The bounds.
+
+        Returns
+        -------
+        Constraint
+            What a search has to keep.
+        """
+        return _between(self, low, high)
+
+    def equals(self, value: float) -> Constraint:
+        """Return the constraint that all numbers have a value.
+
+        Parameters
+        ----------
+        value : float
+            The value.
+
+        Returns
+        -------
+        Constraint
+            What a search has to keep.
+        """
+        return _between(self, value, value)
+
+    def __repr__(self) -> str:
+        return f"Quantity({self.label})"
+
+
+class Leaf(Quantity):
+    """A quantity that is asked of a place at once."""
+
+    def __init__(self, label: str, ask: Callable[[Place], Dual]) -> None:
+        super().__init__(label, (), ask)
+
+    def at(self, place: Place) -> Dual:
+        """Return numbers and derivatives at a place."""
+        return self._rule(place)
+
+
+class Largest(Quantity):
+    """The largest of many numbers: a search bounds all of them at once, as the largest alone has kinks.
+
+    ``members`` are the numbers; where there are infinitely many, those at the points of ``active``, of which there are
+    ``seeds`` to begin with and ``tops`` where the numbers are largest.
+    """
+
+    def at(self, place: Place) -> Dual:
+        """Return the largest, or the number that stands for it in a search."""
+        return place.level(self) or self.true(place)
+
+    def true(self, place: Place) -> Dual:
+        """Return the largest itself."""
+        found = self.members(place, None)
+        which = [int(found.value.argmax())]
+        return Dual(found.value[which], found.slope[which])
+
+    def members(self, place: Place, active: Array | None) -> Dual:
+        """Return the numbers."""
+        return self.parts[0].at(place)
+
+    def seeds(self, place: Place) -> Array | None:
+        """Return the points to begin with; None where numbers are finitely many."""
+        return None
+
+    def tops(self, place: Place) -> tuple[Array, Array]:
+        """Return points at which numbers are largest, and these numbers."""
+        return np.zeros(0), np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Constraint:
+    """A quantity no less than ``low`` and no more than ``high``; None: no such bound. Equal: it has that value."""
+
+    quantity: Quantity
+    low: float | None
+    high: float | None
+
+    @property
+    def label(self) -> str:
+        """The constraint in words."""
+        if self.low == self.high:
+            return f"{self.quantity.label} = {self.low:g}"
+        left = "" if self.low is None or self.high is None else f"{self.low:g} <= "
+        return left + self.quantity.label + (f" <= {self.high:g}" if self.high is not None else f" >= {self.low:g}")
+
+    @property
+    def equal(self) -> bool:
+        """Whether it asks for one value."""
+        return self.low == self.high
+
+    def __bool__(self) -> bool:
+        raise ModelError(f"constraint '{self.label}' is neither true nor false before it is solved for; bounds on both "
+                         f"sides are q.between(low, high).", field="constraints")  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"Constraint({self.label})"
+
+
+def quantity(value: Any) -> Quantity:
+    """Return a quantity, or a constant as one.
+
+    Parameters
+    ----------
+    value : Quantity or array-like, shape () or (k,)
+        What to take as a quantity.
+
+    Returns
+    -------
+    Quantity
+        The same, or the constant.
+
+    Raises
+    ------
+    ModelError
+        If it is neither.
+    """
+    if isinstance(value, Quantity):
+        return value
+    try:
+        fixed = np.atleast_1d(np.array(value, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise check.refuse("quantity", "value", value, "a quantity or numbers") from error
+    if fixed.ndim != 1 or not np.isfinite(fixed).all():
+        raise check.refuse("quantity", "value", value, "a quantity or finite numbers")
+    label = f"{fixed[0]:g}" if len(fixed) == 1 else check.shown(fixed)
+    return Quantity(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
+
+
+def largest(*quantities: Any) -> Quantity:
+    """Return the largest of all numbers of some quantities.
+
+    Parameters
+    ----------
+    *quantities : Quantity
+        What to look at; ``minimax`` objectives and bounds of it are solved without kinks.
+
+    Returns
+    -------
+    Quantity
+        One number.
+    """
+    every = _stacked(quantities)
+    return Largest(f"largest of {every.label}", (every,), lambda a: a)
+
+
+def smallest(*quantities: Any) -> Quantity:
+    """Return the smallest of all numbers of some quantities.
+
+    Parameters
+    ----------
+    *quantities : Quantity
+        What to look at.
+
+    Returns
+    -------
+    Quantity
+        One number, as large as its constraints let it be where its negative is minimised.
+    """
+    every = _stacked(quantities)
+    result = -Largest(f"largest of {(-every).label}", (-every,), lambda a: a)
+    result.label = f"smallest of {every.label}"
+    return result
+
+
+def _stacked(quantities: tuple[Any, ...]) -> Quantity:
+    parts = tuple([quantity(each) for each in quantities])
+    if not parts:
+        raise check.refuse("largest", "quantities", quantities, "at least one quantity")
+    if len(parts) == 1:
+        return parts[0]
+
+    def stack(*duals: Dual) -> Dual:
+        width = max(dual.slope.shape[1] for dual in duals)
+        slopes = [np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]
+        return Dual(np.concatenate([dual.value for dual in duals]), np.concatenate(slopes))
+
+    return Quantity(", ".join(part.label for part in parts), parts, stack)
+
+
+def _joined(sign: str, one: Quantity, other: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:
+    left, right = (one.label, other.label) if sign == "+" else (_bracketed(one), _bracketed(other))
+    return Quantity(f"{left} {sign} {right}", (one, other), rule)
+
+
+def _bracketed(one: Quantity) -> str:
+    return f"({one.label})" if any(sign in one.label for sign in (" + ", " - ", " * ", " / ")) else one.label
+
+
+def _between(one: Quantity, low: Any, high: Any) -> Constraint:
+    if isinstance(low, Quantity) or isinstance(high, Quantity):
+        other = low if isinstance(low, Quantity) else high
+        difference = one - other
+        return Constraint(difference, None, 0.0) if high is not None else Constraint(difference, 0.0, None)
+    least = None if low is None else check.number(low, one.label, "low", "a finite bound")
+    most = None if high is None else check.number(high, one.label, "high", "a finite bound")
+    if least is not None and most is not None and least > most:
+        raise check.refuse(one.label, "low", least, f"no more than high = {most:g}")
+    return Constraint(one, least, most)
+
+
+def _place(system: System, variables: Any) -> Place:
+    from mbsvib.studies.place import Place
+
+    return Place.of(system, variables)

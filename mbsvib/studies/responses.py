@@ -1,0 +1,281 @@
+"""Quantities of frequency responses: gains, peaks over a band, root mean squares under noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ResponseError, nearest
+from mbsvib.responses.frequency_grid import placed, span
+from mbsvib.studies.quantities import Dual, Largest, Leaf
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.isolation.noise import BaseNoise
+    from mbsvib.studies.place import Place
+    from mbsvib.studies.quantities import Quantity
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+    Names = str | Iterable[str] | None
+    Band = tuple[float, float]
+
+ZOOMS, ZOOM_POINTS = 4, 33
+SEEDS = 24  # points spread over a band, beside those at the modes
+PER_DECADE = 30  # even spacing in search of peaks; beside it points follow the poles
+LOWER = 0.1  # local maxima below this share of the largest wait until the others have come down
+UNDAMPED = 1e-12
+# Gauss' rule of so many points on panels no longer than this share of the distance to the nearest pole
+POINTS, REACH = 8, 0.5
+BEYOND = 8.0  # times the highest pole or break-point: from there to infinity in one panel over 1/f
+TAIL_POINTS = 16
+
+
+class Ports:
+    """Responses from ``inputs`` to ``outputs``, as one number: the Frobenius norm."""
+
+    def __init__(self, outputs: Names, inputs: Names) -> None:
+        self.outputs = _names(outputs, "outputs")
+        self.inputs = _names(inputs, "inputs")
+
+    @property
+    def label(self) -> str:
+        """The ports in words."""
+        return f"{_listed(self.outputs, 'all outputs')} over {_listed(self.inputs, 'all inputs')}"
+
+    def of(self, system: System) -> tuple[list[str], list[str]]:
+        """Return the names of outputs and inputs, those of the system where all are meant."""
+        return (_known(system.outputs, self.outputs, "output", system.name),
+                _known(system.inputs, self.inputs, "input", system.name))  # fmt: skip
+
+    def magnitude(self, system: System, w: Array) -> Array:
+        """Return the norm at angular frequencies."""
+        outputs, inputs = self.of(system)
+        o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
+        return np.asarray(np.sqrt((np.abs(system.frequency_response(w)[np.ix_(o, i)]) ** 2).sum(axis=(0, 1))))
+
+    def size(self, place: Place, w: Array) -> Dual:
+        """Return the norm at angular frequencies, with derivatives."""
+        outputs, inputs = self.of(place.system)
+        g, slope = place.response(w, inputs, outputs)
+        value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
+        change = (g.conj() * slope).real.sum(axis=(1, 2))
+        return place.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
+
+
+class Peak(Largest):
+    """The peak of a response over a band; a search bounds it at frequencies, which grow in number where it has tops."""
+
+    def __init__(self, ports: Ports, band: Band | None) -> None:
+        where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
+        super().__init__(f"peak of {ports.label}{where}", (), lambda: None)  # type: ignore[arg-type,return-value]
+        self.ports, self.band = ports, band
+
+    def true(self, place: Place) -> Dual:
+        """Return the peak, and its derivatives at the frequency where it is."""
+        w, size = self.tops(place)
+        return self.members(place, w[[int(size.argmax())]])
+
+    def members(self, place: Place, active: Array | None) -> Dual:
+        """Return the magnitudes at angular frequencies."""
+        return self.true(place) if active is None else self.ports.size(place, active)
+
+    def seeds(self, place: Place) -> Array:
+        """Return angular frequencies all over the band, and at all modes."""
+        low, high = self._band(place.system)
+        poles = np.unique(np.abs(place.system.poles()))
+        inside = poles[(poles > 2.0 * np.pi * low) & (poles < 2.0 * np.pi * high)][:SEEDS]
+        return np.unique(np.concatenate((2.0 * np.pi * np.geomspace(low, high, SEEDS), inside, self.tops(place)[0])))
+
+    def tops(self, place: Place) -> tuple[Array, Array]:
+        """Return angular frequencies of the local maxima that matter, and the magnitudes there.
+
+        Raises
+        ------
+        ResponseError
+            If an undamped mode in the band is excited.
+        """
+        system = place.system
+        low, high = self._band(system)
+        poles = system.poles()
+        _refuse_undamped(system, poles, 2.0 * np.pi * low, 2.0 * np.pi * high,
+                         lambda w: self.ports.magnitude(system, w), self.label)  # fmt: skip
+        count = max(2, round(PER_DECADE * np.log10(high / low)) + 1)
+        w = 2.0 * np.pi * placed(poles, poles, low, high, count)
+        size = self.ports.magnitude(system, w)
+        wide = np.concatenate(([-np.inf], size, [-np.inf]))
+        at = np.flatnonzero((size >= wide[:-2]) & (size >= wide[2:]) & (size >= LOWER * size.max()))
+        left, right = w[np.maximum(at - 1, 0)], w[np.minimum(at + 1, len(w) - 1)]
+        top, value = w[at], size[at]
+        share = np.linspace(0.0, 1.0, ZOOM_POINTS)
+        for _ in range(ZOOMS):
+            fine = left[:, None] + (right - left)[:, None] * share
+            found = self.ports.magnitude(system, fine.reshape(-1)).reshape(fine.shape)
+            best, row = found.argmax(axis=1), np.arange(len(at))
+            better = found[row, best] > value
+            top, value = np.where(better, fine[row, best], top), np.maximum(value, found[row, best])
+            left, right = fine[row, np.maximum(best - 1, 0)], fine[row, np.minimum(best + 1, ZOOM_POINTS - 1)]
+        return top, value
+
+    def _band(self, system: System) -> Band:
+        return self.band or span(system.poles(), None, None)
+
+
+def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) -> Quantity:
+    """Return the root mean square of outputs under independent noise.
+
+    Parameters
+    ----------
+    outputs : str or iterable of str
+        Names; of several, the square root of the sum of all mean squares.
+    spectra : mapping of str to float, array-like or noise
+        One-sided density of each input that is driven [input unit^2/Hz]: a number is white noise, pairs (frequency
+        [Hz], density) a table, straight on log-log axes; ``isolation.shaped`` makes a filter's.
+    band : (float, float), optional
+        First and last frequency [Hz]; default: all of them.
+
+    Returns
+    -------
+    Quantity
+        Root mean square [output unit].
+
+    Raises
+    ------
+    ResponseError
+        If a spectrum is refused or the band does not ascend.
+    """
+    from mbsvib.isolation.noise import base_noise
+
+    if not isinstance(spectra, Mapping) or not spectra:
+        raise ResponseError(f"rms: spectra = {check.shown(spectra)}; expected a density for each input, such as "
+                            f"{{'floor.x': 1e-6}}.")  # fmt: skip
+    inputs = tuple(spectra)
+    numbered = {str(k): spectra[name] for k, name in enumerate(inputs)}  # names may hold blanks
+    noise = base_noise(numbered, tuple(numbered))
+    ports, span_ = Ports(outputs, inputs), band_of(band, lowest=0.0)
+    where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
+    return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
+                lambda place: _rms(place, ports, noise, span_))  # fmt: skip
+
+
+def band_of(band: Any, lowest: float | None = None) -> Band | None:
+    """Return a band of frequencies [Hz], checked."""
+    if band is None:
+        return None
+    try:
+        low, high = (float(f) for f in band)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"band = {check.shown(band)}; expected two frequencies [Hz].") from error
+    if not (lowest if lowest is not None else 1e-300) <= low < high < np.inf:
+        raise ResponseError(f"band = ({low:g}, {high:g}) Hz; expected two finite frequencies, ascending from "
+                            f"{'above ' if lowest is None else ''}0 Hz.")  # fmt: skip
+    return low, high
+
+
+def _rms(place: Place, ports: Ports, noise: BaseNoise, band: Band | None) -> Dual:
+    system = place.system
+    outputs, inputs = ports.of(system)
+    f, weight = _nodes(system, ports, noise, band)
+    spectrum = dict(zip(ports.inputs or (), noise.spectra, strict=True))
+    density = np.array([spectrum[name].at(f) for name in inputs]) * weight
+    g, slope = place.response(2.0 * np.pi * f, inputs, outputs)
+    square = float((np.abs(g) ** 2 * density).sum())
+    change = 2.0 * ((g.conj() * slope).real * density).sum(axis=(1, 2, 3))
+    root = np.sqrt(square)
+    return place.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
+
+
+def _nodes(system: System, ports: Ports, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
+    """Frequencies [Hz] and weights [Hz] of an integral over the band, exact to rounding."""
+    poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
+    if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
+        raise ResponseError(f"rms: '{system.name}' is not stable, so that its vibration grows without bound.")
+    still = np.abs(poles.real) <= UNDAMPED * np.abs(poles)
+    tail = band is None and noise.unbounded
+    places = np.concatenate((noise.breaks, np.abs(poles)))
+    if band is None:
+        low = 0.0 if noise.unbounded else float(noise.breaks[0])
+        high = BEYOND * float(places.max(initial=1.0)) if noise.unbounded else float(noise.breaks[-1])
+    else:
+        low, high = band
+    _refuse_undamped(system, poles[still] * 2.0 * np.pi, 2.0 * np.pi * low, 2.0 * np.pi * high,
+                     lambda w: ports.magnitude(system, w), "rms")  # fmt: skip
+    if low == 0.0 and (poles == 0.0).any():
+        least = 1e-3 * float(places[places > 0.0].min(initial=high))
+        near, beside = ports.magnitude(system, 2.0 * np.pi * least * np.array([1e-3, 1.0]))
+        if near > 10.0 * beside:
+            raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
+                                f"or give a band that starts above 0 Hz.")  # fmt: skip
+    first = float(noise.breaks[0]) if len(noise.breaks) else np.inf
+    ends = _panels(places[(places > low) & (places < high)], poles[~still], low, high, first)
+    node, weight = np.polynomial.legendre.leggauss(POINTS)
+    half = 0.5 * np.diff(ends)
+    f = ((0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node).reshape(-1)
+    w = (half[:, None] * weight).reshape(-1)
+    if tail:
+        far = ports.magnitude(system, 2.0 * np.pi * high * np.array([1.0, 1e3]))
+        if far[1] > 0.1 * far[0] > 0.0:
+            raise ResponseError(f"rms: noise comes through {ports.label} at all frequencies, so that its mean square "
+                                f"has no bound; give a band, (first, last) [Hz].")  # fmt: skip
+        node, weight = np.polynomial.legendre.leggauss(TAIL_POINTS)
+        t = 0.5 * (1.0 + node)
+        f, w = np.concatenate((f, high / t)), np.concatenate((w, 0.5 * weight * high / t**2))
+    return f, w
+
+
+def _panels(within: Array, poles: Complex, low: float, high: float, tables: float) -> Array:
+    """Ends of panels; ``tables`` start there, and are powers of the frequency."""
+    ends = np.unique(np.concatenate(([low, high], within)))
+    while True:
+        middle, length = 0.5 * (ends[1:] + ends[:-1]), np.diff(ends)
+        distance = np.abs(1j * middle[:, None] - poles).min(axis=1, initial=np.inf)
+        distance = np.where(middle > tables, np.minimum(distance, middle), distance)
+        long = (length > REACH * distance) & (length > UNDAMPED * middle)
+        if not long.any():
+            return ends
+        ends = np.sort(np.concatenate((ends, middle[long])))
+
+
+def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, what: str) -> None:
+    """Refuse undamped modes in a band that are excited: there the response has no bound."""
+    still = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
+    still = still[(still >= low) & (still <= high) & (still > 0.0)]
+    if len(still):
+        near, beside = size(still * (1.0 + 1e-7)), size(still * (1.0 + 1e-4))
+        excited = np.flatnonzero(near > 100.0 * beside)
+        if len(excited):
+            raise ResponseError(f"{what}: the mode of '{system.name}' at {still[excited[0]] / (2.0 * np.pi):.6g} Hz is "
+                                f"not damped, and is excited without bound; give the mechanism damping, or a band "
+                                f"without it.")  # fmt: skip
+
+
+def _names(given: Any, field: str) -> list[str] | None:
+    if given is None:
+        return None
+    names = [given] if isinstance(given, str) else list(given)
+    if not names or not all(isinstance(name, str) for name in names):
+        raise check.refuse("quantity", field, given, "names of ports")
+    return names
+
+
+def _known(known: tuple[str, ...], asked: list[str] | None, what: str, name: str) -> list[str]:
+    """Names in the system's order."""
+    for each in asked or ():
+        if each not in known:
+            raise ResponseError(f"'{name}' has no {what} '{each}'.{nearest(each, known)} It has "
+                                f"{', '.join(known) or 'none'}.")  # fmt: skip
+    found = [each for each in known if asked is None or each in asked]
+    if not found:
+        raise ResponseError(f"'{name}' has no {what}; add one by add_{what}.")
+    return found
+
+
+def _listed(names: list[str] | None, every: str) -> str:
+    if names is None:
+        return every
+    return ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")

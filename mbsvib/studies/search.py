@@ -1,0 +1,214 @@
+"""A search as smooth mathematics: unknowns of one size, an objective, bounds at least 0, equations.
+
+The largest of many numbers has kinks. So a number of its own stands for it, no less than any of them, which is
+exact where objective and constraints grow with it. A peak over a band is bounded at some frequencies; where it has tops
+higher than that, these join them and the search goes on from there: an exchange, as of Remez.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.studies.place import Place, check_variables, checked, station
+from mbsvib.studies.quantities import Constraint, Dual, Largest, Quantity
+from mbsvib.tracking import Reference, reference, step
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.studies.design import Design
+    from mbsvib.studies.scales import Scales
+    from mbsvib.system import System
+    from mbsvib.tracking import Station
+
+    Array = NDArray[np.float64]
+    Index = NDArray[np.intp]
+
+KEPT = 24  # places that modes are followed from
+EXCEEDS = 1e-7  # share by which a peak may exceed the number that stands for it
+NEAR = 1e-9  # tops that near to each other, relative, are one
+
+
+@dataclass(frozen=True)
+class Value:
+    """Objective ``f``, ``g`` >= 0 and ``h`` = 0 at unknowns ``z``, with derivatives to these."""
+
+    z: Array
+    f: Dual
+    g: Dual
+    h: Dual
+
+
+class Search:
+    """What is minimised, and subject to what."""
+
+    def __init__(
+        self, model: Model, design: Design, scales: Scales, objective: Quantity, constraints: tuple[Constraint, ...]
+    ) -> None:
+        self.model, self.design, self.scales = model, design, scales
+        self.objective, self.constraints = objective, constraints
+        self.evaluations, self.steepest = 0, 0.0
+        self._rates = design.rates(model)
+        self._independent: tuple[str, ...] | None = None
+        self._seen: list[tuple[Array, Reference]] = []
+        self._place: tuple[Array, Place] | None = None
+        self._value: Value | None = None
+        inner = [each for part in (objective, *(c.quantity for c in constraints)) for each in part.inner()]
+        self.largest = tuple(dict.fromkeys(each for each in inner if isinstance(each, Largest)))
+        start = self.place(np.zeros(len(scales.start)))
+        check_variables(start.system, self._rates)
+        self._independent = start.system.coordinates
+        true = {each: float(each.true(start).value[0]) for each in self.largest}
+        self.unit = {each: abs(value) or 1.0 for each, value in true.items()}
+        self._active = {each: each.seeds(start) for each in self.largest}
+        self.start = np.concatenate((np.zeros(len(scales.start)), [true[each] / self.unit[each] for each in true]))
+        self._size = abs(float(self._one(objective.at(start)).value[0])) or 1.0
+        found = [constraint.quantity.at(start).value for constraint in constraints]
+        self._sizes = [max([abs(b) for b in (c.low, c.high) if b is not None]) or float(np.abs(value).max()) or 1.0
+                       for c, value in zip(constraints, found, strict=True)]  # fmt: skip
+        self._check_directions(start)
+
+    def system(self, x: Array) -> System:
+        """Return the system at the unknowns of variables."""
+        values = dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
+        try:
+            changed = self.model.with_values(self.design.values(values))
+            return checked(changed.linearize(independent=self._independent))
+        except MbsvibError as error:
+            error.add_note(f"at {_said(values)}")
+            raise
+
+    def place(self, x: Array) -> Place:
+        """Return the place at the unknowns of variables, its modes followed from the nearest one that was looked at."""
+        if self._place is None or not np.array_equal(self._place[0], x):
+            self.evaluations += 1
+            p = self.scales.values(x)
+            values = dict(zip(self.design.variables, p.tolist(), strict=True))
+            found = Place(self.system(x), self._rates, values, self.scales.rates(p), {})
+            self._place = x.copy(), replace(found, order=self._followed(x, found))
+        return self._place[1]
+
+    def at(self, z: Array) -> Value:
+        """Return objective and constraints at unknowns."""
+        if self._value is not None and np.array_equal(self._value.z, z):
+            return self._value
+        n = len(self.scales.start)
+        levels = {each: float(level) * self.unit[each] for each, level in zip(self.largest, z[n:], strict=True)}
+        place = self.place(z[:n]).with_levels(levels)
+        f = self._one(self.objective.at(place))
+        g, h = self._bounded(place)
+        chain = np.concatenate((np.ones(n), [self.unit[each] for each in self.largest]))
+        parts = [Dual(dual.value, np.broadcast_to(dual.slope, (len(dual.value), place.width)) * chain)
+                 for dual in (Dual(f.value / self._size, f.slope / self._size), _stacked(g), _stacked(h))]  # fmt: skip
+        if not all(np.isfinite(numbers).all() for dual in parts for numbers in (dual.value, dual.slope)):
+            raise ModelError(f"optimize: objective, constraints or their derivatives are not finite at "
+                             f"{_said(place.values)}; give bounds that keep away from there.",
+                             field="variables")  # fmt: skip
+        self.steepest = max(self.steepest, float(np.linalg.norm(parts[0].slope[0])))
+        self._value = Value(z.copy(), *parts)
+        return self._value
+
+    def exchange(self, z: Array) -> tuple[Array, bool]:
+        """Add tops that are higher than what stands for them; return unknowns that allow for them, and whether there
+        are any.
+        """
+        n, grown, z = len(self.scales.start), False, z.copy()
+        place = self.place(z[:n])
+        for k, each in enumerate(self.largest):
+            active = self._active[each]
+            if active is None:
+                continue
+            where, size = each.tops(place)
+            new = where[size > z[n + k] * self.unit[each] * (1.0 + EXCEEDS)]
+            new = new[np.abs(new[:, None] - active).min(axis=1, initial=np.inf) > NEAR * new]
+            self._active[each] = np.concatenate((active, new))
+            grown = grown or len(new) > 0
+            z[n + k] = max(z[n + k], size.max() / self.unit[each])
+        self._value = None
+        return z, grown
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the unknowns."""
+        low, high = self.scales.bounds()
+        free = np.full(len(self.largest), np.inf)
+        return np.concatenate((low, -free)), np.concatenate((high, free))
+
+    def true(self, z: Array) -> tuple[float, list[Array]]:
+        """Return objective and constrained quantities, without anything that stands for others."""
+        place = self.place(z[: len(self.scales.start)])
+        return float(self.objective.at(place).value[0]), [c.quantity.at(place).value for c in self.constraints]
+
+    def _one(self, found: Dual) -> Dual:
+        if len(found.value) != 1:
+            raise ModelError(f"optimize: the objective '{self.objective.label}' has {len(found.value)} numbers; "
+                             f"expected one. q.sum(), largest(q) or q[0] make one of them.",
+                             field="objective")  # fmt: skip
+        return found
+
+    def _bounded(self, place: Place) -> tuple[list[Dual], list[Dual]]:
+        g: list[Dual] = []
+        h: list[Dual] = []
+        for constraint, size in zip(self.constraints, self._sizes, strict=True):
+            found = constraint.quantity.at(place)
+            for bound, sign in ((constraint.low, 1.0 / size), (constraint.high, -1.0 / size)):
+                if bound is not None and not (constraint.equal and sign < 0.0):
+                    part = Dual(sign * (found.value - bound), sign * found.slope)
+                    (h if constraint.equal else g).append(part)
+        for each in self.largest:
+            level, members, unit = place.level(each), each.members(place, self._active[each]), self.unit[each]
+            if level is not None:
+                g.append(Dual((level.value - members.value) / unit, (level.slope - members.slope) / unit))
+        return g, h
+
+    def _check_directions(self, start: Place) -> None:
+        """What stands for the largest of many is that only where nothing is won by making it larger."""
+        n = len(self.scales.start)
+        place = start.with_levels({each: float(each.true(start).value[0]) for each in self.largest})
+        g, h = self._bounded(place)
+        g, own = g[: len(g) - len(self.largest)], g[len(g) - len(self.largest) :]
+        for k, each in enumerate(self.largest):
+            others = [part for other, part in zip(self.largest, own, strict=True) if other is not each]
+            down = [_at(self.objective.at(place), n + k), *(-_at(part, n + k) for part in (*g, *others))]
+            if any((rate < 0.0).any() for rate in down) or any(_at(part, n + k).any() for part in h):
+                raise ModelError(f"optimize: '{each.label}' would have to grow; expected that it is minimised, or "
+                                 f"bounded from above.", field="objective")  # fmt: skip
+
+    def _followed(self, x: Array, place: Place) -> Index:
+        """The mode of each track."""
+        here = place.station
+        if not self._seen:
+            self._seen.append((x.copy(), reference(here)))
+            return np.arange(len(place.modes))
+        origin, known = min(self._seen, key=lambda seen: float(np.abs(seen[0] - x).max()))
+
+        def between(share: float) -> Station:
+            system = self.system(origin + share * (x - origin))
+            return station(system.modes(), system, share)
+
+        number, seen = step(known, 0.0, replace(here, at=1.0), between)
+        self._seen = [*self._seen[-KEPT:], (x.copy(), seen)]
+        return number
+
+
+def _stacked(duals: list[Dual]) -> Dual:
+    if not duals:
+        return Dual(np.zeros(0), np.zeros((0, 1)))
+    width = max(dual.slope.shape[1] for dual in duals)
+    return Dual(np.concatenate([dual.value for dual in duals]),
+                np.concatenate([np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]))  # fmt: skip
+
+
+def _at(dual: Dual, unknown: int) -> Array:
+    """Derivatives to one unknown; constants have none."""
+    return dual.slope[:, unknown] if dual.slope.shape[1] > unknown else np.zeros(1)
+
+
+def _said(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:.6g}" for name, value in values.items())

@@ -1,0 +1,172 @@
+"""Thin bridges from a search to solvers: scipy's SLSQP and trust-constr, and CasADi's IPOPT."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    from mbsvib.studies.search import Search
+
+    Array = NDArray[np.float64]
+
+FTOL = 1e-12  # of SLSQP, in parts of the objective where the search began
+INFINITE = 1e20  # what IPOPT takes for no bound
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a solver stopped, whether it is content, what it says, and after how many iterations."""
+
+    z: Array
+    success: bool
+    message: str
+    iterations: int
+
+
+def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], Found]:
+    """Return a solver by its name.
+
+    Parameters
+    ----------
+    method : str
+        "SLSQP", "trust-constr" or "ipopt".
+
+    Returns
+    -------
+    callable
+        From a search, where it begins, and the solver's own options.
+
+    Raises
+    ------
+    ModelError
+        If there is no such solver, or it is not installed.
+    """
+    known = {"slsqp": _slsqp, "trust-constr": _trust, "ipopt": _ipopt}
+    name = str(method).lower()
+    if name not in known:
+        raise check.refuse("optimize", "method", method, "'SLSQP', 'trust-constr' or 'ipopt'")
+    if name == "ipopt":
+        from importlib.util import find_spec
+
+        if find_spec("casadi") is None:
+            raise ModelError("optimize: method 'ipopt' is CasADi's; pip install mbsvib[casadi]", field="method")
+    return known[name]
+
+
+def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
+    from scipy.optimize import minimize
+
+    constraints = [
+        {"type": kind, "fun": lambda z, part=part: getattr(search.at(z), part).value,
+         "jac": lambda z, part=part: getattr(search.at(z), part).slope}
+        for kind, part in (("ineq", "g"), ("eq", "h"))
+        if len(getattr(search.at(z), part).value)
+    ]  # fmt: skip
+    found = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0], method="SLSQP",
+                     bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
+                     options={"ftol": FTOL, "maxiter": 300, **options})  # fmt: skip
+    return Found(np.asarray(found.x), bool(found.success), str(found.message), int(found.nit))
+
+
+def _trust(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
+    import warnings
+
+    from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
+
+    constraints = [
+        NonlinearConstraint(lambda z, part=part: getattr(search.at(z), part).value, 0.0, high,
+                            jac=lambda z, part=part: getattr(search.at(z), part).slope, hess=BFGS())
+        for part, high in (("g", np.inf), ("h", 0.0))
+        if len(getattr(search.at(z), part).value)
+    ]  # fmt: skip
+    with warnings.catch_warnings():  # its BFGS speaks of steps that change no gradient
+        warnings.simplefilter("ignore", UserWarning)
+        found = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0],
+                         method="trust-constr", hess=BFGS(), bounds=Bounds(*search.bounds(), keep_feasible=True),
+                         constraints=constraints,
+                         options={"maxiter": 1000, "gtol": 1e-9, "xtol": 1e-10, **options})  # fmt: skip
+    return Found(np.asarray(found.x), found.status in (1, 2), str(found.message), int(found.nit))
+
+
+def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
+    import casadi as ca
+
+    first = search.at(z)
+    n, sizes = len(z), (1, len(first.g.value), len(first.h.value))
+    rows = sum(sizes)
+
+    def all_of(z: Any, part: str) -> Array:
+        found = search.at(np.asarray(z, dtype=float).reshape(-1))
+        return np.concatenate([getattr(dual, part) for dual in (found.f, found.g, found.h)])
+
+    class Slopes(ca.Callback):
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.construct("slopes", {})
+
+        def get_n_in(self) -> int:
+            return 2
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            return ca.Sparsity.dense(n, 1) if i == 0 else ca.Sparsity(rows, 1)
+
+        def get_sparsity_out(self, i: int) -> Any:
+            return ca.Sparsity.dense(rows, n)
+
+        def eval(self, arguments: Any) -> Any:
+            return [ca.DM(all_of(arguments[0], "slope"))]
+
+    class Values(ca.Callback):
+        def __init__(self) -> None:
+            ca.Callback.__init__(self)
+            self.slopes = Slopes()
+            self.construct("values", {})
+
+        def get_n_in(self) -> int:
+            return 1
+
+        def get_n_out(self) -> int:
+            return 1
+
+        def get_sparsity_in(self, i: int) -> Any:
+            return ca.Sparsity.dense(n, 1)
+
+        def get_sparsity_out(self, i: int) -> Any:
+            return ca.Sparsity.dense(rows, 1)
+
+        def eval(self, arguments: Any) -> Any:
+            return [ca.DM(all_of(arguments[0], "value"))]
+
+        def has_jacobian(self) -> bool:
+            return True
+
+        def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> Any:
+            return self.slopes
+
+    unknowns, values = ca.MX.sym("z", n), Values()
+    found = values(unknowns)
+    quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False,
+             "ipopt.sb": "yes", "ipopt.tol": 1e-9, "ipopt.max_iter": 500}  # fmt: skip
+    own = {name if name in ("print_time", "verbose") else f"ipopt.{name}": value for name, value in options.items()}
+    problem: Any = {"x": unknowns, "f": found[0], "g": found[1:]}
+    words: Any = {**quiet, **own}
+    solve = ca.nlpsol("search", "ipopt", problem, words)
+    low, high = (np.clip(bound, -INFINITE, INFINITE) for bound in search.bounds())
+    answer = solve(x0=z, lbx=low, ubx=high, lbg=0.0,
+                   ubg=np.concatenate((np.full(sizes[1], INFINITE), np.zeros(sizes[2]))))  # fmt: skip
+    stats = solve.stats()
+    return Found(np.asarray(answer["x"], dtype=float).reshape(-1), bool(stats["success"]),
+                 str(stats["return_status"]).replace("_", " "), int(stats["iter_count"]))  # fmt: skip
