@@ -5,6 +5,7 @@ question          what is asked: results by name, functions
 running           in batches, or one by one, in processes
 record            answers in a file as they come
 sweeps, results   ``sweep`` and what it returns
+tracks            ``track``: modes that keep their names over a sweep
 quantities        numbers of a system with their gradients, and what is made of them
 measures, responses   frequencies, damping ratios, gains, peaks, root mean squares
 place, scales, search, solvers, optimizing   ``optimize`` and what it returns
@@ -16,8 +17,9 @@ from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
+from mbsvib.studies.tracks import Tracks, track
 
 __all__ = [
-    "Constraint", "Optimum", "Quantity", "Sweep", "damping_ratio", "frequency", "gain", "given", "largest", "optimize",
-    "peak", "placement", "rms", "smallest", "sweep", "variable",
+    "Constraint", "Optimum", "Quantity", "Sweep", "Tracks", "damping_ratio", "frequency", "gain", "given", "largest",
+    "optimize", "peak", "placement", "rms", "smallest", "sweep", "track", "variable",
 ]  # fmt: skip

@@ -10,11 +10,14 @@ from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from mbsvib.studies.results import Sweep
+    from mbsvib.studies.tracks import Tracks
 
 MOST_LINES = 12
 BINS = 60
@@ -51,7 +54,7 @@ def sweep(data: Sweep, label: str | None = None) -> Figure:
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
         if len(varied) == 1:
-            _lines(axes, data.parameters[varied[0]], flat)
+            _lines(axes, data.parameters[varied[0]], flat, getattr(data, "modes", ()))
             axes.set_xlabel(_said(varied[0], data))
             axes.set_ylabel(_said(name, data))
         elif len(varied) == 2 and len(data.shape) > 1:
@@ -81,14 +84,49 @@ def title(axes: Axes, words: str, name: str) -> None:
         axes.set_title(name, loc="right", color=style.MARK, fontsize=8.5)
 
 
-def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any]) -> None:
+def root_locus(data: Tracks) -> Figure:
+    """Draw the eigenvalues of tracked modes.
+
+    Parameters
+    ----------
+    data : Tracks
+        The modes.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The upper half of the complex plane, a line for each mode.
+    """
+    values = data["eigenvalues"]
+    samples = len(data.shape) > 1
+    with style.context():
+        figure = style.new_figure(6.4, 4.2)
+        axes = figure.subplots()
+        for i, (name, track) in enumerate(zip(data.modes, values.T[:MOST_LINES], strict=False)):
+            look = style.line(i)
+            dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
+            axes.plot(track.real, track.imag, label=name, **(look | dots))
+            if not samples:
+                good = np.flatnonzero(np.isfinite(track))
+                for at, marker in ((good[0], "o"), (good[-1], "s")):
+                    axes.plot(track[at].real, track[at].imag, marker, color=look["color"], markersize=4.5, mfc="white")
+        axes.axvline(0.0, color=style.MARK, linewidth=0.8, zorder=0)
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel("real part [1/s]")
+        axes.set_ylabel("imaginary part [rad/s]")
+        axes.legend(title="mode")
+        title(axes, f"Eigenvalues over {', '.join(data.parameters)}", data.name)
+    return figure
+
+
+def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str] = ()) -> None:
     order = np.argsort(x, kind="stable")
     samples = not ((np.diff(x) >= 0.0).all() or (np.diff(x) <= 0.0).all())
     for i in range(min(flat.shape[1], MOST_LINES)):
         dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
-        axes.plot(x[order], flat[order, i], label=f"{i + 1}", **(style.line(i) | dots))
+        axes.plot(x[order], flat[order, i], label=names[i] if names else f"{i + 1}", **(style.line(i) | dots))
     if flat.shape[1] > 1:
-        axes.legend(title="entry", ncols=2)
+        axes.legend(title="mode" if names else "entry", ncols=2)
 
 
 def _map(figure: Figure, axes: Axes, data: Sweep, varied: list[str], values: NDArray[Any], words: str) -> None:

@@ -1,0 +1,226 @@
+"""Modes over the points of a sweep, each followed by its shape, so that it keeps its name through crossings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import MbsvibError, ModelError, nearest
+from mbsvib.studies.design import design
+from mbsvib.studies.place import station
+from mbsvib.studies.results import Sweep
+from mbsvib.studies.sweeps import sweep
+from mbsvib.tracking import Reference, Station, reference, step
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from os import PathLike
+
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.modes import Modes
+    from mbsvib.studies.design import Design, Ties
+    from mbsvib.studies.progress import Progress
+
+    Array = NDArray[np.float64]
+
+UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "-"}
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Tracks(Sweep):
+    """Modes over the points of a sweep: results "eigenvalues" (n, modes), those of them without negative imaginary
+    parts, "frequencies", "damped_frequencies" and "damping_ratios", one column for each of ``modes``, their names.
+    """
+
+    modes: tuple[str, ...] = field(default=())
+
+    def mode(self, name: str, result: str = "frequencies") -> NDArray[Any]:
+        """Return a result of one mode.
+
+        Parameters
+        ----------
+        name : str
+            Name of the mode.
+        result : str
+            "eigenvalues", "frequencies", "damped_frequencies" or "damping_ratios".
+
+        Returns
+        -------
+        array, shape (n,)
+            The result at all points.
+
+        Raises
+        ------
+        ModelError
+            If there is no such mode.
+        """
+        if name not in self.modes:
+            raise ModelError(f"tracks of '{self.name}': there is no mode '{name}'.{nearest(str(name), self.modes)} "
+                             f"Modes are: {', '.join(self.modes)}.", element=str(name))  # fmt: skip
+        return np.asarray(self[result][:, self.modes.index(name)])
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return everything as columns of n entries, results by the names of their modes."""
+        result: dict[str, NDArray[Any]] = dict(self.parameters)
+        for label, values in self.results.items():
+            for name, column in zip(self.modes, values.T, strict=True):
+                if values.dtype.kind == "c":
+                    result[f"{label}[{name}].re"], result[f"{label}[{name}].im"] = column.real, column.imag
+                else:
+                    result[f"{label}[{name}]"] = column
+        return result
+
+    def root_locus(self) -> Figure:
+        """Draw the eigenvalues in the complex plane.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A line for each mode, from a circle at the first point to a square at the last.
+        """
+        from mbsvib.studies.figures import root_locus
+
+        return root_locus(self)
+
+
+def track(
+    model: Model, values: Mapping[str, ArrayLike], names: Mapping[str, int] | None = None, *, how: str = "grid",
+    ties: Ties | None = None, workers: int | None = None, file: str | PathLike[str] | None = None,
+    progress: Progress = None,
+) -> Tracks:  # fmt: skip
+    """Follow modes over the points of a sweep by their shapes.
+
+    Each point follows the one before it, on a grid the one before it along an axis. Where shapes change much from one
+    to the other, points in between are looked at.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    values : mapping of str to array-like, shape (k,) or ()
+        Values of each variable, as for ``sweep``; neighbours should be neighbours in the arrays too.
+    names : mapping of str to int, optional
+        Names of modes, by their numbers from 0 at the first point. Default, and for all others: the body that moves
+        most there, and the direction.
+    how : str
+        "grid": all combinations; "paired": point by point.
+    ties : mapping of str to mapping of str to float, optional
+        Linear maps, as for ``sweep``.
+    workers : int, optional
+        How many processes.
+    file : str or path-like, optional
+        Record of the sweep, from which it is resumed.
+    progress : bool, callable or None
+        True: a progress bar; None: on terminals.
+
+    Returns
+    -------
+    Tracks
+        A sweep whose columns are modes.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, a pattern picks nothing, a name is that of no mode, or all points fail.
+    """
+    found = sweep(model, values, modal, how=how, ties=ties, workers=workers, file=file, progress=progress)
+    good = np.flatnonzero(~found.failed)
+    if not len(good):
+        raise ModelError(f"track: all {len(found)} points failed, the first by {found.errors[0]}", field="values")
+    if found["eigenvalues"].dtype == object:
+        raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
+                         "as a mass that vanishes.", field="values")  # fmt: skip
+    way = _Way(model, design(model, found.parameters, ties), found.parameters)
+    titles = _titles(way.system(int(good[0])).modes(), names)
+    order = _followed(found, way)
+    results = {label: np.take_along_axis(found[label], order, axis=1) for label in UNITS}
+    for values_ in results.values():
+        values_.setflags(write=False)
+    kept = {each.name: getattr(found, each.name) for each in fields(Sweep)}
+    units = {name: unit for name, unit in found.units.items() if name in found.parameters} | UNITS
+    return Tracks(**(kept | {"results": results, "units": units}), modes=titles)
+
+
+def modal(system: Any) -> dict[str, NDArray[Any]]:
+    """Return what is asked at each point: eigenvalues, what is read off them, and weighted shapes."""
+    modes = system.modes()
+    seen = station(modes, system)
+    return {"eigenvalues": seen.values, "frequencies": modes.frequencies, "shapes": seen.vectors,
+            "damped_frequencies": modes.damped_frequencies, "damping_ratios": modes.damping_ratios}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Way:
+    """The model between points."""
+
+    model: Model
+    design: Design
+    columns: Mapping[str, Array]
+
+    def system(self, one: int, other: int = 0, share: float = 0.0) -> Any:
+        values = {name: float(x[one] + share * (x[other] - x[one])) for name, x in self.columns.items()}
+        return self.model.with_values(self.design.values(values)).linearize()
+
+    def between(self, one: int, other: int) -> Callable[[float], Station]:
+        def at(share: float) -> Station:
+            system = self.system(one, other, share)
+            return station(system.modes(), system, share)
+
+        return at
+
+
+def _followed(found: Sweep, way: _Way) -> NDArray[np.intp]:
+    """The mode that each track has at each point, (n, modes)."""
+    values, shapes = found["eigenvalues"], found["shapes"]
+    order = np.tile(np.arange(values.shape[1]), (len(found), 1))
+    seen: dict[int, Reference] = {}
+    for i in np.flatnonzero(~found.failed).tolist():
+        here = Station(1.0, values[i], shapes[i])
+        before = _before(i, found.shape, seen)
+        if before is None:
+            seen[i] = reference(here)
+            continue
+        try:
+            order[i], seen[i] = step(seen[before], 0.0, here, way.between(before, i))
+        except MbsvibError:  # what is between two points need not be a mechanism
+            order[i], seen[i] = step(seen[before], 0.0, here, None)
+    return order
+
+
+def _before(i: int, shape: tuple[int, ...], seen: Mapping[int, Reference]) -> int | None:
+    """The nearest point behind along the last axis that has one, else any that was seen before."""
+    index = list(np.unravel_index(i, shape))
+    for axis in reversed(range(len(shape))):
+        for back in range(1, int(index[axis]) + 1):
+            other = list(index)
+            other[axis] = index[axis] - back
+            number = int(np.ravel_multi_index(tuple(other), shape))
+            if number in seen:
+                return number
+    return max(seen, default=None)
+
+
+def _titles(modes: Modes, names: Mapping[str, int] | None) -> tuple[str, ...]:
+    given: dict[int, str] = {}
+    for name, number in (names or {}).items():
+        if not isinstance(number, (int, np.integer)) or isinstance(number, bool) or not 0 <= number < len(modes):
+            raise check.refuse("track", f"names['{name}']", number, f"the number of a mode, from 0 to {len(modes) - 1}")
+        if int(number) in given:
+            raise ModelError(f"track: mode {number} has two names, '{given[int(number)]}' and '{name}'.", field="names")
+        given[int(number)] = str(name)
+    result: list[str] = []
+    for number, most in enumerate(modes.strongest()):
+        plain = given.get(number, " ".join(most))
+        taken = [*result, *given.values()] if number not in given else []
+        title, count = plain, 1
+        while title in taken:
+            count += 1
+            title = f"{plain} ({count})"
+        result.append(title)
+    return tuple(result)
