@@ -13,7 +13,8 @@ from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots import _units as units
 from mbsvib.plots._choice import pick
-from mbsvib.plots._curves import curves, shared_grid
+from mbsvib.plots._curves import curves
+from mbsvib.responses.frequency_grid import placed, roots, span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 MOST_MODES = 60  # in motion and with shares; the table has them all
 MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page
+MOST_ZEROS = 5e7  # DOF cubed times pairs for which the dips of each curve are sought: a second
 LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the others
 MOST_ELEMENTS = 24
 
@@ -125,13 +127,14 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
         return None
     sources, results = pick(system, "input", inputs), pick(system, "output", outputs)
     asked = len(sources), len(results)
-    while True:
-        pairs = [(source, result) for source in sources for result in results]
-        grid = shared_grid([system], pairs, None, (None, None))
-        if len(grid) * len(pairs) <= MOST_SAMPLES or len(pairs) == 1:
-            break
-        keep = max(1.0, MOST_SAMPLES / len(grid)) / len(pairs)
-        sources, results = _fewer(sources, results, keep)
+    poles = system.poles()
+    grid = placed(poles, poles, *span(poles, None, None))
+    sources, results = _fitting(sources, results, len(grid))
+    if system.dof**3 * len(sources) * len(results) <= MOST_ZEROS:
+        places = roots(system, sources, results)
+        grid = placed(places, poles, *span(poles, None, None))
+        sources, results = _fitting(sources, results, len(grid))
+    pairs = [(source, result) for source in sources for result in results]
     found = curves(system, pairs, grid)
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
@@ -145,11 +148,12 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
     }
 
 
-def _fewer(sources: list[str], results: list[str], keep: float) -> tuple[list[str], list[str]]:
-    """Fewer inputs or outputs, whichever there are more of."""
-    if len(sources) > len(results):
-        return sources[: max(1, min(len(sources) - 1, int(keep * len(sources))))], results
-    return sources, results[: max(1, min(len(results) - 1, int(keep * len(results))))]
+def _fitting(sources: list[str], results: list[str], points: int) -> tuple[list[str], list[str]]:
+    """Leave out the last of the inputs or outputs, whichever are more, until all curves fit into the page."""
+    inputs, outputs = len(sources), len(results)
+    while inputs * outputs > 1 and inputs * outputs * points > MOST_SAMPLES:
+        inputs, outputs = (inputs - 1, outputs) if inputs > outputs else (inputs, outputs - 1)
+    return sources[:inputs], results[:outputs]
 
 
 def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
@@ -162,7 +166,7 @@ def _shares(system: System, modes: Modes) -> dict[str, Any]:
     kinds = [f"{name} ({kind})" if kind != "elastic" else name
              for name, kind in zip(stiffness.elements, stiffness.kinds, strict=True)]  # fmt: skip
     kinetic = modes.kinetic_energy
-    moving = np.array([*kinetic.values()]).reshape(-1, len(modes))
+    moving = np.array([*kinetic.values()]).reshape(len(kinetic), len(modes))
     return {"strain": _largest(kinds, stiffness.shares[:, :shown]), "kinetic": _largest([*kinetic], moving[:, :shown])}
 
 

@@ -108,3 +108,14 @@ def test_check_export_has_a_status_for_ci(run, tmp_path):
     assert run("check-export slider.mat slider.yaml --limit 1e-30").exit_code == 1
     assert run("check-export slider.pch slider.yaml").exit_code == 0
     assert run("check-export slider.pch").exit_code == 1
+
+
+def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
+    pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
+    result = run("report slider.yaml --inputs F --outputs x")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Written: slider-report.html (")
+    assert (tmp_path / "slider-report.html").read_text(encoding="utf-8").startswith("<!doctype html>")
+    refused = run("report slider.yaml -o page.pdf")
+    assert refused.exit_code == 2
+    assert "reports end in .html" in refused.stderr

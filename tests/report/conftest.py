@@ -1,13 +1,42 @@
 """A headless browser, and the pages it looks at."""
 
 import shutil
+import signal
 import warnings
+from contextlib import contextmanager
 
 import pytest
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 # Drawn in software: there is no graphics card in a test.
 WORDS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+LAUNCH, STEP = 20_000, 15_000  # milliseconds that the start and any step of a test may take
+HANGS = 60  # seconds after which nothing of playwright is waited for, whatever it says itself
+
+
+@contextmanager
+def limited(seconds, what):
+    """Break off what hangs, where the system has a clock that can do so."""
+    if not hasattr(signal, "SIGALRM"):
+        yield
+        return
+
+    def broken_off(*_):
+        raise TimeoutError(f"{what} took longer than {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, broken_off)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@pytest.fixture(autouse=True)
+def never_hangs(request):
+    with limited(HANGS, request.node.name):
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -19,8 +48,9 @@ def browser():
         warnings.simplefilter("ignore")
         with sync_api.sync_playwright() as playwright:
             try:
-                found = playwright.chromium.launch(executable_path=program, args=[*WORDS])
-            except sync_api.Error as error:
+                with limited(HANGS, "the start of Chromium"):
+                    found = playwright.chromium.launch(executable_path=program, args=[*WORDS], timeout=LAUNCH)
+            except (sync_api.Error, TimeoutError) as error:
                 pytest.skip(f"no browser: {str(error).splitlines()[0]}")
             yield found
             found.close()
@@ -35,14 +65,15 @@ def look(browser, tmp_path_factory):
 
     def show(model):
         path = write(model, tmp_path_factory.mktemp("report") / "report.html")
-        page = browser.new_page(viewport={"width": 1380, "height": 900})
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(STEP)
         opened.append(page)
         page.trouble, page.asked = [], []
         page.on("pageerror", lambda error: page.trouble.append(str(error)))
         page.on("console", lambda message: page.trouble.append(message.text) if message.type == "error" else None)
         page.on("request", lambda request: page.asked.append(request.url))
         page.goto(path.as_uri())
-        page.wait_for_function("document.body.dataset.ready === 'yes'", timeout=60_000)
+        page.wait_for_function("document.body.dataset.ready === 'yes'")
         return page
 
     yield show

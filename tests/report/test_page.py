@@ -47,7 +47,7 @@ def test_a_page_is_small_quick_and_whole(stewart, tmp_path):
 def test_nothing_is_fetched(stewart):
     page = report.html(stewart[1])
     own = page.replace(re.search(r"<script>/\*\*\n\* plotly.*?</script>", page, re.DOTALL)[0], "")
-    assert not re.search(r"(src|href)=[\"']?(?!#)", own)
+    assert not re.search(r"(src|href)=(?![\"']?#)", own)
     assert "http" not in own.replace("http-equiv", "")
     assert "default-src 'none'" in own
 
@@ -105,7 +105,7 @@ def test_what_has_nothing_to_show_is_a_page_nevertheless():
 
 def test_too_many_pairs_are_left_out_and_counted():
     model = mv.Model("many")
-    for i in range(40):
+    for i in range(14):
         model.add_body(f"b{i}", 1.0, (1, 1, 1), (i, 0, 0))
         model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (i - 0.5, 0, 0), (1e3,) * 6, (1.0,) * 6)
         model.add_input(f"F{i}", f"b{i}", "x")
@@ -113,10 +113,10 @@ def test_too_many_pairs_are_left_out_and_counted():
     page = report.html(model)
     data = stored(page)["responses"]
     assert len(page) < 6e6
-    assert data["left"][0] + len(data["inputs"]) == 40
-    assert data["left"][1] + len(data["outputs"]) == 40
+    assert data["left"][0] + len(data["inputs"]) == 14
+    assert data["left"][1] + len(data["outputs"]) == 14
     assert sum(data["left"]) > 0
-    chosen = stored(report.html(model, "F39", ["x0", "x39"]))["responses"]
+    chosen = stored(report.html(model, "F13", ["x0", "x13"]))["responses"]
     assert (len(chosen["inputs"]), len(chosen["outputs"]), chosen["left"]) == (1, 2, [0, 0])
     with pytest.raises(mv.ResponseError, match="x40"):
         report.html(model, outputs="x40")

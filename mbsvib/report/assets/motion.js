@@ -40,43 +40,47 @@ function moved() {
   return scene.points.map((value, i) => value + c * re[i] - s * im[i]);
 }
 
-// Layers: traces of lines through points, with gaps, or of markers.
-const lineNumbers = (...kinds) => scene.lines.filter((line) => kinds.includes(line[0])).flatMap(([, , from, to]) =>
-  [...Array.from({length: to - from}, (_, i) => from + i), -1]);
-const marksOf = (...kinds) => scene.marks.filter((mark) => kinds.includes(mark[0]));
+// Every trace costs a pass of the graphics card and a plan of its own in each frame: so lines of one width are one trace,
+// with a colour at each point, and all marks are one.
+const LINES = {rest: ["pose at rest", "#c3cbd4"], ground: ["ground", "#7d8894"], spoke: ["bodies", "#7f9cc4"], body: ["bodies", BLUE],
+               beam: ["bodies", BLUE], rod: ["bodies", BLUE], spring: ["springs", ORANGE], gap: ["springs", ORANGE],
+               damper: ["springs", "#8a6fb8"], axis: ["joints", "#39434e"], input: ["inputs", "#3a9a6e"]};
+const MARKS = {bushing: ["springs", "square", 6, ORANGE, "#ffffff"], joint: ["joints", "circle", 6, "#ffffff", "#39434e"],
+               cut: ["cut joints", "diamond", 7, RED, "#ffffff"], body: ["bodies", "circle", 6, "#16365f", "#ffffff"],
+               node: ["bodies", "circle", 6, "#16365f", "#ffffff"], input: ["inputs", "diamond", 5, "#3a9a6e", "#3a9a6e"]};
+const hidden = new Set();
+const outlines = scene.lines.filter((line) => ["body", "beam", "rod"].includes(line[0]));
+const drawnLines = [...scene.lines, ...outlines.map(([, name, from, to]) => ["rest", name, from, to])];
+const drawnMarks = [...scene.marks, ...scene.lines.filter((line) => line[0] === "input").map(([, name, , to]) => ["input", name, to - 1, "input"])];
 const columns = (numbers, at) => [0, 1, 2].map((axis) => numbers.map((i) => (i < 0 ? null : at[3 * i + axis])));
 
-const lineLayer = (layer, kinds, color, width, more = {}) => ({layer, numbers: lineNumbers(...kinds),
-  trace: {type: "scatter3d", mode: "lines", hoverinfo: "skip", line: {color, width, ...more}}});
-const markLayer = (layer, kinds, symbol, size, color, edge) => {
-  const marks = marksOf(...kinds);
-  return {layer, numbers: marks.map((mark) => mark[2]), trace: {type: "scatter3d", mode: "markers",
-    marker: {symbol, size, color, line: {color: edge, width: 1.5}},
-    text: marks.map((mark) => `<b>${plain(mark[1])}</b><br>${plain(mark[3])}`), hoverinfo: "text"}};
-};
-const layers = [
-  {layer: "rest", still: true, numbers: lineNumbers("body", "beam", "rod"), trace: {type: "scatter3d", mode: "lines",
-    hoverinfo: "skip", line: {color: "#c3cbd4", width: 2}}},
-  {layer: "bodies", numbers: scene.faces.length ? Array.from({length: scene.count}, (_, i) => i) : [], trace: {
-    type: "mesh3d", color: "#8fb0d8", opacity: 0.5, flatshading: true, hoverinfo: "skip",
-    i: scene.faces.map((face) => face[0]), j: scene.faces.map((face) => face[1]), k: scene.faces.map((face) => face[2]),
-    lighting: {ambient: 0.85, diffuse: 0.35, specular: 0.05}}},
-  lineLayer("bodies", ["spoke"], "#7f9cc4", 2),
-  lineLayer("bodies", ["body", "beam", "rod"], BLUE, 7),
-  lineLayer("springs", ["spring", "gap"], ORANGE, 4),
-  lineLayer("springs", ["damper"], "#8a6fb8", 4, {dash: "dash"}),
-  lineLayer("joints", ["axis"], "#39434e", 3),
-  markLayer("springs", ["bushing"], "square", 5, ORANGE, "#fff"),
-  markLayer("joints", ["joint"], "circle", 5, "#fff", "#39434e"),
-  markLayer("cut joints", ["cut"], "diamond", 6, RED, "#fff"),
-  {...lineLayer("ground", ["ground"], "#7d8894", 3), still: true},
-  markLayer("bodies", ["body", "node"], "circle", 5, "#16365f", "#fff"),
-  lineLayer("inputs", ["input"], "#3a9a6e", 5),
-  {layer: "inputs", numbers: scene.lines.filter((line) => line[0] === "input").map((line) => line[3] - 1), trace: {
-    type: "scatter3d", mode: "markers", marker: {symbol: "diamond", size: 4, color: "#3a9a6e"}, hoverinfo: "text",
-    text: scene.lines.filter((line) => line[0] === "input").map((line) => `<b>${plain(line[1])}</b><br>input`)}},
-].filter((each) => each.numbers.length);
-const SWATCH = {rest: "#c3cbd4", bodies: BLUE, springs: ORANGE, joints: "#39434e", "cut joints": RED, ground: "#9aa5b1",
+function linesOf(...kinds) {
+  const numbers = [], colour = [];
+  for (const [kind, , from, to] of drawnLines) {
+    if (!kinds.includes(kind) || hidden.has(LINES[kind][0])) continue;
+    for (let i = from; i <= to; i++) { numbers.push(i < to ? i : -1); colour.push(LINES[kind][1]); }
+  }
+  return {numbers, style: {"line.color": [colour]}};
+}
+
+function marks() {
+  const seen = drawnMarks.filter((mark) => !hidden.has(MARKS[mark[0]][0])), each = (i) => seen.map((mark) => MARKS[mark[0]][i]);
+  return {numbers: seen.map((mark) => mark[2]), style: {text: [seen.map((mark) => `<b>${plain(mark[1])}</b><br>${plain(mark[3])}`)],
+    "marker.symbol": [each(1)], "marker.size": [each(2)], "marker.color": [each(3)], "marker.line.color": [each(4)]}};
+}
+
+const faces = [0, 1, 2].map((corner) => scene.faces.map((face) => face[corner]));
+const lineTrace = (width) => ({type: "scatter3d", mode: "lines", hoverinfo: "skip", line: {width}});
+const traces = [
+  {still: true, content: () => linesOf("rest", "ground"), trace: lineTrace(2.5)},
+  {content: () => ({numbers: hidden.has("bodies") || !scene.faces.length ? [] : Array.from({length: scene.count}, (_, i) => i), style: {}}),
+   trace: {type: "mesh3d", color: "#8fb0d8", opacity: 0.5, flatshading: true, hoverinfo: "skip", i: faces[0], j: faces[1], k: faces[2],
+     lighting: {ambient: 0.85, diffuse: 0.35, specular: 0.05}}},
+  {content: () => linesOf("body", "beam", "rod"), trace: lineTrace(7)},
+  {content: () => linesOf("spoke", "spring", "gap", "damper", "axis", "input"), trace: lineTrace(4)},
+  {content: marks, trace: {type: "scatter3d", mode: "markers", hoverinfo: "text", marker: {line: {width: 1.5}}}},
+].map((each) => ({...each, ...each.content()}));
+const SWATCH = {"pose at rest": "#c3cbd4", bodies: BLUE, springs: ORANGE, joints: "#39434e", "cut joints": RED, ground: "#9aa5b1",
                 inputs: "#3a9a6e"};
 const VIEWS = {"3-D": {eye: {x: 1.15, y: -1.32, z: 0.68}, up: {x: 0, y: 0, z: 1}},
                x: {eye: {x: 2.2, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -2.2, z: 0}, up: {x: 0, y: 0, z: 1}},
@@ -96,13 +100,15 @@ const ranges = room();
 const axis3 = (name, i) => ({title: {text: `${name} [m]`, font: {size: 12, color: SOFT}}, range: ranges[i], autorange: false,
   showbackground: false, gridcolor: "#e9edf1", zeroline: false, showspikes: false, nticks: 5, tickfont: {size: 10.5, color: SOFT},
   linecolor: "#d4dae0"});
-Plotly.newPlot(view, layers.map(({trace, numbers}) => {
-  const [x, y, z] = columns(numbers, scene.points);
-  return {...trace, x, y, z, showlegend: false};
+Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
+  const [x, y, z] = columns(numbers, scene.points), made = {...trace, x, y, z, visible: numbers.length > 0, showlegend: false};
+  for (const [key, [values]] of Object.entries(style)) {
+    const path = key.split("."), last = path.pop();
+    path.reduce((place, name) => (place[name] = {...place[name]}), made)[last] = values;
+  }
+  return made;
 }), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3("x", 0), yaxis: axis3("y", 1),
   zaxis: axis3("z", 2), aspectmode: "data", dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
-
-const moving = layers.map((each, i) => [each, i]).filter(([each]) => !each.still);
 
 // The camera as it is right now: a drawing in the middle of a turn must not take the view back to where the turn began.
 function keepCamera() {
@@ -114,14 +120,26 @@ function keepCamera() {
 }
 
 function draw() {
-  const at = moved(), change = {x: [], y: [], z: []};
-  for (const [{numbers}] of moving) {
+  const at = moved(), change = {x: [], y: [], z: []}, changed = [];
+  traces.forEach(({still, numbers}, i) => {
+    if (still || !numbers.length) return;
     const [x, y, z] = columns(numbers, at);
     change.x.push(x); change.y.push(y); change.z.push(z);
-  }
+    changed.push(i);
+  });
   keepCamera();
   state.drawn += 1;
-  return Plotly.restyle(view, change, moving.map(([, i]) => i));
+  return changed.length ? Plotly.restyle(view, change, changed) : Promise.resolve();
+}
+
+async function show(layer, wanted) {
+  if (wanted) hidden.delete(layer); else hidden.add(layer);
+  for (const [i, each] of traces.entries()) {
+    Object.assign(each, each.content());
+    const [x, y, z] = columns(each.numbers, each.still ? scene.points : moved());
+    keepCamera();
+    await Plotly.restyle(view, {x: [x], y: [y], z: [z], visible: each.numbers.length > 0, ...each.style}, [i]);
+  }
 }
 
 let last = 0, busy = false;
@@ -174,16 +192,17 @@ by("previous").onclick = () => step(-1);
 by("next").onclick = () => step(1);
 by("amplitude").oninput = () => { if (!state.playing) draw(); };
 for (const [name, camera] of Object.entries(VIEWS)) {
-  make("button", name, by("views")).onclick = () => Plotly.relayout(view, {"scene.camera": {...camera, center: {x: 0, y: 0, z: 0}, projection: {type: name === "3-D" ? "perspective" : "orthographic"}}});
+  make("button", name, by("views")).onclick = () => Plotly.relayout(view, {"scene.camera": {...camera, center: {x: 0, y: 0, z: 0}, projection: {type: "perspective"}}});
 }
-for (const name of [...new Set(layers.map((each) => each.layer))]) {
+const used = new Set([...drawnLines.map((line) => LINES[line[0]][0]), ...drawnMarks.map((mark) => MARKS[mark[0]][0])]);
+for (const [name, colour] of Object.entries(SWATCH)) {
+  if (!used.has(name)) continue;
   const label = make("label", null, by("layers")), box = make("input", null, label);
   box.type = "checkbox";
   box.checked = true;
-  make("span", null, label, "swatch").style.background = SWATCH[name];
-  label.appendChild(document.createTextNode(name === "rest" ? "pose at rest" : name));
-  box.onchange = () => Plotly.restyle(view, {visible: box.checked},
-    layers.map((each, i) => [each, i]).filter(([each]) => each.layer === name).map(([, i]) => i));
+  make("span", null, label, "swatch").style.background = colour;
+  label.appendChild(document.createTextNode(name));
+  box.onchange = () => show(name, box.checked);
 }
 by("remarks").textContent = modesOf.remarks.join(" ") +
   (modesOf.shown < modesOf.rows.length ? ` The first ${modesOf.shown} of ${modesOf.rows.length} modes are shown in motion.` : "");
