@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mbsvib_export.batch_ import BatchData, from_npz_batch, to_npz_batch
+    from mbsvib_export.casadi_ import CasadiModel, to_casadi
+    from mbsvib_export.casadi_objectives import to_casadi_eigenvalues, to_casadi_response
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
+    from mbsvib_export.cosimulation import CosimulationCheck, MasterCheck, check_cosimulation
     from mbsvib_export.fmu_ import FmuFile, to_fmu
     from mbsvib_export.hdf5_ import from_hdf5, to_hdf5
     from mbsvib_export.json_ import from_json, json_schema, to_json
@@ -30,12 +33,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BatchData",
+    "CasadiModel",
     "Comparison",
+    "CosimulationCheck",
     "ExportCheck",
     "FmuFile",
+    "MasterCheck",
     "ResponseData",
     "SignalNames",
     "SystemData",
+    "check_cosimulation",
     "check_export",
     "from_hdf5",
     "from_json",
@@ -45,6 +52,9 @@ __all__ = [
     "from_uff",
     "json_schema",
     "named",
+    "to_casadi",
+    "to_casadi_eigenvalues",
+    "to_casadi_response",
     "to_control",
     "to_dmig",
     "to_fmu",
@@ -62,12 +72,16 @@ __all__ = [
 
 _HOMES = {
     "BatchData": "batch_",
+    "CasadiModel": "casadi_",
     "Comparison": "checking",
+    "CosimulationCheck": "cosimulation",
     "ExportCheck": "checking",
     "FmuFile": "fmu_",
+    "MasterCheck": "cosimulation",
     "ResponseData": "uff_",
     "SignalNames": "names_",
     "SystemData": "neutral",
+    "check_cosimulation": "cosimulation",
     "check_export": "checking",
     "from_hdf5": "hdf5_",
     "from_json": "json_",
@@ -77,6 +91,9 @@ _HOMES = {
     "from_uff": "uff_",
     "json_schema": "json_",
     "named": "naming",
+    "to_casadi": "casadi_",
+    "to_casadi_eigenvalues": "casadi_objectives",
+    "to_casadi_response": "casadi_objectives",
     "to_control": "control_",
     "to_dmig": "nastran_",
     "to_fmu": "fmu_",

@@ -1,0 +1,175 @@
+"""CasADi: the equations as functions that it differentiates, with parameters as unknowns where they enter affinely."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib.system import System
+from mbsvib_export.affine import LABELS, affine
+from mbsvib_export.casadi_exponential import exponential_step
+from mbsvib_export.neutral import refuse_many, state_space_of
+from mbsvib_export.packages import need
+from mbsvib_export.sampling import step_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.state_space import StateSpace
+    from mbsvib_export.affine import Affine
+    from mbsvib_export.neutral import SystemData
+
+    Array = NDArray[np.float64]
+
+INSTALL = "mbsvib[casadi]"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class CasadiModel:
+    """A system as functions of CasADi, with the names and units of what goes in and comes out.
+
+    ``rates``: (x, u, p) -> (xdot, y);  ``step``: (x, u, p) -> (x_next, y), exact over ``dt`` [s] for inputs that are
+    held, None without a step;  ``matrices``: p -> (M, C, K, B, Cq, Cv, Ca, D), None without parameters. ``values`` are
+    the parameters' own; p is empty where there are none.
+    """
+
+    name: str
+    rates: Any
+    step: Any
+    matrices: Any
+    dt: float | None
+    states: tuple[str, ...]
+    state_units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    parameters: tuple[str, ...]
+    parameter_units: tuple[str, ...]
+    values: Array
+
+    def __repr__(self) -> str:
+        return (f"CasadiModel({self.name!r}: {len(self.states)} states, {len(self.inputs)} inputs, "
+                f"{len(self.outputs)} outputs, {len(self.parameters)} parameters)")  # fmt: skip
+
+
+def to_casadi(
+    system: System | StateSpace | SystemData, step: float | None = None, parameters: str | Sequence[str] | None = None,
+    realization: str = "physical",
+) -> CasadiModel:  # fmt: skip
+    """Return a system as functions of CasADi, for optimal control, estimation and design.
+
+    xdot = A x + B u,  y = C x + D u;  with parameters M(p) q'' + C(p) q' + K(p) q = B(p) u, solved for q''
+
+    Parameters
+    ----------
+    system : System, StateSpace or SystemData
+        The equations of motion, or a state space that is ready.
+    step : float, optional
+        Step [s] of the exactly discretised equations. With parameters, its matrix exponential is exact as long as they
+        make A no more than eight times as large as it is.
+    parameters : str or sequence of str, optional
+        Names or patterns (``"leg*.k.stiffness"``) of stiffness, damping and mass parameters of a System, which become
+        the vector p. States are physical then.
+    realization : str
+        The states of a System: "physical", "modal" or "balanced".
+
+    Returns
+    -------
+    CasadiModel
+        Functions (MX) and names; SI units and radians.
+
+    Raises
+    ------
+    ExportError
+        If CasADi is not installed, the step is no positive number, or the equations are not affine in a parameter.
+    ModelError
+        If a parameter is unknown.
+    ResponseError
+        If the realization is unknown.
+    """
+    casadi = need("casadi", "to_casadi", INSTALL)
+    if parameters is not None:
+        return _with_parameters(casadi, system, step, parameters, realization)
+    space = state_space_of(system, realization, "to_casadi")
+    made = None if step is None else step_of(space, step, "to_casadi")
+    x, u, p = _symbols(casadi, len(space.states), len(space.inputs), 0)
+    y = _dm(casadi, space.C) @ x + _dm(casadi, space.D) @ u
+    rates = _function(casadi, "rates", (x, u, p), (_dm(casadi, space.A) @ x + _dm(casadi, space.B) @ u, y))
+    sampled = None if made is None else _function(
+        casadi, "step", (x, u, p), (_dm(casadi, made.phi) @ x + _dm(casadi, made.gamma) @ u, y))  # fmt: skip
+    return _model(space, rates, sampled, None, step, None)
+
+
+def _with_parameters(
+    casadi: Any, system: object, step: float | None, parameters: str | Sequence[str], realization: str
+) -> CasadiModel:
+    names = (parameters,) if isinstance(parameters, str) else tuple(parameters)
+    if not isinstance(system, System):
+        refuse_many(system, "to_casadi")
+        raise ExportError(f"to_casadi: parameters = {', '.join(names)}, but {type(system).__name__} knows no "
+                          f"parameters; give a System (model.linearize()).")  # fmt: skip
+    if realization != "physical":
+        raise ExportError(f"to_casadi: realization = {realization!r} with parameters, which would change what the "
+                          f"states are; leave it out: they are physical.")  # fmt: skip
+    if system.massless:
+        raise ExportError(f"to_casadi: '{system.name}' has motions that move no mass (see system.explain()), whose "
+                          f"rates are affine in no parameter; give them a little mass, or leave parameters "
+                          f"out.")  # fmt: skip
+    found, space = affine(system, names, "to_casadi"), system.state_space()
+    if step is not None:
+        step_of(space, step, "to_casadi")  # refuses what is no step
+    m = system.dof
+    x, u, p = _symbols(casadi, 2 * m, len(system.inputs), len(found.names))
+    matrix = {label: _affine_matrix(casadi, found, label, p) for label in LABELS}
+    solved = casadi.solve(matrix["M"], casadi.horzcat(-matrix["K"], -matrix["C"], matrix["B"]), "qr")
+    a, b = solved[:, : 2 * m], solved[:, 2 * m :]
+    acceleration = a @ x + b @ u
+    y = matrix["Cq"] @ x[:m] + matrix["Cv"] @ x[m:] + matrix["Ca"] @ acceleration + matrix["D"] @ u
+    rates = _function(casadi, "rates", (x, u, p), (casadi.vertcat(x[m:], acceleration), y))
+    sampled = None
+    if step is not None:
+        whole_a = casadi.vertcat(casadi.horzcat(casadi.DM(m, m), casadi.DM.eye(m)), a)
+        whole_b = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
+        phi, gamma = exponential_step(casadi, whole_a, whole_b, space, float(step))
+        sampled = _function(casadi, "step", (x, u, p), (phi @ x + gamma @ u, y))
+    matrices = casadi.Function("matrices", [p], [matrix[label] for label in LABELS], ["p"], list(LABELS))
+    return _model(space, rates, sampled, matrices, step, found)
+
+
+def _symbols(casadi: Any, n: int, i: int, parameters: int) -> tuple[Any, Any, Any]:
+    return casadi.MX.sym("x", n), casadi.MX.sym("u", i), casadi.MX.sym("p", parameters)
+
+
+def _function(casadi: Any, name: str, arguments: tuple[Any, ...], results: tuple[Any, Any]) -> Any:
+    first = "xdot" if name == "rates" else "x_next"
+    return casadi.Function(name, list(arguments), list(results), ["x", "u", "p"], [first, "y"])
+
+
+def _affine_matrix(casadi: Any, found: Affine, label: str, p: Any) -> Any:
+    """Nominal matrix and derivatives; one product, so that CasADi sees how few entries a parameter changes."""
+    nominal, slopes = getattr(found.nominal, label), found.slopes[label]
+    if not slopes.any():
+        return casadi.MX(_dm(casadi, nominal))
+    entries = np.stack([each.ravel(order="F") for each in slopes], axis=1)
+    change = _dm(casadi, entries) @ (p - casadi.DM(found.values))
+    return _dm(casadi, nominal) + casadi.reshape(change, *nominal.shape)
+
+
+def _dm(casadi: Any, array: Array) -> Any:
+    return casadi.sparsify(casadi.DM(array)) if array.size else casadi.DM(*array.shape)
+
+
+def _model(
+    space: StateSpace, rates: Any, sampled: Any, matrices: Any, step: float | None, found: Affine | None
+) -> CasadiModel:
+    return CasadiModel(
+        space.name, rates, sampled, matrices, None if step is None else float(step), space.states, space.state_units,
+        space.inputs, space.input_units, space.outputs, space.output_units, found.names if found else (),
+        found.units if found else (), found.values.copy() if found else np.zeros(0),
+    )  # fmt: skip

@@ -1,0 +1,242 @@
+"""Eigenvalues and frequency responses as functions of CasADi, with the toolbox's own derivatives: callbacks for design.
+
+CasADi cannot look into an eigensolver, but asks a callback for its Jacobian. So every parameter may be an unknown, not
+those alone that enter affinely: positions and orientations too. There are no second derivatives: tell IPOPT so,
+``{"ipopt": {"hessian_approximation": "limited-memory"}}``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError, MbsvibError
+from mbsvib.system import System
+from mbsvib_export.casadi_ import INSTALL
+from mbsvib_export.neutral import refuse_many
+from mbsvib_export.packages import need
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+    Ask = Callable[[System], Complex]
+
+
+def to_casadi_eigenvalues(system: System, parameters: str | Sequence[str]) -> Any:
+    """Return the eigenvalues of a system as a function of CasADi: p -> (real, imag).
+
+    Derivatives are those of ``system.eigenvalue_sensitivities``. Eigenvalues stand in the order of
+    ``modes().eigenvalues``, by size: where two change places, so do two entries.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion, as ``model.linearize()`` returned them.
+    parameters : str or sequence of str
+        Names or patterns (``"leg*.k.stiffness"``) of any parameters of the model, the entries of p.
+
+    Returns
+    -------
+    casadi.Callback
+        p (parameters,) to real and imaginary parts [1/s], (eigenvalues,) each; ``parameters`` are the names of p,
+        ``values`` the model's own. Keep it as long as expressions of it are used. Not a number where the parameters
+        give no system of as many eigenvalues.
+
+    Raises
+    ------
+    ExportError
+        If CasADi is not installed, or the system is not one that a model gave.
+    ModelError
+        If a parameter is unknown, or the system has forces whose derivatives are not supported.
+    """
+    names = _names(system, parameters, "to_casadi_eigenvalues")
+    if not system.dof:
+        raise ExportError(f"to_casadi_eigenvalues: '{system.name}' has no degree of freedom, and no eigenvalues.")
+    return _callback(
+        "eigenvalues", system, names, lambda found: found.modes().eigenvalues,
+        lambda found: found.eigenvalue_sensitivities(names).T,
+    )  # fmt: skip
+
+
+def to_casadi_response(
+    system: System, omega: ArrayLike, parameters: str | Sequence[str], input: str | None = None,
+    output: str | None = None,
+) -> Any:  # fmt: skip
+    """Return the frequency response from one input to one output as a function of CasADi: p -> (real, imag).
+
+    Derivatives are those of ``system.frequency_response_sensitivities``.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion, as ``model.linearize()`` returned them.
+    omega : array-like, shape (n,)
+        Angular frequencies [rad/s].
+    parameters : str or sequence of str
+        Names or patterns (``"leg*.k.stiffness"``) of any parameters of the model, the entries of p.
+    input, output : str, optional
+        Names; may be left out where there is one.
+
+    Returns
+    -------
+    casadi.Callback
+        p (parameters,) to real and imaginary parts, (n,) each; as of ``to_casadi_eigenvalues``.
+
+    Raises
+    ------
+    ExportError
+        If CasADi is not installed, the system is not one that a model gave, or has several inputs and none is named.
+    ModelError
+        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+    ResponseError
+        If a frequency is not finite, or a port is unknown.
+    """
+    names = _names(system, parameters, "to_casadi_response")
+    row, column = _port(system, output, "output"), _port(system, input, "input")
+    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    one_in, one_out = system.inputs[column], system.outputs[row]
+
+    def response(found: System) -> Complex:
+        result: Complex = found.frequency_response(w)[row, column]
+        return result
+
+    def derivatives(found: System) -> Complex:
+        return found.frequency_response_sensitivities(w, names, one_in, one_out)[:, 0, 0, :].T
+
+    return _callback("response", system, names, response, derivatives)
+
+
+def _names(system: System, parameters: str | Sequence[str], caller: str) -> tuple[str, ...]:
+    need("casadi", caller, INSTALL)
+    if not isinstance(system, System):
+        refuse_many(system, caller)
+        raise ExportError(f"{caller}: system = {type(system).__name__}; expected a System (model.linearize()).")
+    origin = system.provenance.origin
+    if origin is None or system.provenance.dropped is not None:
+        raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
+                          f"tells what parameters do to it; give that one.")  # fmt: skip
+    given = (parameters,) if isinstance(parameters, str) else tuple(parameters)
+    return tuple(dict.fromkeys(name for each in given for name in origin.parameters.matching(each)))
+
+
+def _port(system: System, name: str | None, what: str) -> int:
+    known = getattr(system, f"{what}s")
+    if name is None and len(known) != 1:
+        raise ExportError(f"to_casadi_response: '{system.name}' has {len(known)} {what}s; expected the name of one: "
+                          f"{what}=... of {', '.join(known) or 'none: add one to the model'}.")  # fmt: skip
+    if name is not None and name not in known:
+        from mbsvib.errors import ResponseError, nearest
+
+        raise ResponseError(f"to_casadi_response: there is no {what} '{name}'.{nearest(str(name), known)}")
+    return int(known.index(name)) if name is not None else 0
+
+
+def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, derivatives: Ask) -> Any:
+    origin = system.provenance.origin
+    assert origin is not None
+    rows = len(value(system))
+    derivatives(system)  # what cannot be differentiated is refused now, and not inside of a solver
+    last: dict[bytes, System | None] = {}
+
+    def at(p: Array) -> System | None:
+        """The system at p; a solver asks for values and derivatives at one place."""
+        key = p.tobytes()
+        if key not in last:
+            try:
+                found = origin.with_values(dict(zip(names, p.tolist(), strict=True))).linearize(
+                    system.coordinates, system.cut_joints, method="dense")  # fmt: skip
+            except MbsvibError:
+                found = None
+            last.clear()
+            last[key] = found
+        return last[key]
+
+    def ask(what: Ask, p: Array, shape: tuple[int, ...]) -> list[Array]:
+        found = at(p)
+        try:
+            result = None if found is None else what(found)
+        except MbsvibError:
+            result = None
+        if result is None or result.shape != shape:
+            result = np.full(shape, complex(np.nan, np.nan))
+        return [np.ascontiguousarray(result.real), np.ascontiguousarray(result.imag)]
+
+    made = _kinds()[0](name, rows, len(names), lambda p: ask(value, p, (rows,)),
+                       lambda p: ask(derivatives, p, (rows, len(names))))  # fmt: skip
+    made.parameters, made.values = names, np.array([origin.parameters[each] for each in names])
+    return made
+
+
+@cache
+def _kinds() -> tuple[Any, Any]:
+    """Classes of the callback and of its Jacobian; they exist where CasADi is."""
+    casadi = need("casadi", "to_casadi_eigenvalues", INSTALL)
+
+    class Jacobian(casadi.Callback):  # type: ignore[misc, name-defined]
+        """(p, real, imag) -> derivatives of both parts to p."""
+
+        def __init__(self, name: str, owner: Any, options: dict[str, Any]) -> None:
+            casadi.Callback.__init__(self)
+            self.owner = owner
+            self.construct(name, options)
+
+        def get_n_in(self) -> int:
+            return 3
+
+        def get_n_out(self) -> int:
+            return 2
+
+        def get_sparsity_in(self, k: int) -> Any:
+            return casadi.Sparsity.dense(self.owner.columns if k == 0 else self.owner.rows, 1)
+
+        def get_sparsity_out(self, k: int) -> Any:
+            return casadi.Sparsity.dense(self.owner.rows, self.owner.columns)
+
+        def eval(self, arguments: Any) -> Any:
+            return [casadi.DM(each) for each in self.owner.slopes(arguments[0].full().ravel())]
+
+    class Parts(casadi.Callback):  # type: ignore[misc, name-defined]
+        """p -> real and imaginary parts."""
+
+        def __init__(self, name: str, rows: int, columns: int, value: Any, slopes: Any) -> None:
+            casadi.Callback.__init__(self)
+            self.rows, self.columns, self.value, self.slopes = rows, columns, value, slopes
+            self.jacobians: list[Any] = []  # CasADi holds no reference to them
+            self.construct(name, {})
+
+        def get_n_in(self) -> int:
+            return 1
+
+        def get_n_out(self) -> int:
+            return 2
+
+        def get_name_in(self, k: int) -> str:
+            return "p"
+
+        def get_name_out(self, k: int) -> str:
+            return ("real", "imag")[k]
+
+        def get_sparsity_in(self, k: int) -> Any:
+            return casadi.Sparsity.dense(self.columns, 1)
+
+        def get_sparsity_out(self, k: int) -> Any:
+            return casadi.Sparsity.dense(self.rows, 1)
+
+        def eval(self, arguments: Any) -> Any:
+            return [casadi.DM(each) for each in self.value(arguments[0].full().ravel())]
+
+        def has_jacobian(self) -> bool:
+            return True
+
+        def get_jacobian(self, name: str, inputs: Any, outputs: Any, options: dict[str, Any]) -> Any:
+            self.jacobians.append(Jacobian(name, self, options))
+            return self.jacobians[-1]
+
+    return Parts, Jacobian
