@@ -16,6 +16,8 @@ SCENES = {
     "two loops": {"bodies": 5, "loops": 2},
     "dead loads and torques": {"bodies": 4, "loops": 1, "hold": "loads", "torque": True},
     "followers": {"bodies": 4, "loops": 1, "hold": "loads", "torque": True, "follower": True},
+    "couplers": {"bodies": 4, "couplers": 2},
+    "couplers in loops": {"bodies": 4, "loops": 1, "couplers": 2, "hold": "loads", "torque": True, "follower": True},
     "far from the origin": {"bodies": 3, "loops": 1, "offset": 100.0},
 }
 
@@ -58,6 +60,27 @@ def test_every_kind_of_joint(kind, loops):
             compared += 1
             assert off(model, system) < 1e-10
     assert compared > 1 or kind in ("fixed", "custom")
+
+
+@pytest.mark.parametrize("kind", [kind for kind in JOINTS if kind not in ("fixed", "distance")])
+def test_couplers_on_every_kind_of_joint(kind):
+    model, system = linearized(1, bodies=3, couplers=1, kinds=(kind,))
+    assert off(model, system) < 1e-10
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
+def test_couplers_on_joints_at_which_loops_are_cut():
+    compared = 0
+    for seed in range(5):
+        model = loaded(seed, bodies=4, loops=1, couplers=2, kinds=("free", "spherical", "cylindrical", "universal"))
+        terms = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
+        system = model.linearize()
+        if terms & set(system.cut_joints) and system.dof:
+            compared += 1
+            assert off(model, system) < 1e-10
+            cut = next(name for name in system.cut_joints if name in terms)
+            assert np.abs(system.reactions[cut]).max() > 1.0
+    assert compared > 1
 
 
 def test_the_kinds_compared_are_all_there_are():

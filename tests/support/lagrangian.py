@@ -92,6 +92,32 @@ def constraints(joint, a, b, point):
     return rows
 
 
+def coordinate(joint, direction, a, b, point):
+    """A joint's coordinate, zero in the model's pose, as couplers know it."""
+    q = np.array(joint.axes)
+    first, second = a.turn @ q, b.turn @ q
+    k, e = DIRECTIONS.index(direction), first.T @ second
+    if k < 3:
+        return (first.T @ (b.point(point) - a.point(point)))[k]
+    if joint.kind == "universal" and joint.axis is not None:
+        one, two = (q.T @ np.array(v) / np.linalg.norm(v) for v in (joint.axis, joint.axis2))
+    else:
+        one, two = np.eye(3)[:2]
+    if joint.kind == "universal":
+        return angle(one, two, e @ two) if direction == "rx" else angle(two, e.T @ one, one)
+    if [name for name, _ in joint.freedom if name[0] == "r"] == [direction]:
+        i, j = (k - 2) % 3, (k - 1) % 3
+        return ca.atan2(e[j, i] - e[i, j], e[i, i] + e[j, j])
+    return logarithm(e)[k - 3]
+
+
+def angle(axis, start, end):
+    """The angle about an axis from one vector to another, which make the same angle with it."""
+    axis, start = ca.DM(axis), ca.SX(start)
+    across = start - axis * ca.dot(axis, start)
+    return ca.atan2(ca.dot(ca.cross(axis, across), end), ca.dot(across, end))
+
+
 def potential(spring, a, b):
     """The potential of a line spring or bushing."""
     preload = getattr(spring, "preload", None)
@@ -148,6 +174,14 @@ class Lagrangian:
             inner = next(body for body in (joint.first, joint.second) if body != "ground")
             point = joint.position or model.bodies[inner].position
             rows += constraints(joint, frames[joint.first], frames[joint.second], point)
+        for coupler in getattr(model, "couplers", {}).values():
+            rows.append(ca.SX(0))
+            for term, factor in coupler.terms:
+                name, _, direction = term.rpartition(".")
+                joint = model.joints[name]
+                inner = next(body for body in (joint.first, joint.second) if body != "ground")
+                point = joint.position or model.bodies[inner].position
+                rows[-1] += factor * coordinate(joint, direction, frames[joint.first], frames[joint.second], point)
         phi = ca.vertcat(*rows)
         v = sum((potential(s, frames[s.first], frames[s.second]) for s in model.springs.values()), start=ca.SX(0))
         gravity = getattr(model, "gravity", None)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mbsvib.model import ADDERS
 from tests.support.lagrangian import Lagrangian
 from tests.support.random_models import rotation, spatial
 
@@ -21,16 +22,22 @@ def spatial_twin(model):
         for part in group.values():
             words = {word: value for word, value in part.words().items() if word not in ("preload", "free_length")}
             if adder != "add_load":
-                getattr(twin, adder or {"Spring": "add_spring", "Bushing": "add_bushing"}[type(part).__name__])(**words)
+                getattr(twin, adder or ADDERS[type(part)])(**words)
     return twin
 
 
 def loaded(seed, bodies=3, loops=0, kinds=None, *, hold="bushings", follower=False, torque=False, floating=False,
-           offset=0.0, lines=True):  # fmt: skip
+           offset=0.0, lines=True, couplers=0):  # fmt: skip
     """A random mechanism under gravity, loads and preloads; ``hold`` says what balances it: bushings or loads."""
     words = {} if kinds is None else {"kinds": kinds}
     model = spatial(seed, bodies, loops, ports=False, floating=floating, offset=offset, **words)
     rng = np.random.default_rng(seed + 1)
+    free = [f"{joint.name}.{way}" for joint in model.joints.values() if joint.kind != "distance"
+            for way, _ in joint.freedom]  # fmt: skip
+    for k in range(min(couplers, len(free) // 2)):
+        count = int(rng.integers(2, min(4, len(free)) + 1))
+        model.add_coupler(f"coupler{k}", dict(zip(rng.choice(free, count, replace=False), rng.normal(size=count),
+                                                  strict=True)))  # fmt: skip
     model.gravity = (1.0, -2.0, -9.81)
     names = list(model.bodies)
     for k, body in enumerate(names):
