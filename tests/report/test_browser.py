@@ -72,6 +72,15 @@ def test_a_click_on_a_mode_plays_it_and_another_rests(page):
     assert page.evaluate("state.drawn") == drawn
 
 
+def test_a_chosen_mode_is_told(page, stewart):
+    page.evaluate("choose(2)")
+    shares = stewart[1].stiffness_shares(stewart[1].modes()).shares
+    told = page.inner_text("#detail")
+    assert "Mode 3, 903.888 Hz" in told
+    assert f"{100.0 * shares[:, 2].max():.1f} %" in told
+    assert "platform" in told
+
+
 def test_the_picture_is_the_shape_of_the_mode(page, stewart):
     """At phase 0 points are where the bodies' displacements take them, the farthest one by the amplitude."""
     from mbsvib.plots._scene import of_system
@@ -176,6 +185,11 @@ def test_all_data_can_be_had_as_csv(page, stewart):
     G = system.frequency_response(2.0 * np.pi * values[:, 0])[0, 0]
     np.testing.assert_allclose(values[:, 1], np.abs(G), rtol=1e-6)
     assert "m/N" in rows[0][1]
+    name, rows = saved(page, "#csv-shapes")
+    assert len(rows) == 1 + 6 * len(system.bodies)
+    column = [float(row[4]) for row in rows[1:]]
+    expected = np.concatenate([system.modes().body_shapes[body][:, 1] for body in system.bodies])
+    np.testing.assert_allclose(column, expected, rtol=1e-6, atol=1e-9)
     _, rows = saved(page, "#csv-energy")
     assert rows[0][-1] == "mode 6"
     _, rows = saved(page, "#csv-topology")

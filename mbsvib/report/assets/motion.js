@@ -45,9 +45,9 @@ function moved() {
 const LINES = {rest: ["pose at rest", "#c3cbd4"], ground: ["ground", "#7d8894"], spoke: ["bodies", "#7f9cc4"], body: ["bodies", BLUE],
                beam: ["bodies", BLUE], rod: ["bodies", BLUE], spring: ["springs", ORANGE], gap: ["springs", ORANGE],
                damper: ["springs", "#8a6fb8"], axis: ["joints", "#39434e"], input: ["inputs", "#3a9a6e"]};
-const MARKS = {bushing: ["springs", "square", 6, ORANGE, "#ffffff"], joint: ["joints", "circle", 6, "#ffffff", "#39434e"],
-               cut: ["cut joints", "diamond", 7, RED, "#ffffff"], body: ["bodies", "circle", 6, "#16365f", "#ffffff"],
-               node: ["bodies", "circle", 6, "#16365f", "#ffffff"], input: ["inputs", "diamond", 5, "#3a9a6e", "#3a9a6e"]};
+const MARKS = {bushing: ["springs", "square", 10, ORANGE, "#ffffff"], joint: ["joints", "circle", 10, "#ffffff", "#39434e"],
+               cut: ["cut joints", "diamond", 11, RED, "#ffffff"], body: ["bodies", "circle", 10, "#16365f", "#ffffff"],
+               node: ["bodies", "circle", 10, "#16365f", "#ffffff"], input: ["inputs", "diamond", 8, "#3a9a6e", "#3a9a6e"]};
 const hidden = new Set();
 const outlines = scene.lines.filter((line) => ["body", "beam", "rod"].includes(line[0]));
 const drawnLines = [...scene.lines, ...outlines.map(([, name, from, to]) => ["rest", name, from, to])];
@@ -82,9 +82,9 @@ const traces = [
 ].map((each) => ({...each, ...each.content()}));
 const SWATCH = {"pose at rest": "#c3cbd4", bodies: BLUE, springs: ORANGE, joints: "#39434e", "cut joints": RED, ground: "#9aa5b1",
                 inputs: "#3a9a6e"};
-const VIEWS = {"3-D": {eye: {x: 1.15, y: -1.32, z: 0.68}, up: {x: 0, y: 0, z: 1}},
-               x: {eye: {x: 2.2, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -2.2, z: 0}, up: {x: 0, y: 0, z: 1}},
-               z: {eye: {x: 0, y: 0, z: 2.2}, up: {x: 0, y: 1, z: 0}}};
+const VIEWS = {"3-D": {eye: {x: 0.95, y: -1.09, z: 0.56}, up: {x: 0, y: 0, z: 1}},
+               x: {eye: {x: 1.7, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -1.7, z: 0}, up: {x: 0, y: 0, z: 1}},
+               z: {eye: {x: 0, y: 0, z: 1.7}, up: {x: 0, y: 1, z: 0}}};
 
 function room() {
   return [0, 1, 2].map((axis) => {
@@ -166,8 +166,46 @@ function choose(mode) {
   state.shape = shapeOf(mode);
   state.phase = 0;
   for (const row of rows) row.classList.toggle("chosen", Number(row.dataset.mode) === mode);
-  rows[mode].scrollIntoView({block: "nearest"});
+  const box = rows[mode].closest(".table"), top = rows[mode].offsetTop;  // scrolls the table, never the page
+  if (top < box.scrollTop + 50 || top + 34 > box.scrollTop + box.clientHeight) box.scrollTop = top - 60;
+  tell(mode);
   draw();
+}
+
+// What a mode is, beside its picture: eigenvalues, times, and who holds and who moves in it.
+function tell(mode) {
+  const place = by("detail"), row = modesOf.rows[mode], [re, im] = row.values[0], [re2] = row.values[1];
+  place.textContent = "";
+  make("h3", `Mode ${mode + 1}${row.natural > 0 ? `, ${shown(row.natural)} Hz` : ", rigid"}`, place);
+  const list = make("dl", null, place), item = (what, value) => { make("dt", what, list); make("dd", value, list); };
+  item("eigenvalues", im ? `${shown(re)} ± ${shown(Math.abs(im))} j 1/s` : re === re2 ? `${shown(re)} 1/s, twice` : `${shown(re)} and ${shown(re2)} 1/s`);
+  if (im) item("period", seconds(2 * Math.PI / Math.abs(im)));
+  if (re < 0) item("falls to 1/e in", seconds(-1 / re));
+  if (re < 0 && im) item("Q", shown(0.5 / row.ratio, 4));
+  const both = make("div", null, place, "holds");
+  for (const [which, title] of [["strain", "Who holds it"], ["kinetic", "Who moves in it"]]) {
+    const part = make("div", null, both), all = data.shares[which].map(([name, values]) => [name, values[mode]]);
+    const most = all.filter(([, value]) => value !== null && Math.abs(value) >= 0.05).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 6);
+    make("h3", title, part);
+    for (const [name, value] of most) {
+      const line = make("div", null, part, "share");
+      make("span", name, line).style.setProperty("--part", `${Math.min(100, Math.abs(value))}%`);
+      line.title = name;
+      make("b", `${value.toFixed(1)} %`, line);
+    }
+    if (!most.length) make("p", which === "strain" ? "Nothing: no spring is strained." : "Nothing.", part, "none");
+  }
+}
+
+const seconds = (time) => (time >= 1 ? `${shown(time, 4)} s` : time >= 1e-3 ? `${shown(1e3 * time, 4)} ms` : `${shown(1e6 * time, 4)} µs`);
+
+function shapes() {
+  const names = data.topology.nodes.slice(0, modesOf.bodies).map((node) => node[0]), out = [];
+  names.forEach((name, body) => ["x", "y", "z", "rx", "ry", "rz"].forEach((way, j) => {
+    const at = (mode) => 2 * ((mode * modesOf.bodies + body) * 6 + j), digits = (value) => Number(value.toPrecision(7));
+    out.push([name, way, ...Array.from({length: modesOf.shown}, (_, mode) => [digits(motions[at(mode)]), digits(motions[at(mode) + 1])]).flat()]);
+  }));
+  return [["body", "direction", ...Array.from({length: modesOf.shown}, (_, mode) => [`mode ${mode + 1} real`, `mode ${mode + 1} imaginary`]).flat()], ...out];
 }
 
 const rows = modesOf.rows.map((mode, i) => {
@@ -209,4 +247,5 @@ by("remarks").textContent = modesOf.remarks.join(" ") +
 by("csv-modes").onclick = () => csv(`${fileName(data.name)}-modes.csv`, [
   ["mode", "natural_hz", "damped_hz", "damping_ratio", "real_1", "imag_1", "real_2", "imag_2", "relative_error", "moves_most"],
   ...modesOf.rows.map((mode, i) => [i + 1, mode.natural, mode.damped, mode.ratio, ...mode.values.flat(), mode.error, mode.most])]);
-if (modesOf.shown) choose(0); else for (const id of ["play", "previous", "next"]) by(id).disabled = true;
+by("csv-shapes").onclick = () => csv(`${fileName(data.name)}-shapes.csv`, shapes());
+if (modesOf.shown) choose(0); else for (const id of ["play", "previous", "next", "csv-shapes"]) by(id).disabled = true;

@@ -118,13 +118,15 @@ function drawGraph() {
     {x: drawn[kind].mx, y: drawn[kind].my, mode: "markers", legendgroup: kind, showlegend: false, hoverinfo: "text", text: drawn[kind].text,
      marker: {size: 7, color: kind === "cut" ? RED : "#fff", line: {color, width: 1.5}}}]);
   const labels = nodes.length <= 80;
-  traces.push({x: nodes.map((node) => node[1]), y: nodes.map((node) => node[2]), mode: labels ? "markers+text" : "markers", showlegend: false,
-    hoverinfo: "text", text: nodes.map((node) => plain(node[0])), textposition: nodes.map((_, i) => (i === ground ? "bottom center" : "top center")),
-    textfont: {size: nodes.length > 30 ? 10 : 12}, marker: {size: nodes.map((_, i) => (i === ground ? 17 : 13)),
+  traces.push({x: nodes.map((node) => node[1]), y: nodes.map((node) => node[2]), mode: "markers", showlegend: false,
+    hoverinfo: "text", text: nodes.map((node) => plain(node[0])), marker: {size: nodes.map((_, i) => (i === ground ? 17 : 13)),
     symbol: nodes.map((_, i) => (i === ground ? "square" : "circle")), color: nodes.map((_, i) => (i === ground ? "#6b7682" : BLUE)), line: {color: "#fff", width: 2}}});
+  // on paper, so that no line runs through a name
+  const annotations = nodes.length > 80 ? [] : nodes.map((node, i) => ({x: node[1], y: node[2], text: plain(node[0]), showarrow: false,
+    yshift: i === ground ? -21 : 18, bgcolor: "rgba(255,255,255,0.85)", borderpad: 1, font: {size: nodes.length > 30 ? 10 : 12, color: INK}}));
   const bare = {visible: false};
-  Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest",
-    yaxis: {...bare, range: [-0.7, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
+  Plotly.newPlot("graph", traces, layout({margin: {l: 12, r: 12, t: 8, b: 8}, xaxis: {...bare}, hovermode: "closest", annotations,
+    yaxis: {...bare, range: [-0.6, Math.max(...nodes.map((node) => node[2])) + 0.6]}, legend: {orientation: "h", x: 0, y: 0, yanchor: "top"}}), CONFIG);
 }
 drawGraph();
 by("csv-topology").onclick = () => csv(`${fileName(data.name)}-topology.csv`, [["part", "name", "what", "first", "second"],
