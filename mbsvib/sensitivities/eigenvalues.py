@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.fields import Field, Fields, Motions
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.plans import Plan
-    from mbsvib.sensitivities.spectrum import Spectrum
+    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
     from mbsvib.system import System
 
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
+# Rows beyond the last parameter, so that the last part of a family has as many behind it as the others.
+PADDING = 64
 
 
 def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Complex:
@@ -66,23 +68,35 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     """
     chosen = planned(system, parameters)
     found = spectrum(system)
-    x = motions(chosen.network, found.right[:, None])
+    pairs = found.pairs()
+    widened = found if found.left is not None else found.with_sums(pairs)
+    x = motions(chosen.network, widened.right[:, None])
     y = x if found.left is None else motions(chosen.network, found.left[:, None])
-    groups = found.clusters()
+    gram = _gram(x, y, 2.0 * widened.lead)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = -1.0 / _gram(x, y, 2.0 * found.lead)
+        scale = -1.0 / gram
     resting = np.flatnonzero(found.lead == 0.0)
-    for some in (resting, *groups):
+    scale[len(found.lead) :] = 1.0
+    for some in (resting, *pairs.groups):
         scale[some] = 1.0
-    right = _fields(chosen.network, x, found.lead, scale if found.left is not None else 2.0 * scale)
+    right = _fields(chosen.network, x, widened.lead, scale if found.left is not None else 2.0 * scale)
     left = None if found.left is None else _fields(chosen.network, y, found.lead, scale)
-    result = _simple(chosen, found, left, right)
+    result, beside = _simple(chosen, found, left, right)
     if len(resting):
         lead = np.abs(result[:, found.place])
-        size = (lead / np.abs(scale)).max(axis=1, keepdims=True)
+        size = (lead / np.abs(scale[: len(found.lead)])).max(axis=1, keepdims=True)
         _set(result, found, resting, np.where(lead[:, resting] <= ZERO_FORM * size, 0.0, np.inf))
-    if groups:
-        _part(result, chosen, found, groups, (x, y), (left, right))
+    if len(pairs.groups) and left is not None:
+        first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
+        cross = _gram(x.take(second), y.take(first), found.lead[first] + found.lead[second])
+        form = chosen.variables.chain(_complex(table(chosen, left.take(first), right.take(second)), chosen))
+        _part(result, found, pairs, (gram, cross), form)
+    elif len(pairs.groups):
+        # between two motions: half of what both together have beyond each
+        cross = 0.5 * (gram[len(found.lead) :] - gram[pairs.first] - gram[pairs.second])
+        own = result[:, found.place]
+        form = 0.5 * (beside - own[:, pairs.first] - own[:, pairs.second])
+        _part(result, found, pairs, (gram, np.tile(cross, 2)), np.tile(form, 2))
     return result
 
 
@@ -108,25 +122,44 @@ def _fields(network: Network, motion: Motions, values: Complex, scale: Complex) 
     return fields(network, motion, *powers)
 
 
-def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -> Complex:
-    """Forms of all eigenvalues, conjugates included, (variables, eigenvalues)."""
+def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
+    """Forms of all eigenvalues, conjugates included, (variables, eigenvalues), and those of sums behind them."""
     first, second = (right, None) if left is None else (left, right)
+    lead = len(found.lead)
     if chosen.variables.identity and found.alternates:
-        result = np.empty((chosen.size, found.count), dtype=complex)
+        padded = chosen.size + PADDING
+        result = np.zeros((padded, found.count), dtype=complex)
+        beside = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
         for rows, stride, block in forms(chosen.families, first, second):
-            view = picked(result, rows, stride)
-            into = np.empty((*rows.shape, found.count), dtype=complex) if view is None else view
-            values = _joined(block)
-            into[..., ::2] = values
-            np.conjugate(values, out=into[..., 1::2])
+            view, sums = picked(result, rows, stride), picked(beside, rows, stride)
             if view is None:
-                result[rows[rows >= 0]] = into[rows >= 0]
+                asked = rows >= 0
+                into = np.empty((*rows.shape, found.count), dtype=complex)
+                _with_conjugates(into, block, lead)
+                result[rows[asked]], beside[rows[asked]] = into[asked], _joined(block[..., lead:])[asked]
+            else:
+                _with_conjugates(view, block, lead)
+                if len(sums.T):
+                    sums[:] = _joined(block[..., lead:])
+        result, beside = result[: chosen.size], beside[: chosen.size]
         result[chosen.breaking] = np.nan
-        return result
+        return result, beside
     form = chosen.variables.chain(_complex(table(chosen, first, second), chosen))
     result = np.empty((len(form), found.count), dtype=complex)
-    _set(result, found, np.arange(len(found.lead)), form)
-    return result
+    _set(result, found, np.arange(lead), form[:, :lead])
+    return result, form[:, lead:]
+
+
+def _with_conjugates(result: Complex, form: Field, count: int) -> None:
+    """Set eigenvalue after eigenvalue (..., 2 count) and conjugate, from forms in real or in complex arithmetic."""
+    if form.shape[-2] == 1:
+        result[..., ::2] = form[..., 0, :count]
+        np.conjugate(form[..., 0, :count], out=result[..., 1::2])
+        return
+    real, imag = form[..., 0, :count], form[..., 1, :count]
+    flat = result.view(float)
+    flat[..., ::4], flat[..., 2::4], flat[..., 1::4] = real, real, imag
+    np.negative(imag, out=flat[..., 3::4])
 
 
 def _joined(form: Field) -> Complex:
@@ -155,30 +188,35 @@ def _set(result: Complex, found: Spectrum, which: Index, form: Complex | Array) 
 
 
 def _part(
-    result: Complex, chosen: Plan, found: Spectrum, groups: list[Index], motion: tuple[Motions, Motions],
-    at: tuple[Fields | None, Fields],
+    result: Complex, found: Spectrum, pairs: Pairs, gram: tuple[Complex, Complex], cross: Complex
 ) -> None:  # fmt: skip
-    """Eigenvalues that coincide part along branches of their own."""
-    pairs = [np.array(np.meshgrid(group, group, indexing="ij")).reshape(2, -1) for group in groups]
-    left, right = np.concatenate(pairs, axis=1)
-    x, y = motion
-    gram = _gram(x.take(right), y.take(left), found.lead[left] + found.lead[right])
-    first = at[1].take(left) if at[0] is None else at[0].take(left)
-    form = chosen.variables.chain(_complex(table(chosen, first, at[1].take(right)), chosen))
-    if at[0] is None:
-        form *= 0.5
-    start = 0
-    for group in groups:
-        part = slice(start, start := start + len(group) ** 2)
-        _set(result, found, group, _branches(form[:, part], gram[part], len(group)))
+    """Eigenvalues that coincide part along branches of their own: ``gram`` is y^T (2 lambda M + C) x of each and of the
+    pairs, first with second and second with first, ``cross`` the form of these.
+    """
+    own = result[:, found.place]
+    start, half = 0, len(pairs.first)
+    for group in pairs.groups:
+        k = len(group)
+        form, pair = np.empty((len(result), k, k), dtype=complex), np.empty((k, k), dtype=complex)
+        which = np.arange(k)
+        form[:, which, which], pair[which, which] = own[:, group], gram[0][group]
+        upper, lower = np.triu_indices(k, 1)
+        stop = start + len(upper)
+        form[:, upper, lower], pair[upper, lower] = cross[:, start:stop], gram[1][start:stop]
+        back = slice(half + start, half + stop)
+        form[:, lower, upper], pair[lower, upper] = cross[:, back], gram[1][back]
+        _set(result, found, group, _branches(form, pair))
+        start = stop
 
 
-def _branches(form: Complex, gram: Complex, size: int) -> Complex:
-    """Derivatives of eigenvalues that coincide, (variables, size), from their forms and y^T (2 lambda M + C) x."""
-    pair = gram.reshape(size, size)
-    if np.linalg.cond(pair) * EPS > 1.0:  # a defective pair parts with the square root of any change
-        return np.full((len(form), size), np.inf, dtype=complex)
-    matrix: Complex = np.asarray(-np.linalg.solve(pair, form.reshape(-1, size, size)), dtype=complex)
+def _branches(form: Complex, pair: Complex) -> Complex:
+    """Derivatives of eigenvalues that coincide, (variables, k), from their forms and y^T (2 lambda M + C) x."""
+    size = len(pair)
+    with np.errstate(all="ignore"):
+        inverse = _inverse(pair)
+        if not np.abs(inverse).max() * np.abs(pair).max() * EPS < 1.0:  # a defective pair parts with the square root
+            return np.full((len(form), size), np.inf, dtype=complex)
+        matrix: Complex = -(inverse @ form)
     if size == 2:
         half = 0.5 * (matrix[:, 0, 0] - matrix[:, 1, 1])
         root = np.sqrt(half * half + matrix[:, 0, 1] * matrix[:, 1, 0])
@@ -190,6 +228,14 @@ def _branches(form: Complex, gram: Complex, size: int) -> Complex:
     along = np.where(np.abs(values.imag).max(axis=1, keepdims=True) > np.abs(values.real).max(axis=1, keepdims=True),
                      values.imag, values.real)  # fmt: skip
     result: Complex = np.take_along_axis(values, np.argsort(along, axis=1), axis=1)
+    return result
+
+
+def _inverse(pair: Complex) -> Complex:
+    if len(pair) > 2:
+        return np.asarray(np.linalg.pinv(pair, rcond=EPS))
+    (a, b), (c, d) = pair
+    result: Complex = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
     return result
 
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 Rule = Callable[["Fields", Any, "tuple[Array, ...]"], "list[Terms]"]
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _WHOLE = tuple((i, j) for i in range(6) for j in range(i, 6))
+_WORLD = np.eye(3)
 _DIAGONAL = tuple((i, i) for i in range(6))
 
 
@@ -118,7 +119,7 @@ def _mass(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
 
 
 def _inertia(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    return _entries(applied(data[0], found.body[k, 3:]), _TENSOR, found.square)
+    return _entries(_in_axes(data[0], found.body[k, 3:]), _TENSOR, found.square)
 
 
 def _moved_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
@@ -131,7 +132,13 @@ def _turned_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
 
 def _strain(found: Fields, k: Any, axes: Array) -> Field:
     d = found.strain[_among_springs(found, k)]
+    if bool((axes == _WORLD).all()):
+        return d
     return np.concatenate((applied(axes, d[:, :3]), applied(axes, d[:, 3:])), axis=1)
+
+
+def _in_axes(axes: Array, vectors: Field) -> Field:
+    return vectors if bool((axes == _WORLD).all()) else applied(axes, vectors)
 
 
 def _among_springs(found: Fields, k: Any) -> Any:

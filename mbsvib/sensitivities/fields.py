@@ -251,13 +251,12 @@ def multipliers(network: Network, behind: Field) -> Field:
 def shifted(wrench: Field, arm: Array) -> Field:
     """Return wrenches (w, 6, n) about another point, from which the present one is at ``arm`` (w, 3)."""
     result = np.array(wrench)
-    x, y, z = arm.T[:, :, None]
-    fx, fy, fz = wrench[:, 0], wrench[:, 1], wrench[:, 2]
-    for axis, (a, f, b, g) in enumerate(((y, fz, z, fy), (z, fx, x, fz), (x, fy, y, fx))):
-        if a.any():
-            result[:, 3 + axis] += a * f
-        if b.any():
-            result[:, 3 + axis] -= b * g
+    moves: list[bool] = np.asarray(arm.any(axis=0)).tolist()
+    for axis, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        if moves[j]:
+            result[:, 3 + axis] += arm[:, j, None] * wrench[:, k]
+        if moves[k]:
+            result[:, 3 + axis] -= arm[:, k, None] * wrench[:, j]
     return result
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,12 +22,14 @@ if TYPE_CHECKING:
 
 # Numbers that one block of forms may hold, so that it stays in the cache.
 BLOCK = 40_000
+# Blocks of fewer numbers are not worth a look whether they are zero.
+SMALL = 2_000
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
 WORKS = 1e-9
 
 
 def forms(families: Iterable[Family], left: Fields, right: Fields | None = None) -> Iterator[tuple[Index, int, Field]]:
-    """Return x^T (dT/dp) y of parameters, block by block.
+    """Return x^T (dT/dp) y of parameters, block by block; what is zero for all parts of a large block is left out.
 
     Parameters
     ----------
@@ -41,7 +44,7 @@ def forms(families: Iterable[Family], left: Fields, right: Fields | None = None)
         The parameters, -1 where none is asked for; the stride from part to part where entries follow each other, else
         0; and their forms.
     """
-    size = int(np.prod(_tail(left, right)))
+    size = prod(_tail(left, right))
     for family in families:
         count, width = family.rows.shape
         step = max(1, BLOCK // max(1, size * width))
@@ -49,7 +52,13 @@ def forms(families: Iterable[Family], left: Fields, right: Fields | None = None)
             number, data, rows = family.part(start, start + step)
             first = family.rule(left, number, data)
             second = None if right is None else family.rule(right, number, data)
-            yield rows, family.stride, _block(first, second, len(rows))
+            acting = _acting(first, second) if size * len(rows) > SMALL else None
+            if acting is None:
+                yield rows, family.stride, _block(first, second, len(rows))
+                continue
+            for i in acting:
+                one = None if second is None else second[i : i + 1]
+                yield rows[:, i : i + 1], family.stride, _block(first[i : i + 1], one, len(rows))
 
 
 def table(plan: Plan, left: Fields, right: Fields | None = None, families: Iterable[Family] | None = None) -> Field:
@@ -70,14 +79,26 @@ def picked(array: Any, rows: Index, stride: int) -> Any:
     """Return the view (parts, entries, ...) of an array (parameters, ...) whose rows follow each other, else None."""
     if not stride:
         return None
+    first, count = int(rows[0, 0]), len(rows)
+    if first + count * stride <= len(array):
+        return array[first : first + count * stride].reshape(count, stride, *array.shape[1:])[:, : rows.shape[1]]
     step, *inner = array.strides
-    start = array[rows[0, 0] :]
+    start = array[first:]
     return np.lib.stride_tricks.as_strided(start, (*rows.shape, *array.shape[1:]), (stride * step, step, *inner))
 
 
 def _tail(left: Fields, right: Fields | None) -> tuple[int, ...]:
     pair = (left,) if right is None else (left, right)
     return np.broadcast_shapes(*(each.shape[2:] for found in pair for each in (found.body, found.body_wrench)))
+
+
+def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
+    """Entries that are not zero for all parts, as planar mechanisms have many; None where all act."""
+    other = first if second is None else second
+    acting = [i for i, terms in enumerate(first)
+              if any((p.any() and a.any()) or (second is not None and q.any() and b.any())
+                     for (p, q), (b, a) in zip(terms, other[i], strict=True))]  # fmt: skip
+    return None if len(acting) == len(first) else acting
 
 
 def _block(first: list[Terms], second: list[Terms] | None, parts: int) -> Field:

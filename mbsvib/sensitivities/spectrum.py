@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +22,15 @@ if TYPE_CHECKING:
 # Vectors of eigenvalues that are closer than this (relative) are known to eps over it, and no better: they are taken
 # for one eigenvalue with a subspace.
 TOGETHER = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Groups of eigenvalues that coincide, and all pairs ``first``, ``second`` (n,) in them, group after group."""
+
+    groups: list[Index]
+    first: Index
+    second: Index
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +67,25 @@ class Spectrum:
                 if len(group) > 1:
                     groups.append(group)
         return groups
+
+    def pairs(self) -> Pairs:
+        """Return the groups of eigenvalues that coincide with all pairs in them."""
+        groups = self.clusters()
+        if not groups:
+            none = np.zeros(0, dtype=np.intp)
+            return Pairs(groups, none, none)
+        chosen = [np.triu_indices(len(group), 1) for group in groups]
+        first, second = (np.concatenate([group[which[side]] for group, which in zip(groups, chosen, strict=True)])
+                         for side in (0, 1))  # fmt: skip
+        return Pairs(groups, first, second)
+
+    def with_sums(self, pairs: Pairs) -> Spectrum:
+        """Return the spectrum with the sum of the vectors of each pair behind its own."""
+        if not pairs.groups:
+            return self
+        sums = self.right[:, pairs.first] + self.right[:, pairs.second]
+        return replace(self, lead=np.concatenate((self.lead, self.lead[pairs.first])),
+                       right=np.concatenate((self.right, sums), axis=1))  # fmt: skip
 
 
 def spectrum(system: System) -> Spectrum:
