@@ -37,7 +37,7 @@ class Active:
     ``system`` has, beside the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends of the
     leg apart, and the outputs ``LEG.tension`` [N], the force in the whole leg as a sensor in series with spring and
     actuator feels it, ``LEG.stroke`` [m] and ``LEG.rate`` [m/s], its elongation, and ``LEG.acceleration`` [m/s^2], that
-    of the isolated body along the leg's line, absolute.
+    of the isolated body where the leg ends, absolute, in the direction in which the actuator pushes this end.
     """
 
     scene: Scene
@@ -177,17 +177,32 @@ def actuated(
     if missing:
         raise ModelError(f"active: leg '{missing[0]}' is below the base '{base}'; choose legs above it.",
                          element=missing[0], field="legs")  # fmt: skip
+    carried = _carried(changed, body, chosen)
     for name in chosen:
         leg = changed.springs[name]
-        changed.add_input(f"{name}.actuator", leg.second, leg.line, leg.start, leg.first)  # type: ignore[union-attr]
-        changed.add_output(f"{name}.rate", leg.second, leg.line, leg.start, leg.first,  # type: ignore[union-attr]
-                           quantity="velocity")  # fmt: skip
+        assert not isinstance(leg, Bushing)
+        changed.add_input(f"{name}.actuator", leg.second, leg.line, leg.start, leg.first)
+        changed.add_output(f"{name}.rate", leg.second, leg.line, leg.start, leg.first, quantity="velocity")
         changed.add_force_output(f"{name}.tension", name)
-        changed.add_output(f"{name}.acceleration", body, leg.line, leg.end,  # type: ignore[union-attr]
-                           quantity="acceleration")  # fmt: skip
+        away = leg.first in carried and leg.second not in carried
+        end, push = (leg.start, -np.array(leg.line)) if away else (leg.end, np.array(leg.line))
+        changed.add_output(f"{name}.acceleration", body, push, end, quantity="acceleration")
     system = changed.linearize(method="dense")
     direct = system.D.copy()
     for name in chosen:
         # the sensor in series feels spring and actuator
         direct[system.outputs.index(f"{name}.tension"), system.inputs.index(f"{name}.actuator")] -= 1.0
     return Active(replace(made, system=replace(system, D=direct)), chosen)
+
+
+def _carried(model: Model, body: str, legs: Sequence[str]) -> set[str]:
+    """The bodies that hang on the isolated one by anything but legs and the ground."""
+    ties = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
+            if part.name not in legs]  # fmt: skip
+    found, last = {body}, 0
+    while len(found) > last:
+        last = len(found)
+        for pair in ties:
+            if GROUND not in pair and not found.isdisjoint(pair):
+                found.update(pair)
+    return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from mbsvib.isolation.sampled import SampledLoop
     from mbsvib.kinematics import Array
     from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
 
 AT_REST = 1e-9  # poles below this share of the largest are integrators' at rest
 OSCILLATES = 1e-6  # pairs of real poles that coincide come out with such imaginary parts
 GROWS = 1e-10  # a real part beyond this share of the largest pole is no rounding
+RESTS = 3e-8  # poles at 0 that are double come out so far off, in parts of the largest
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -73,23 +75,47 @@ class ClosedLoop:
     def _ports(self) -> tuple[list[int], list[int]]:
         return [self.outputs.index(n) for n in self.sensors], [self.inputs.index(n) for n in self.actuators]
 
-    def gains(self, omega: Array) -> Complex:
-        """Return the controllers' gains over frequency.
+    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+        """K (n, actuators, sensors), what K G brings back of signals at the actuators (n, actuators, actuators), and
+        what a hold makes of forces (n,); ``own`` (n, sensors, actuators) is the response of the mechanism.
+        """
+        s = np.asarray(1j * omega, dtype=complex)
+        try:
+            k = self.law.at(s)
+        except np.linalg.LinAlgError as error:
+            raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
+                                "0 Hz?); give it a leak, or leave this frequency out.") from error  # fmt: skip
+        return k, k @ own, np.ones(len(omega), dtype=complex)
+
+    @cached_property
+    def _own(self) -> System:
+        """The mechanism with the ports of the loops alone."""
+        y, u = self._ports()
+        system = self.plant.system
+        return replace(
+            system, inputs=self.actuators, outputs=self.sensors, B=system.B[:, u], Cq=system.Cq[y], Cv=system.Cv[y],
+            Ca=system.Ca[y], D=system.D[np.ix_(y, u)], input_units=tuple([system.input_units[i] for i in u]),
+            output_units=tuple([system.output_units[i] for i in y]),
+        )  # fmt: skip
+
+    def returned(self, omega: ArrayLike) -> Complex:
+        """Return what the loops bring back of a signal at the actuators, K G_yu, with nothing closed.
 
         Parameters
         ----------
-        omega : array, shape (n,)
+        omega : array-like, shape (n,)
             Angular frequencies [rad/s].
 
         Returns
         -------
-        array, shape (n, actuators, sensors)
-            K(i w).
+        array, shape (n, actuators, actuators)
+            Gains; a loop is unstable where they encircle 1.
         """
-        return self.law.at(1j * np.asarray(omega, dtype=float))
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        return self._loop(w, self._own.frequency_response(w).transpose(2, 0, 1))[1]
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
-        """Return the response of the closed loop, G + G_u K (1 - G_yu K)^-1 G_y.
+        """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
 
         Parameters
         ----------
@@ -110,20 +136,16 @@ class ClosedLoop:
         w = np.atleast_1d(np.asarray(omega, dtype=float))
         g = self.plant.system.frequency_response(w).transpose(2, 0, 1)
         y, u = self._ports()
-        try:
-            k = self.gains(w)
-        except np.linalg.LinAlgError as error:
-            raise ResponseError("closed loop: a controller has a pole at one of the frequencies (a pure integrator at "
-                                "0 Hz?); give it a leak, or leave this frequency out.") from error  # fmt: skip
-        difference = np.eye(len(y)) - g[:, y][:, :, u] @ k
-        whole: Complex = g + g[:, :, u] @ k @ np.linalg.solve(difference, g[:, y])
+        k, returned, hold = self._loop(w, g[:, y][:, :, u])
+        forces = np.linalg.solve(np.eye(len(u)) - returned, k @ g[:, y])
+        whole: Complex = g + g[:, :, u] @ (hold[:, None, None] * forces)
         return np.asarray(whole.transpose(1, 2, 0))
 
     @cached_property
     def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:
         space = self.plant._space
         law, (y, u) = self.law, self._ports()
-        n, k = len(space.A), len(law.A)
+        n = len(space.A)
         loop = np.eye(len(y)) - space.D[np.ix_(y, u)] @ law.D
         if np.linalg.cond(loop) > 1e12:
             raise ResponseError(f"closed loop: {law.name} feeds sensors that feel actuators at once with a gain of 1, "
@@ -140,7 +162,6 @@ class ClosedLoop:
         c = space.D[:, u] @ push
         c[:, :n] += space.C
         d = space.D + space.D[:, u] @ push_w
-        assert a.shape == (n + k, n + k)
         return a, b, c, d, space
 
     def state_space(self, realization: str = "modal") -> StateSpace:
@@ -190,24 +211,34 @@ class ClosedLoop:
     @cached_property
     def growing(self) -> tuple[str, ...]:
         """What grows, in words: the unstable modes, each with that of the mechanism it comes from."""
-        values, vectors = self._eigen
+        values = self._eigen[0]
         largest = np.abs(values).max(initial=0.0)
-        found = []
-        for i in np.flatnonzero((values.real > GROWS * largest) & (values.imag >= 0.0)):
-            found.append(f"{self._origin(vectors[:, i])} at {abs(values[i]) / (2.0 * np.pi):.4g} Hz, damping ratio "
-                         f"{-100.0 * values[i].real / abs(values[i]):.3g} %")  # fmt: skip
-        return tuple(found)
+        grows = (values.real > GROWS * largest) & (values.imag >= 0.0) & (np.abs(values) > RESTS * largest)
+        chosen = np.flatnonzero(grows)
+        return tuple([
+            f"{words} at {abs(s) / (2.0 * np.pi):.4g} Hz, damping ratio {-100.0 * s.real / abs(s):.3g} %"
+            for s, words in zip(values[chosen], self._origins(chosen), strict=True)
+        ])  # fmt: skip
 
-    def _origin(self, vector: Complex) -> str:
-        system = self.plant.system
+    def _origins(self, chosen: NDArray[np.intp]) -> list[str]:
+        """The modes of the mechanism that eigenvectors are most like, each given once; the rest are controllers'."""
+        from scipy.optimize import linear_sum_assignment
+
+        system, space = self.plant.system, self._space[4]
         modes = system.modes()
-        space = self._space[4]
-        q = space.transform[: system.dof] @ vector[: len(space.A)]
-        share = np.abs(modes.shapes.conj().T @ system.M @ q) * modes.frequencies
-        if not share.any():
-            return "a mode of the controller"
-        mode = int(share.argmax())
-        return f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(modes.strongest()[mode])})"
+        q = space.transform[: system.dof] @ self._eigen[1][: len(space.A), chosen]
+        share = np.abs(modes.shapes.conj().T @ system.M @ q) * modes.frequencies[:, None]
+        largest = share.max(axis=0, initial=0.0)
+        share = np.divide(share, largest, out=np.zeros_like(share), where=largest > 0.0)
+        given = dict(zip(*linear_sum_assignment(-share.T), strict=True))
+        words = []
+        for i in range(len(chosen)):
+            mode = given.get(i)
+            if mode is None or not largest[i]:
+                words.append("controller")
+            else:
+                words.append(f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(modes.strongest()[mode])})")
+        return words
 
     @property
     def stable(self) -> bool:
@@ -226,12 +257,16 @@ class ClosedLoop:
             raise ResponseError(f"closed loop: not stable with {self.law.name}: {'; '.join(self.growing)}. Lower the "
                                 f"gain, or look at collocation() for the pairs that do not damp.")  # fmt: skip
 
-    @cached_property
+    @property
     def vibrating(self) -> Complex:
         """Poles that vibrate, one of each pair, in ascending magnitude."""
+        return np.asarray(self._eigen[0][self._vibrating])
+
+    @cached_property
+    def _vibrating(self) -> NDArray[np.intp]:
         values = self._eigen[0]
         size = np.abs(values)
-        return np.asarray(values[(values.imag > OSCILLATES * size) & (size > AT_REST * size.max(initial=0.0))])
+        return np.flatnonzero((values.imag > OSCILLATES * size) & (size > AT_REST * size.max(initial=0.0)))
 
     @property
     def damping_ratios(self) -> Array:
@@ -304,18 +339,14 @@ class ClosedLoop:
         dict
             Title, columns, rows and notes.
         """
-        values = self.vibrating
-        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", self._origin(v))
-                for i, (s, v) in enumerate(zip(values, self._vectors(values), strict=True))]  # fmt: skip
+        origins = self._origins(self._vibrating)
+        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", words)
+                for i, (s, words) in enumerate(zip(self.vibrating, origins, strict=True))]  # fmt: skip
         notes = [f"Grows: {words}." for words in self.growing]
         return {"title": f"Closed loop of {self.plant.scene.model.name}: {self.law.name}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
                             ("comes from", "left")],
                 "rows": rows, "notes": notes}  # fmt: skip
-
-    def _vectors(self, values: Complex) -> list[Complex]:
-        every, vectors = self._eigen
-        return [vectors[:, int(np.flatnonzero(every == value)[0])] for value in values]
 
     def __str__(self) -> str:
         from mbsvib import tables

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 PARALLEL = 1e-9
 SAME = 1e-6  # a pole and a zero this near to each other are a mode that the pair does not see
+LIGHT = 1e-3  # damping ratio of the highest mode
 ROUNDING = 1e-8  # share of the response by which a real part may be negative
 
 
@@ -113,8 +114,7 @@ def _pair(plant: Active, undamped: System | None, actuator: str, sensor: str) ->
     order = 0 if force or rows[0].any() else 1 if rows[1].any() else 2
     b, row = system.B[:, i], rows[order]
     size = np.linalg.norm(b) * np.linalg.norm(row)
-    dual = bool(size > 0.0 and 1.0 - abs(b @ row) / size <= PARALLEL**0.5
-                and np.linalg.norm(np.outer(b, row) - np.outer(row, b)) <= PARALLEL * size)  # fmt: skip
+    dual = bool(size > 0.0 and np.linalg.norm(np.outer(b, row) - np.outer(row, b)) <= PARALLEL * size)
     leg = sensor.removesuffix(".tension")
     free = without(undamped, [leg]) if undamped is not None and sensor != leg and actuator == f"{leg}.actuator" and \
         removable(plant, [leg]) else None  # fmt: skip
@@ -122,22 +122,29 @@ def _pair(plant: Active, undamped: System | None, actuator: str, sensor: str) ->
     both = np.concatenate((poles, zeros))
     kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
     interlaced = minimum and bool((np.diff(kind) != 0.0).all()) and undamped is not None
-    return Pair(actuator, sensor, dual, interlaced, _passive(system, i, j, force, order), poles, zeros, minimum)
+    passive = _passive(system if system.C.any() else _damped(system), i, j, force, order)
+    return Pair(actuator, sensor, dual, interlaced, passive, poles, zeros, minimum)
 
 
 def removable(plant: Active, legs: Sequence[str]) -> bool:
-    """Return whether legs are plain springs, so that tensions are zero where the mechanism moves without them."""
-    return all(isinstance(plant.scene.model.springs[leg], Spring) for leg in legs)
+    """Return whether legs are plain springs without preload, so that without tension they play no part."""
+    system, springs = plant.system, plant.scene.model.springs
+    rows = np.bincount(system.row_owner, minlength=len(system.provenance.springs))
+    return all(isinstance(springs[leg], Spring) and rows[system.provenance.springs.index(leg)] == 1 for leg in legs)
 
 
 def without(system: System, legs: Sequence[str]) -> System:
     """Return a system without the springs and dampers of some legs: its poles are the zeros of their tensions."""
     gone = np.isin(system.row_owner, [system.provenance.springs.index(leg) for leg in legs])
-    rows = system.elastic_rows[gone]
-    k, c = system.stiffness.copy(), system.damping.copy()
-    k[gone] = c[gone] = 0.0
-    return replace(system, stiffness=k, damping=c, K=system.K - rows.T @ (system.stiffness[gone, None] * rows),
-                   C=system.C - rows.T @ (system.damping[gone, None] * rows))  # fmt: skip
+    k, c = np.where(gone, 0.0, system.stiffness), np.where(gone, 0.0, system.damping)
+    rows = system.elastic_rows[~gone]
+    # summed afresh: a difference would leave rounding where nothing is left
+    stiffness, damping = (rows.T @ (values[~gone, None] * rows) for values in (k, c))
+    if system.circulatory is not None:
+        stiffness += system.circulatory
+    if system.gyroscopic is not None:
+        damping += system.gyroscopic
+    return replace(system, stiffness=k, damping=c, K=stiffness, C=damping)
 
 
 def _seen(system: System, actuator: str, sensor: str, free: System | None) -> tuple[Array, Array, bool]:
@@ -157,6 +164,12 @@ def _seen(system: System, actuator: str, sensor: str, free: System | None) -> tu
         else:
             kept.append(pole)
     return np.array(kept) / (2.0 * np.pi), dips / (2.0 * np.pi), minimum
+
+
+def _damped(system: System) -> System:
+    """A system with dampers in proportion to its springs: without any no mode takes or gives energy."""
+    ratio = 2.0 * LIGHT / np.abs(system.poles()).max(initial=1.0)
+    return replace(system, C=ratio * system.K, damping=ratio * system.stiffness)
 
 
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:

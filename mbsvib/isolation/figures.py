@@ -126,8 +126,7 @@ class Isolation:
 
     @cached_property
     def crossover(self) -> float:
-        """Frequency [Hz] above which the index stays below 1, so that the body is isolated; infinite if there is none.
-        """
+        """Frequency [Hz] above which the index stays below 1, so that the body is isolated; infinite if never."""
         above = np.flatnonzero(self.index >= 1.0)
         if not len(above):
             return float(self.frequencies[0])

@@ -26,6 +26,7 @@ HALVINGS = 6
 # A step is short if every pole is found within this share of its distance to the nearest other one.
 SHORT = 0.3
 REAL = 0.05
+MOVED = 0.01
 ALIKE = 1e-7  # poles in parts of their size that count as one
 
 
@@ -50,6 +51,12 @@ class RootLocus:
         size = np.abs(values)
         return np.divide(0.0 - values.real, size, out=np.zeros_like(size), where=size > 0.0)
 
+    @cached_property
+    def moved(self) -> NDArray[np.intp]:
+        """Numbers of the modes that the gain moves by more than a hundredth of their frequency."""
+        values = self.poles[:, self.modes]
+        return np.flatnonzero(np.abs(values - values[0]).max(axis=0) > MOVED * np.abs(values[0]))
+
     @property
     def stable(self) -> NDArray[np.bool_]:
         """Whether nothing grows, at each gain, (n,)."""
@@ -62,14 +69,15 @@ class RootLocus:
         Parameters
         ----------
         mode : int, optional
-            Number of the mode, from 0; default: the least damped one at each gain.
+            Number of the mode, from 0; default: the least damped one at each gain, of those that the law moves.
 
         Returns
         -------
         gain, damping_ratio : float
             The gain and the damping ratio there.
         """
-        ratio = self.damping_ratios.min(axis=1) if mode is None else self.damping_ratios[:, mode]
+        columns = self.moved if mode is None else np.array([mode])
+        ratio = self.damping_ratios[:, columns].min(axis=1, initial=np.inf)
         ratio = np.where(self.stable, ratio, -np.inf)
         at = int(ratio.argmax())
         return float(self.gains[at]), float(ratio[at])

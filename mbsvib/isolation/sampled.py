@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
@@ -18,13 +18,16 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
+FORGOTTEN = np.finfo(float).eps ** 0.5  # what a delay forgets within a few samples
+
 
 @dataclass(frozen=True, repr=False, eq=False)
 class SampledLoop(ClosedLoop):
     """A closed loop whose controllers, discretised by Tustin's rule, run at ``rate`` [Hz] and act ``delay`` [s] later.
 
-    Poles are exact, those of the mechanism from sample to sample, as 1/s. Frequency responses are those from
-    continuous to continuous signals, without what sampling folds back from above half the rate.
+    Sensors are read before forces change. Poles, margins and stability are exact, those of the mechanism from sample to
+    sample; poles as 1/s. Frequency responses are of what answers at the frequency of the excitation itself, exact as
+    well; what sampling folds from there to other frequencies is not in them.
     """
 
     rate: float = 1.0
@@ -40,31 +43,9 @@ class SampledLoop(ClosedLoop):
         c = law.C @ left
         return a, b, c, law.D + half * c @ law.B
 
-    def gains(self, omega: Array) -> Complex:
-        """Return the controllers' gains over frequency, with hold and delay.
-
-        Parameters
-        ----------
-        omega : array, shape (n,)
-            Angular frequencies [rad/s].
-
-        Returns
-        -------
-        array, shape (n, actuators, sensors)
-            K(e^(i w T)) times what hold and delay make of it.
-        """
-        a, b, c, d = self.discrete
-        s = 1j * np.asarray(omega, dtype=float)
-        z = np.exp(s / self.rate)
-        k = np.broadcast_to(d, (len(s), *d.shape)).astype(complex)
-        if len(a):
-            k = k + c @ np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b)
-        hold = np.sinc(s.imag / (2.0 * np.pi * self.rate)) * np.exp(-s * (0.5 / self.rate + self.delay))
-        return np.asarray(k * hold[:, None, None])
-
     @cached_property
-    def _transition(self) -> Array:
-        """From sample to sample: states of mechanism and law, and the forces that are on their way."""
+    def _mechanism(self) -> tuple[Array, Array, Array]:
+        """A, B, C from the law's forces to sensors, from sample to sample; the last states are forces on their way."""
         from scipy.linalg import expm
 
         space = self.plant._space
@@ -80,44 +61,46 @@ class SampledLoop(ClosedLoop):
             result = expm(block)
             return result[:n, :n], result[:n, n:]
 
-        step, new = held(period - late)
         first, old = held(late)
-        a, b, c, d = self.discrete
-        k, waiting = len(a), m * (whole + 1)
-        total = np.zeros((n + k + waiting, n + k + waiting))
+        step, new = held(period - late)
         # the newest force waits in front; what acts when a sample is taken is the one at the end
-        acts = slice(n + k + m * whole, n + k + waiting)
-        before = slice(n + k + m * (whole - 1), n + k + m * whole) if whole else None
-        seen = np.zeros((len(y), len(total)))
-        seen[:, :n], seen[:, acts] = space.C[y], space.D[np.ix_(y, u)]
-        pushes = d @ seen
-        pushes[:, n : n + k] += c
-        total[:n, :n] = step @ first
-        total[:n, acts] = step @ old
-        if before is None:
-            total[:n] += new @ pushes
+        size = n + m * (whole + 1)
+        a, b, c = np.zeros((size, size)), np.zeros((size, m)), np.zeros((len(y), size))
+        a[:n, :n], a[:n, size - m :] = step @ first, step @ old
+        if whole:
+            a[:n, size - 2 * m : size - m] += new
         else:
-            total[:n, before] += new
-        total[n : n + k] = b @ seen
-        total[n : n + k, n : n + k] += a
-        total[n + k : n + k + m] = pushes
-        for i in range(whole):
-            total[n + k + m * (i + 1) : n + k + m * (i + 2), n + k + m * i : n + k + m * (i + 1)] = np.eye(m)
-        return total
+            b[:n] = new
+        a[n + m :, n : size - m] = np.eye(size - n - m)
+        b[n : n + m] = np.eye(m)
+        c[:, :n], c[:, size - m :] = space.C[y], space.D[np.ix_(y, u)]
+        return a, b, c
+
+    def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
+        a, b, c, d = self.discrete
+        z = np.exp(1j * omega / self.rate)
+        k = np.broadcast_to(d, (len(z), *d.shape)).astype(complex)
+        if len(a):
+            k = k + c @ _resolved(a, b, z)
+        pa, pb, pc = self._mechanism
+        hold = np.sinc(omega / (2.0 * np.pi * self.rate)) * np.exp(-1j * omega * (0.5 / self.rate + self.delay))
+        return k, k @ (pc @ _resolved(pa, pb, z)), hold
 
     @cached_property
     def _eigen(self) -> tuple[Complex, Complex]:
         from scipy.linalg import eig, matrix_balance
 
-        balanced, (scale, _) = matrix_balance(self._transition, permute=False, separate=True)
+        a, b, c, d = self.discrete
+        pa, pb, pc = self._mechanism
+        n, whole = len(self.plant._space.A), np.block([[pa + pb @ d @ pc, pb @ c], [b @ pc, a]])
+        balanced, (scale, _) = matrix_balance(whole, permute=False, separate=True)
         z, vectors = eig(balanced)
-        vectors = vectors * scale[:, None]
-        kept = np.abs(z) > np.finfo(float).eps ** 0.5  # what a delay forgets within a few samples
-        values = np.log(z[kept]) * self.rate
+        kept = np.abs(z) > FORGOTTEN
+        values, vectors = np.log(z[kept]) * self.rate, (vectors * scale[:, None])[:n, kept]
         order = np.lexsort((-values.imag, np.abs(values)))
-        return values[order], vectors[:, kept][:, order]
+        return values[order], vectors[:, order]
 
-    def state_space(self, realization: str = "modal") -> object:  # type: ignore[override]
+    def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.
 
         Parameters
@@ -160,3 +143,8 @@ def sampled(loop: ClosedLoop, rate: float, delay: float = 0.0) -> SampledLoop:
         raise ResponseError(f"sampled: rate = {rate!r} Hz, delay = {delay!r} s; expected a positive rate, and a delay "
                             f"that is not negative.")  # fmt: skip
     return SampledLoop(loop.plant, loop.controllers, loop.sensors, loop.actuators, float(rate), float(delay))
+
+
+def _resolved(a: Array, b: Array, z: Complex) -> Complex:
+    """(z - A)^-1 B, shape (n, states, columns)."""
+    return np.asarray(np.linalg.solve(z[:, None, None] * np.eye(len(a)) - a, b))

@@ -28,3 +28,14 @@ def two_masses(m1=4.0, m2=9.0, k1=3e4, k2=1e4, c1=20.0, c2=35.0):
     model.add_spring("lower", "ground", "stage", (0, 0, 0), (0, 0, 0.2), k1, c1)
     model.add_spring("upper", "stage", "payload", (0, 0, 0.2), (0, 0, 0.5), k2, c2)
     return model
+
+
+def active_strut(leg=9e4, beside=3e4, mass=MASS, damping=0.0, turned=False):
+    """A payload on a leg with an actuator, with a soft spring beside it: force feedback has the zero sqrt(beside/m)."""
+    model = mv.Model("strut")
+    model.add_body("payload", mass, (0.2, 0.2, 0.2), (0, 0, 0.3))
+    model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
+    ends = ("payload", "ground", (0, 0, 0.2), (0, 0, 0)) if turned else ("ground", "payload", (0, 0, 0), (0, 0, 0.2))
+    model.add_spring("leg", *ends, leg, damping)
+    model.add_spring("beside", "ground", "payload", (0.1, 0, 0), (0.1, 0, 0.2), beside)
+    return model

@@ -1,0 +1,188 @@
+"""Actuated legs and closed loops: closed forms of the classical laws, and python-control's feedback."""
+
+import control
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from tests.isolation.scenes import MASS, OMEGA, active_strut, one_axis, two_masses
+
+
+def strut(**words):
+    return isolation.actuated(active_strut(**words), "payload", "leg", directions="z")
+
+
+def oscillating(loop):
+    return np.sort_complex(loop.poles())
+
+
+def test_force_feedback_on_a_massless_strut():
+    plant = isolation.actuated(one_axis(0.0), "payload", directions="z")
+    for gain in (0.3 * OMEGA, OMEGA, 3 * OMEGA):
+        loop = plant.with_gains(isolation.force_feedback(plant, gain))
+        exact = np.sort_complex(np.append(np.roots([1, gain, OMEGA**2]), 0.0))
+        assert np.allclose(oscillating(loop), exact, rtol=1e-12, atol=1e-11)
+        assert loop.stable
+
+
+def test_most_damping_of_force_feedback_in_closed_form():
+    pole, zero = np.sqrt(1.2e5 / MASS), np.sqrt(3e4 / MASS)
+    gain, ratio = isolation.force_feedback_optimum(pole, zero)
+    assert ratio == pytest.approx((pole - zero) / (2 * zero), rel=1e-14)
+    plant = strut()
+    loop = plant.with_gains(isolation.force_feedback(plant, gain))
+    assert loop.damping_ratios == pytest.approx([ratio], rel=1e-9)
+    assert np.allclose(oscillating(loop), np.sort_complex(np.roots([1, gain, pole**2, gain * zero**2])), rtol=1e-9)
+    locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0, 2 * gain, 201))
+    assert locus.best() == pytest.approx((gain, ratio), rel=1e-4)
+    assert np.allclose(np.abs(locus.zeros), zero, rtol=1e-12)
+    with pytest.raises(mv.ResponseError, match="0 < zero < pole"):
+        isolation.force_feedback_optimum(1.0, 2.0)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_velocity_feedback_is_a_damper_and_skyhook_one_to_the_sky(turned):
+    plant, gain = strut(turned=turned), 800.0
+    loop = plant.with_gains(isolation.velocity_feedback(plant, gain))
+    k = 1.2e5
+    f = np.geomspace(1.0, 200.0, 30)
+    s = 2j * np.pi * f
+    damped = (gain * s + k) / (MASS * s**2 + gain * s + k)
+    assert np.allclose(loop.isolation(f).transmissibility[2, 0], damped, rtol=1e-11, atol=0)
+    loop = plant.with_gains(isolation.skyhook(plant, gain, leak=0.0))
+    sky = k / (MASS * s**2 + gain * s + k)
+    assert np.allclose(loop.isolation(f).transmissibility[2, 0], sky, rtol=1e-11, atol=0)
+    assert loop.stable
+
+
+def test_white_noise_on_a_skyhook_in_closed_form():
+    plant, gain, level = strut(), 800.0, 3e-4
+    loop = plant.with_gains(isolation.skyhook(plant, gain))
+    w = np.sqrt(1.2e5 / MASS)
+    zeta = gain / (2 * np.sqrt(1.2e5 * MASS))
+    # integral of |w^2 / (w^2 - x^2 + 2 i zeta w x)|^2 over f from 0: w / (8 zeta)
+    exact = level * w / (8 * zeta)
+    result = loop.isolation([1.0]).under({"z": level})
+    assert result.acceleration[2] ** 2 == pytest.approx(exact, rel=1e-10)
+
+
+def test_modal_skyhook_gives_the_ratios_that_are_asked_for():
+    # without dampers of their own and with struts of no mass the suspension modes have no others beside them
+    model = library.cubic_hexapod(damping=0.0)
+    plant = isolation.actuated(model, "platform")
+    loop = plant.with_gains(isolation.skyhook(plant, 0.3, "modal"))
+    assert np.allclose(loop.damping_ratios, 0.3, rtol=1e-9)
+    ratios = np.array([0.1, 0.1, 0.1, 0.2, 0.2, 0.4])
+    loop = plant.with_gains(isolation.skyhook(plant, ratios, "modal"))
+    assert np.allclose(loop.damping_ratios, ratios, rtol=1e-9)
+    assert np.allclose(plant.stiffness, plant.stiffness.T)
+    inverse = np.linalg.inv(plant.isolation([0.0]).compliance[:, :, 0].real)
+    assert np.allclose(plant.stiffness, inverse, rtol=1e-9, atol=1e-6)
+
+
+def test_several_loops_against_the_feedback_of_python_control():
+    plant = isolation.actuated(library.stewart(), "platform")
+    inner = isolation.force_feedback(plant, 2000.0, leak=50.0)
+    outer = isolation.skyhook(plant, 0.2, "modal", leak=20.0)
+    loop = plant.with_gains(inner, outer)
+    g = plant.system.state_space("modal")
+    y, u = ([names.index(n) for n in which] for names, which in
+            ((g.outputs, loop.sensors), (g.inputs, loop.actuators)))  # fmt: skip
+    whole = control.ss(g.A, g.B[:, u], g.C[y], g.D[np.ix_(y, u)])
+    law = control.ss(*(getattr(loop.law, part) for part in "ABCD"))
+    poles = control.feedback(whole, law, sign=1).poles()
+    assert np.allclose(np.sort(np.abs(poles)), np.sort(np.abs(loop.poles())), rtol=1e-7, atol=1e-3)
+    space = loop.state_space()
+    w = 2 * np.pi * np.array([100.0, 790.0, 1100.0, 4000.0])
+    flat = [space.C @ np.linalg.solve(1j * x * np.eye(len(space.A)) - space.A, space.B) + space.D for x in w]
+    g = loop.frequency_response(w)
+    size = np.abs(g).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(g - np.moveaxis(flat, 0, 2)) <= 1e-9 * size).all()
+
+
+def test_unstable_loops_are_told_with_the_mode():
+    plant = isolation.actuated(library.cubic_hexapod(), "platform")
+    loop = plant.with_gains(isolation.velocity_feedback(plant, -2000.0))
+    assert not loop.stable
+    with pytest.raises(mv.ResponseError, match=r"not stable with DVF: .*mode 6 \(159.* Hz, platform rz\)"):
+        loop.isolation([1.0, 2.0])
+    assert "Grows: mode" in str(loop)
+    assert "tell nothing" in str(loop.margins([1.0, 10.0]))
+
+
+def test_noncollocated_feedback_drives_a_mode():
+    plant = isolation.actuated(two_masses(c1=0.0, c2=0.0), "payload", "lower", directions="z")
+    report = isolation.collocation(plant)
+    by_sensor = {pair.sensor.split(".")[1]: pair for pair in report.pairs}
+    assert by_sensor["rate"].passive
+    assert by_sensor["tension"].passive
+    assert by_sensor["rate"].interlaced
+    assert not by_sensor["acceleration"].dual
+    assert not by_sensor["acceleration"].passive
+    assert not by_sensor["acceleration"].interlaced
+    assert "drive others" in str(report)
+    loop = plant.with_gains(isolation.skyhook(plant, 20.0))
+    assert len(loop.growing) == 1
+
+
+def test_poles_and_zeros_interlace_in_closed_form():
+    m1, m2, k1, k2 = 4.0, 9.0, 3e4, 1e4
+    plant = isolation.actuated(two_masses(c1=0.0, c2=0.0), "payload", "lower", directions="z")
+    poles = np.sqrt(np.linalg.eigvals(np.diag([1 / m1, 1 / m2]) @ [[k1 + k2, -k2], [-k2, k2]])) / (2 * np.pi)
+    rate, tension = isolation.collocation(plant, [("lower.actuator", f"lower.{x}") for x in ("rate", "tension")]).pairs
+    assert np.allclose(rate.poles, np.sort(poles), rtol=1e-12)
+    # rate: the stage held; tension: the lower spring gone
+    assert np.allclose(rate.zeros, [np.sqrt(k2 / m2) / (2 * np.pi)], rtol=1e-10)
+    assert np.allclose(tension.zeros, [np.sqrt(k2 / m2 + k2 / m1) / (2 * np.pi)], rtol=1e-12)
+    assert tension.interlaced
+
+
+def test_symmetric_legs_are_collocated():
+    plant = isolation.actuated(library.stewart_isolator(), "platform")
+    for pair in isolation.collocation(plant, [("leg2.k.actuator", f"leg2.k.{x}") for x in ("tension", "rate")]).pairs:
+        assert pair.dual
+        assert pair.interlaced
+        assert pair.passive
+    other = isolation.collocation(plant, [("leg2.k.actuator", "leg3.k.rate")]).pairs[0]
+    assert not other.dual
+    assert not other.passive
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({"legs": ["leg1.j"]}, "no line spring and no Maxwell element.*Did you mean 'leg1.k'"),
+        ({"legs": []}, "no line spring beside which"),
+    ],
+)
+def test_legs_are_checked(words, message):
+    with pytest.raises(mv.ModelError, match=message):
+        isolation.actuated(library.stewart(), "platform", **words)
+
+
+def test_laws_are_checked():
+    plant = strut()
+    with pytest.raises(mv.ResponseError, match="no controller"):
+        plant.with_gains()
+    with pytest.raises(mv.ResponseError, match=r"names the sensor 'leg\.rat'.*Did you mean 'leg\.rate'"):
+        plant.with_gains(isolation.controller([[1.0]], ["leg.rat"], ["leg.actuator"]))
+    with pytest.raises(mv.ResponseError, match="names the actuator"):
+        plant.with_gains(isolation.controller([[1.0]], ["leg.rate"], ["leg.motor"]))
+    with pytest.raises(mv.ResponseError, match=r"shape \(1, 2\)"):
+        isolation.controller([[1.0, 2.0]], ["leg.rate"], ["leg.actuator"])
+    with pytest.raises(mv.ResponseError, match="the law is discrete"):
+        isolation.controller(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), ["leg.rate"], ["leg.actuator"])
+    with pytest.raises(mv.ResponseError, match="a gain"):
+        isolation.force_feedback(plant, [1.0, 2.0])
+    with pytest.raises(mv.ResponseError, match="leak"):
+        isolation.force_feedback(plant, 1.0, leak=-1.0)
+    with pytest.raises(mv.ResponseError, match="'legs' or 'modal'"):
+        isolation.skyhook(plant, 1.0, "sky")
+    with pytest.raises(mv.ResponseError, match="pole at one of the frequencies"):
+        plant.with_gains(isolation.force_feedback(plant, 5.0)).isolation([0.0, 1.0])
+    loop = plant.with_gains(isolation.controller([[-1.0]], ["leg.tension"], ["leg.actuator"]))
+    with pytest.raises(mv.ResponseError, match="not defined"):
+        loop.poles()
+    with pytest.raises(mv.ResponseError, match="ascending"):
+        isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [1.0, 0.5])
