@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.loads.reactions import SMALL, carriers, reactions
+from mbsvib.loads.reactions import SMALL, carriers, reactions, skew
 
 if TYPE_CHECKING:
     from mbsvib.assembly import Scene
@@ -91,10 +91,8 @@ def acting(
     place[np.arange(count, 2 * count), second] = 1.0
     place.reshape(2, count, bodies + 1)[:, : applied.loads][:, applied.follower] = 0.0
     turning = np.flatnonzero(felt.carrier < bodies)
-    levers = np.zeros((len(turning), 3, 6))
-    for k, six in enumerate(felt.twist[:, turning].T):
-        for column, unit in enumerate(np.eye(3)):
-            levers[k, :, column], levers[k, :, 3 + column] = np.cross(six[:3], unit), 0.5 * np.cross(six[3:], unit)
+    twist = felt.twist[:, turning]
+    levers = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1).transpose(2, 0, 1)
     loops, locked = None, 0 if scene.cuts is None else len(scene.cuts.names)
     if 0 < locked * 6 * len(ways.first) <= SMALL:
         to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, np.zeros((locked, 0)))

@@ -85,8 +85,11 @@ class Carriers:
         joints, bodies = 6 * self.point.shape[1], 6 * self.position.shape[1]
         if not 0 < joints * bodies <= SMALL:
             return self
-        to_joints = self.of_tree(np.eye(bodies).reshape(6, -1, bodies)).reshape(joints, bodies)
-        to_bodies = self.on_bodies(np.eye(joints).reshape(6, -1, joints)).reshape(bodies, joints)
+        arm = skew(self.position[:, :, None] - self.point[:, None])
+        to_joints = _moved(-self.behind, arm).transpose(0, 3, 1, 2).reshape(joints, bodies)
+        every = np.arange(self.position.shape[1])[:, None]
+        sign = (every == self.second).astype(float) - (every == self.first)
+        to_bodies = _moved(sign, -arm).transpose(0, 2, 1, 3).reshape(bodies, joints)
         return replace(self, to_joints=to_joints, to_bodies=to_bodies)
 
 
@@ -173,6 +176,24 @@ class Reactions:
             scale = group.length * self.cuts.row_scale(group.length)[group.rows]
             result[group.rows] = np.linalg.lstsq(matrix * scale, held[columns], rcond=None)[0] * scale[:, None]
         return result
+
+
+def skew(vectors: Array) -> Array:
+    """Return [v]x (3, 3, ...) of vectors (3, ...): [v]x w = v x w."""
+    result = np.zeros((3, *vectors.shape))
+    x, y, z = vectors
+    result[0, 1], result[0, 2], result[1, 0] = -z, y, z
+    result[1, 2], result[2, 0], result[2, 1] = -x, -y, x
+    return result
+
+
+def _moved(sign: Array, arm: Array) -> Array:
+    """Return what takes wrenches (6,) along arms [r]x (3, 3, bodies + 1, joints), with signs: (6, 6, ...)."""
+    result = np.zeros((6, 6, *sign.shape))
+    for k in range(6):
+        result[k, k] = sign
+    result[3:, :3] = sign * arm
+    return result
 
 
 def _through(matrix: Array, wrench: Array, places: int) -> Array:
