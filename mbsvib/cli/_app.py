@@ -8,6 +8,7 @@ import typer
 
 from mbsvib import __version__
 from mbsvib.cli import _checking as checking
+from mbsvib.cli import _cosimulating as cosimulating
 from mbsvib.cli import _demo as demo
 from mbsvib.cli import _drawing as drawing
 from mbsvib.cli import _exporting as exporting
@@ -46,5 +47,6 @@ app.command()(drawing.step)
 app.command()(looking.check)
 app.command()(exporting.export)
 app.command()(checking.check_export)
+app.command()(cosimulating.cosim)
 app.command()(reporting.report)
 app.command()(looking.schema)

@@ -1,1 +1,15 @@
-"""Co-simulation of plants and controllers: units from files, run through fmpy, and the equations that they obey."""
+"""Co-simulation of plants and controllers: whether their units do what they should, and at which step.
+
+unit         units from files, run through fmpy, and the equations that they obey
+connections  which output goes to which input; what cannot work is refused here
+masters      one step of each kind of master, on exactly discretised equations
+running      the same masters with the units themselves
+stability    spectral radius against step
+result       what came out, as a table and a figure
+check        all of it in one call
+"""
+
+from mbsvib_export.cosimulation.check import check_cosimulation
+from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
+
+__all__ = ["CosimulationCheck", "MasterCheck", "check_cosimulation"]

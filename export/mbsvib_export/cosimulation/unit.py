@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import zipfile
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -17,7 +18,6 @@ from mbsvib.state_space import StateSpace
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
@@ -99,7 +99,7 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
         if not str(description.fmiVersion).startswith(("2.", "3.")):
             raise ExportError(f"{file}: is a unit of FMI {description.fmiVersion}; expected 2.0 or 3.0.")
         if fmpy.platform not in platforms:
-            raise ExportError(f"{file}: holds no binary for {fmpy.platform}, only for {', '.join(platforms) or 'none'}; "
+            raise ExportError(f"{file}: holds no binary for {fmpy.platform}, but for {', '.join(platforms) or 'none'}; "
                               f'export it on this platform, or for it: to_fmu(..., platforms="all").')  # fmt: skip
         yield _described(file, folder, description)
 
@@ -148,12 +148,14 @@ class Instance:
         self._du, self._dy = _Values(unit.inputs), _Values(unit.outputs)
         self._start = (0.0, np.zeros(len(unit.inputs)))
         self.slope = np.zeros(len(unit.inputs))
+        here = os.getcwd()
         try:
             self.fmu = classes[kind][self.new](
                 guid=unit.description.guid, unzipDirectory=unit.folder, modelIdentifier=interface.modelIdentifier,
                 instanceName="unit",
             )  # fmt: skip
         except Exception as error:
+            os.chdir(here)  # fmpy goes to the binary, and does not come back from one that it cannot load
             raise ExportError(f"{unit.path}: its binary cannot be loaded: {error}") from error
         try:
             self._instantiate(fmi2, extrapolate)
@@ -265,7 +267,7 @@ class _Values:
         self.references = (ctypes.c_uint * self.count)(*(each.reference for each in signals))
         self.first = (ctypes.c_int * self.count)(*([1] * self.count))
         self.values = (ctypes.c_double * self.count)()
-        self.array = np.frombuffer(self.values, dtype=float) if self.count else np.zeros(0)
+        self.array = np.ctypeslib.as_array(self.values) if self.count else np.zeros(0)
 
 
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:

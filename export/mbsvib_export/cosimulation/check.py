@@ -1,0 +1,278 @@
+"""A plant and a controller as units, co-simulated by every kind of master, and held against the loop as one system."""
+
+from __future__ import annotations
+
+import os
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from mbsvib.errors import ExportError, nearest
+from mbsvib_export.cosimulation.connections import connect, refuse_algebraic_loop
+from mbsvib_export.cosimulation.masters import MASTERS, Loop, discretised
+from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
+from mbsvib_export.cosimulation.running import run
+from mbsvib_export.cosimulation.stability import is_stable, largest_stable_step, radius
+from mbsvib_export.cosimulation.unit import equations, open_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib_export.cosimulation.connections import Connections
+    from mbsvib_export.cosimulation.unit import UnitFile
+
+    Array = NDArray[np.float64]
+
+_STEPS = 256  # of the first size, where no duration is given
+_HALVED = (1, 2, 4)
+_TOO_MUCH = 1e6  # growth up to which an unstable master is followed
+_FLOOR = 1e-9  # outputs below this share of the largest of their unit are measured by that
+
+
+def check_cosimulation(
+    plant: Any, controller: Any, step: float, *, masters: str | Sequence[str] | None = None,
+    connections: Mapping[str, str | None] | None = None, excitation: Mapping[str, float] | None = None,
+    duration: float | None = None, bonds: Mapping[str, str] | None = None,
+) -> CosimulationCheck:  # fmt: skip
+    """Co-simulate a plant and a controller as units, and say how far the result is from that of the loop as one system.
+
+    Names, units and connections are checked first, and loops of feedthrough are refused. Then, for each kind of master
+    and the steps H, H/2 and H/4: the units against the same steps in numpy on exactly discretised equations (1e-9
+    passes, 1e-12 is usual), and the plant's outputs against those of the closed loop, from which come error and order.
+    The spectral radius of the discrete loop gives the largest stable step. All inputs that are not connected jump to 1
+    at the beginning and stay there; where there is none, states start at their nominal values.
+
+    Parameters
+    ----------
+    plant, controller : path, System, StateSpace, SystemData or control.StateSpace
+        Files of units, FMI 2.0 or 3.0 with model exchange and co-simulation; what is no file is exported first.
+        Signals of the same name are connected.
+    step : float
+        Communication step H [s].
+    masters : str or sequence of str, optional
+        "jacobi" (both step at once, as most tools do), "gauss-seidel" (plant first), "slopes" (inputs run on linearly)
+        and "iteration" (steps repeated until outputs and inputs meet). Default: all that the units are able to do.
+    connections : mapping of str to str, optional
+        Output by input, where names differ; None leaves an input free. ``"plant:NAME"`` or ``"controller:NAME"`` where
+        both have an input of this name.
+    excitation : mapping of str to float, optional
+        Values of free inputs instead of 1; those that are not named are 0 then.
+    duration : float, optional
+        Time to simulate [s]. Default: 256 steps H.
+    bonds : mapping of str to str, optional
+        Displacement (m, rad) by force input of the plant that works on it, for the energy that the coupling makes.
+
+    Returns
+    -------
+    CosimulationCheck
+        Errors, orders, largest stable steps; a table by ``print``, a figure by ``plot()``.
+
+    Raises
+    ------
+    ExportError
+        If a unit cannot be read or run, is not linear, units or names do not fit, or there is an algebraic loop.
+    """
+    h = _positive("step", step)
+    count = _STEPS if duration is None else max(round(_positive("duration", duration) / h), 1)
+    with ExitStack() as stack:
+        folder = stack.enter_context(TemporaryDirectory(prefix="mbsvib-"))
+        units = [stack.enter_context(open_unit(_file(each, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
+                 for word, each in (("plant", plant), ("controller", controller))]  # fmt: skip
+        found = connect(units[0], units[1], connections)
+        methods, remarks = _able(masters, units)
+        numbers = [equations(unit) for unit in units]
+        refuse_algebraic_loop(units[0], units[1], found, numbers[0][3], numbers[1][3])
+        make = _loops(units, numbers, found)
+        a = make(h).monolithic()[0]
+        growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf)) if np.isfinite(a).all() else np.inf
+        if growth * h * count > 1e-6:
+            remarks.append(f"The closed loop itself is unstable: a pole at {growth:.3g} 1/s.")
+        e, told = _excited(units, found, excitation)
+        x = np.zeros(len(a)) if e.any() else _nominal(units)
+        if not e.any():
+            remarks.append("No free input is excited: states start at their nominal values.")
+        work = _bonds(units[0], bonds)
+        checked = tuple(_check(method, units, make, h, count, x, e, growth, work) for method in methods)
+        return CosimulationCheck(units[0].name, units[1].name, h, h * count, found.told, told, growth, checked,
+                                 tuple(remarks))  # fmt: skip
+
+
+def _positive(name: str, value: float) -> float:
+    try:
+        found = float(value)
+    except (TypeError, ValueError):
+        found = float("nan")
+    if not (np.isfinite(found) and found > 0):
+        raise ExportError(f"check_cosimulation: {name} = {value!r}; expected a positive number of seconds.")
+    return found
+
+
+def _file(source: Any, path: Path) -> Path:
+    if isinstance(source, (str, os.PathLike)):
+        return Path(source)
+    from mbsvib_export.fmu_ import to_fmu
+
+    return to_fmu(source, path).path
+
+
+def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:
+    """Masters that the units can do, and remarks on those that they cannot."""
+    wanted = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
+    for each in wanted:
+        if each not in MASTERS:
+            raise ExportError(f"check_cosimulation: masters: '{each}' is not among {', '.join(MASTERS)}."
+                              f"{nearest(str(each), MASTERS)}")  # fmt: skip
+    lacking: dict[str, str] = {}
+    for unit in units:
+        able = unit.description.coSimulation
+        if able is None:
+            raise ExportError(f"{unit.path}: has no co-simulation; export it with it, as to_fmu does.")
+        sloped = able.providesIntermediateUpdate if unit.new else able.canInterpolateInputs
+        if not sloped:
+            lacking |= dict.fromkeys(("slopes", "iteration"), f"'{unit.name}' takes no inputs that change in a step")
+        elif not able.maxOutputDerivativeOrder:
+            lacking["slopes"] = f"'{unit.name}' tells no slopes of outputs"
+        elif not able.canGetAndSetFMUstate:
+            lacking["iteration"] = f"'{unit.name}' cannot repeat a step"
+    for method, why in lacking.items():
+        if method in wanted and masters is not None:
+            raise ExportError(f"check_cosimulation: masters: '{method}' is not possible, as {why}.")
+    return ([each for each in wanted if each not in lacking],
+            [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in wanted])  # fmt: skip
+
+
+def _loops(
+    units: list[UnitFile], numbers: list[tuple[Array, Array, Array, Array]], found: Connections
+) -> Callable[[float], Loop]:
+    actuate, measure = found.selection(units[0], units[1])
+    free = len(found.plant_free) + len(found.controller_free)
+    outside = [np.zeros((len(unit.inputs), free)) for unit in units]
+    outside[0][list(found.plant_free), range(len(found.plant_free))] = 1.0
+    outside[1][list(found.controller_free), range(len(found.plant_free), free)] = 1.0
+
+    def make(h: float) -> Loop:
+        p, k = (discretised(*each, h) for each in numbers)
+        return Loop(p, k, actuate, measure, outside[0], outside[1], h)
+
+    return make
+
+
+def _excited(
+    units: list[UnitFile], found: Connections, given: Mapping[str, float] | None
+) -> tuple[Array, dict[str, float]]:
+    names = [units[0].inputs[i].name for i in found.plant_free]
+    names += [units[1].inputs[i].name for i in found.controller_free]
+    for name in given or {}:
+        if name not in names:
+            raise ExportError(f"check_cosimulation: excitation: '{name}' is no free input; these are free: "
+                              f"{', '.join(names) or 'none'}.{nearest(name, names)}")  # fmt: skip
+    values = dict.fromkeys(names, 1.0) if given is None else {name: float(given.get(name, 0.0)) for name in names}
+    result = np.array([values[name] for name in names])
+    if not np.isfinite(result).all():
+        raise ExportError("check_cosimulation: excitation holds NaN or infinity; expected finite numbers.")
+    return result, values
+
+
+def _nominal(units: list[UnitFile]) -> Array:
+    by_reference = [{each.valueReference: each.nominal for each in unit.description.modelVariables} for unit in units]
+    return np.array([float(nominal[state.reference] or 1.0)
+                     for unit, nominal in zip(units, by_reference, strict=True) for state in unit.states])  # fmt: skip
+
+
+def _bonds(plant: UnitFile, given: Mapping[str, str] | None) -> list[tuple[int, int]]:
+    inputs, outputs = [each.name for each in plant.inputs], [each.name for each in plant.outputs]
+    for force, motion in (given or {}).items():
+        for name, known in ((force, inputs), (motion, outputs)):
+            if name not in known:
+                raise ExportError(f"check_cosimulation: bonds: the plant has no '{name}'; expected an input by an "
+                                  f"output of it.{nearest(name, known)}")  # fmt: skip
+        unit = plant.outputs[outputs.index(motion)].unit
+        if unit not in ("", "m", "rad"):
+            raise ExportError(f"check_cosimulation: bonds: '{motion}' is in {unit}; expected a displacement in m or "
+                              f"an angle in rad.")  # fmt: skip
+    return [(inputs.index(force), outputs.index(motion)) for force, motion in (given or {}).items()]
+
+
+def _check(
+    method: str, units: list[UnitFile], make: Callable[[float], Loop], h: float, count: int, x: Array, e: Array,
+    growth: float, work: list[tuple[int, int]],
+) -> MasterCheck:  # fmt: skip
+    signals = (*units[0].outputs, *units[1].outputs)
+    groups = [each.unit or each.name for each in signals]
+    plant = len(units[0].outputs)  # what the controller says runs ahead in some masters, and comes right in the plant
+    steps, errors, difference, worst, energy = [], [], 0.0, "", float("nan")
+    first = radius(make(h), method)
+    stable = is_stable(first, growth, h)
+    for divisor in _HALVED:
+        loop, number = make(h / divisor), count * divisor
+        grows = radius(loop, method)
+        # an unstable one is followed until it shows; nobody iterates where iteration diverges
+        kept = number if grows <= 1.0 else int(min(number, np.log(_TOO_MUCH) / np.log(grows)))
+        steps.append(h / divisor)
+        if kept == 0 or (method == "iteration" and not is_stable(grows, growth, loop.h)):
+            errors.append(float("inf"))
+            continue
+        rows, forces = run(method, units[0], units[1], loop, x, e, kept)
+        truth = _reference(loop, x, e, number)
+        same = _simulated(method, loop, x, e, kept)
+        difference = max(difference, float(_relative(rows, same, same, groups).max(initial=0.0)))
+        each = _relative(rows, truth[: kept + 1], truth, groups)[:plant]
+        errors.append(float(each.max(initial=0.0)))
+        if not worst and len(each):
+            worst = signals[int(each.argmax())].name
+        if divisor == 1 and work:
+            energy = _made(rows, forces, loop, units, work, e)
+    largest = largest_stable_step(make, method, h, growth)
+    return MasterCheck(method, tuple(steps), tuple(errors), worst, difference, first, stable, largest, energy)
+
+
+def _reference(loop: Loop, x: Array, e: Array, count: int) -> Array:
+    """Outputs of the closed loop as one system, at all steps."""
+    a, b, c, d = loop.monolithic()
+    n = len(a)
+    big = np.zeros((n + 1, n + 1))
+    big[:n, :n], big[:n, n] = a * loop.h, b @ e * loop.h
+    step, z, rows = expm(big), np.append(x, 1.0), []
+    for _ in range(count + 1):
+        rows.append(c @ z[:n] + d @ e)
+        z = step @ z
+    return np.array(rows)
+
+
+def _simulated(method: str, loop: Loop, x: Array, e: Array, count: int) -> Array:
+    """Outputs of the same master in numpy."""
+    n, nk, out, outk = loop.sizes
+    z = loop.start(x, e, method == "slopes")
+    step = partial(loop.step, method, e=e)
+    rows = [z]
+    for _ in range(count):
+        rows.append(step(rows[-1]))
+    return np.array(rows)[:, n + nk : n + nk + out + outk]
+
+
+def _relative(found: Array, truth: Array, scale: Array, groups: list[str]) -> Array:
+    """Largest error of each output by its own size; those that hardly move are measured by others of their unit."""
+    size = np.abs(scale).max(axis=0, initial=0.0)
+    floor = np.array([max(size[i] for i, other in enumerate(groups) if other == group) for group in groups])
+    size = np.maximum(size, _FLOOR * floor)
+    return np.asarray(np.abs(found - truth).max(axis=0) / np.where(size > 0, size, 1.0))
+
+
+def _made(
+    rows: Array, forces: Array, loop: Loop, units: list[UnitFile], work: list[tuple[int, int]], e: Array
+) -> float:
+    """Energy that the coupling makes: work by what the plant was given less that by what the controller said."""
+    out = len(units[0].outputs)
+    said = rows[:, out:] @ loop.actuate.T + loop.plant_free @ e
+    into, onto = [each[0] for each in work], [each[1] for each in work]
+    moved = np.diff(rows[:, onto], axis=0)
+    meant = (said[1:, into] + said[:-1, into]) / 2 * moved
+    through = float(np.abs(meant).sum())
+    return float((forces[:, into] * moved - meant).sum() / through) if through else float("nan")

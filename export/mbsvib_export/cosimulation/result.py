@@ -1,0 +1,126 @@
+"""What a check of a co-simulation found, as numbers, as a table and as a figure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib import tables
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LIMIT = 1e-9  # of the difference between units and the same steps in numpy
+_NOTHING = 1e-11  # errors below are rounding, from which no order comes
+
+
+@dataclass(frozen=True, slots=True)
+class MasterCheck:
+    """How one kind of master does.
+
+    ``steps`` [s] and ``errors`` against the closed loop as one system, relative to each output's largest value, that of
+    ``worst`` being the largest; ``order`` from the last two. ``difference`` is that of the units from the same steps in
+    numpy. ``radius`` is the growth in a step of the first size, ``largest_stable_step`` [s] tells how far one can go.
+    ``energy`` is the energy that the coupling makes, relative to what went through it; NaN where nothing was asked.
+    """
+
+    method: str
+    steps: tuple[float, ...]
+    errors: tuple[float, ...]
+    worst: str
+    difference: float
+    radius: float
+    stable: bool
+    largest_stable_step: float
+    energy: float = float("nan")
+
+    @property
+    def order(self) -> float:
+        """Order of the error in the step, from the two smallest steps; NaN where they are exact."""
+        a, b = self.errors[-2:]
+        if not (b > _NOTHING and np.isfinite(a)):
+            return float("nan")
+        return float(np.log(a / b) / np.log(self.steps[-2] / self.steps[-1]))
+
+    @property
+    def passed(self) -> bool:
+        """Whether the units do what they should at this step: the same as numpy, and stable."""
+        return self.stable and self.difference <= LIMIT
+
+
+@dataclass(frozen=True, slots=True)
+class CosimulationCheck:
+    """What ``check_cosimulation`` found; printed as a table, drawn by ``plot()``.
+
+    ``connections`` and ``excitation`` tell what was simulated over ``duration`` [s]; ``growth`` is the largest real
+    part of the closed loop's poles [1/s]; ``masters`` are by the names of ``mbsvib_export.cosimulation.masters``.
+    """
+
+    plant: str
+    controller: str
+    step: float
+    duration: float
+    connections: tuple[str, ...]
+    excitation: dict[str, float]
+    growth: float
+    masters: tuple[MasterCheck, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether all masters asked for passed."""
+        return all(each.passed for each in self.masters)
+
+    def __getitem__(self, method: str) -> MasterCheck:
+        """Return what one kind of master does."""
+        for each in self.masters:
+            if each.method == method:
+                return each
+        raise KeyError(method)
+
+    def __str__(self) -> str:
+        divisors = [round(self.step / h) for h in self.masters[0].steps] if self.masters else []
+        columns: list[tuple[str, tables.Justify]] = [("master", "left")]
+        columns += [(f"error at {'H' if k == 1 else f'H/{k}'}", "right") for k in divisors]
+        columns += [("order", "right"), ("units - numpy", "right"), ("largest stable H", "right"), ("H of it", "right"),
+                    ("passed", "right")]  # fmt: skip
+        rows = []
+        for each in self.masters:
+            largest = each.largest_stable_step
+            rows.append((
+                each.method, *(f"{error:.1e}" for error in each.errors),
+                "-" if np.isnan(each.order) else f"{each.order:.2f}", f"{each.difference:.1e}",
+                f"> {self.step * 1000:.2g} s" if np.isinf(largest) else f"{largest:.3g} s",
+                "0 %" if np.isinf(largest) else "-" if not largest else f"{100 * self.step / largest:.0f} %",
+                "yes" if each.passed else "NO, unstable" if not each.stable else "NO",
+            ))  # fmt: skip
+        notes = ["Connected: " + "; ".join(self.connections) + ".", *self.remarks]
+        title = f"Co-simulation of {self.plant} and {self.controller}, H = {self.step:g} s, over {self.duration:.3g} s"
+        return tables.text(title, columns, rows, notes)
+
+    def plot(self) -> Figure:
+        """Return a figure of the error against the step, with the largest stable step of each master.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            Save it by ``figure.savefig("cosimulation.png")``.
+        """
+        from mbsvib.plots import _style as style
+
+        with style.context():
+            figure = style.new_figure(6.4, 4.2)
+            axes = figure.subplots()
+            for each, colour in zip(self.masters, style.COLOURS, strict=False):
+                order = "" if np.isnan(each.order) else f", order {each.order:.2f}"
+                axes.loglog(each.steps, each.errors, "o-", color=colour, label=f"{each.method}{order}")
+                if 0 < each.largest_stable_step < 100 * self.step:
+                    axes.axvline(each.largest_stable_step, color=colour, linestyle=":")
+            axes.set_xlabel("step [s]")
+            axes.set_ylabel("relative error [-]")
+            axes.set_title("Error of co-simulation; dotted: largest stable step")
+            axes.set_title(f"{self.plant}, {self.controller}", loc="right", color=style.MARK, fontsize=8.5)
+            axes.legend()
+        return figure

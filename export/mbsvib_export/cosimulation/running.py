@@ -1,0 +1,141 @@
+"""The masters with the units themselves: the same steps as in ``masters``, as calls of FMI."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ExportError
+from mbsvib_export.cosimulation.unit import Instance
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib_export.cosimulation.masters import Loop
+    from mbsvib_export.cosimulation.unit import UnitFile
+
+    Array = NDArray[np.float64]
+
+_MOST = 500  # iterations of a step
+_MET = 1e-14
+
+
+def run(
+    method: str, plant: UnitFile, controller: UnitFile, loop: Loop, x: Array, e: Array, count: int
+) -> tuple[Array, Array]:
+    """Return what the units of a closed loop answer.
+
+    Parameters
+    ----------
+    method : str
+        One of ``MASTERS``.
+    plant, controller : UnitFile
+        The units.
+    loop : Loop
+        Connections and step; its numbers of the units are not used.
+    x, e : array
+        States at the start, inputs from outside.
+    count : int
+        Number of steps.
+
+    Returns
+    -------
+    array, shape (count + 1, outputs of plant and controller)
+        Outputs at the beginning and after each step.
+    array, shape (count, inputs of the plant)
+        What the plant was given, at the middle of each step.
+
+    Raises
+    ------
+    ExportError
+        If a call fails.
+    """
+    extrapolate = method in ("slopes", "iteration")
+    with ExitStack() as stack:
+        units = []
+        for unit in (plant, controller):
+            units.append(Instance(unit, "cs", extrapolate))
+            stack.callback(units[-1].close)
+        try:
+            return _run(method, units[0], units[1], loop, x, e, count)
+        except ExportError:
+            raise
+        except Exception as error:
+            text = "; ".join(dict.fromkeys(units[0].log[-3:] + units[1].log[-3:]))
+            raise ExportError(f"check_cosimulation: {plant.path.name} and {controller.path.name}, {method}: {error} "
+                              f"{text}".strip()) from error  # fmt: skip
+
+
+def _run(method: str, p: Instance, k: Instance, loop: Loop, x: Array, e: Array, count: int) -> tuple[Array, Array]:
+    n, h = len(p.unit.states), loop.h
+    given_p, given_k = loop.plant_free @ e, loop.controller_free @ e
+    p.enter().set_states(x[:n])
+    k.enter().set_states(x[n:])
+    y, f = np.zeros(len(p.unit.outputs)), np.zeros(len(k.unit.outputs))
+    for _ in range(len(y) + len(f) + 1):  # what answers at once settles, as no signal does so to itself
+        before = y, f
+        p.set(loop.actuate @ f + given_p)
+        y = p.get()
+        k.set(loop.measure @ y + given_k)
+        f = k.get()
+        if np.array_equal(before[0], y) and np.array_equal(before[1], f):
+            break
+    p.leave()
+    k.leave()
+    rows, forces = [np.concatenate((y, f))], []
+    for i in range(count):
+        t, up, uk = i * h, loop.actuate @ f + given_p, loop.measure @ y + given_k
+        if method == "iteration":
+            middle, y, f = _iterate(p, k, loop, t, up, uk, y, f)
+        elif method == "slopes":
+            dy, df = p.output_slopes(), k.output_slopes()
+            sp = loop.actuate @ df
+            p.set(up)
+            k.set(uk)
+            p.step(t, h, sp)
+            k.step(t, h, loop.measure @ dy)
+            middle, y, f = up + h / 2 * sp, p.get(), k.get()
+        else:
+            p.set(up)
+            if method == "jacobi":
+                k.set(uk)
+            p.step(t, h)
+            y = p.get()
+            if method == "gauss-seidel":
+                k.set(loop.measure @ y + given_k)
+            k.step(t, h)
+            middle, f = up, k.get()
+        rows.append(np.concatenate((y, f)))
+        forces.append(middle)
+    return np.array(rows), np.array(forces)
+
+
+def _iterate(
+    p: Instance, k: Instance, loop: Loop, t: float, up: Array, uk: Array, y: Array, f: Array
+) -> tuple[Array, Array, Array]:
+    h = loop.h
+    saved = [each.fmu.getFMUState() for each in (p, k)]
+    try:
+        guess = f
+        for number in range(_MOST):
+            if number:
+                for each, state in zip((p, k), saved, strict=True):
+                    each.fmu.setFMUState(state)
+            slope = loop.actuate @ (guess - f) / h
+            p.set(up)
+            p.step(t, h, slope)
+            y1 = p.get()
+            k.set(uk)
+            k.step(t, h, loop.measure @ (y1 - y) / h)
+            found = k.get()
+            change = np.abs(found - guess).max(initial=0.0)
+            if change <= _MET * max(np.abs(found).max(initial=0.0), np.abs(f).max(initial=0.0)):
+                return up + h / 2 * slope, y1, found
+            guess = found
+    finally:
+        for each, state in zip((p, k), saved, strict=True):
+            each.fmu.freeFMUState(state)
+    raise ExportError(f"check_cosimulation: iteration: the step at {t:g} s does not converge in {_MOST} iterations; "
+                      f"take a smaller step.")  # fmt: skip

@@ -1,0 +1,88 @@
+"""Spectral radius of a master's step against its size, and the largest step at which it is stable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib_export.cosimulation.masters import Loop
+
+_ROUNDING = 1e-7  # eigenvalues of rigid-body motions come in pairs, which rounding takes apart
+_FEW = 60  # numbers in z up to which steps are tried close to each other, so that no unstable range is jumped over
+_MOST, _LEAST, _DIGITS = 1e3, 1e-6, 10  # of the step where the search begins; halvings of the last range
+
+
+def radius(loop: Loop, method: str) -> float:
+    """Return the spectral radius of a step; for iteration also what it makes of its own error, if that is larger.
+
+    Parameters
+    ----------
+    loop : Loop
+        Plant and controller with their step.
+    method : str
+        One of ``MASTERS``.
+
+    Returns
+    -------
+    float
+        Growth in a step [1].
+    """
+    found = _largest(loop.matrix(method))
+    return max(found, _largest(loop.contraction())) if method == "iteration" else found
+
+
+def _largest(matrix: np.ndarray) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)) if np.isfinite(matrix).all() else np.inf
+
+
+def is_stable(found: float, growth: float, h: float) -> bool:
+    """Return whether a spectral radius is no more than that of the loop itself, whose poles end at ``growth`` [1/s]."""
+    return bool(found <= np.exp(min(max(growth, 0.0) * h, 50.0)) + _ROUNDING)
+
+
+def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:
+    """Return the largest step up to which a master is stable, searched from a step on.
+
+    Parameters
+    ----------
+    make : callable
+        Step [s] -> Loop.
+    method : str
+        One of ``MASTERS``.
+    step : float
+        Where the search begins [s].
+    growth : float
+        Largest real part of the closed loop's poles [1/s].
+
+    Returns
+    -------
+    float
+        Step [s], to 0.1 %; infinity if 1000 steps in one are still stable, 0 if a millionth of one is not.
+    """
+
+    def stable(h: float) -> bool:
+        return is_stable(radius(make(h), method), growth, h)
+
+    loop = make(step)
+    factor = 1.25 if sum(loop.sizes) <= _FEW else 2.0
+    h = step
+    if stable(h):
+        while stable(h * factor):
+            h *= factor
+            if h > _MOST * step:
+                return float("inf")
+        good, bad = h, h * factor
+    else:
+        while not stable(h / factor):
+            h /= factor
+            if h < _LEAST * step:
+                return 0.0
+        good, bad = h / factor, h
+    for _ in range(_DIGITS):
+        h = (good + bad) / 2
+        good, bad = (h, bad) if stable(h) else (good, h)
+    return good

@@ -1,0 +1,125 @@
+"""What cannot be co-simulated is refused by name, before anything runs."""
+
+import zipfile
+
+import control
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib_export.cosimulation.unit import state_space_of_unit
+from tests.export.cosimulation.loops import controller, plant, speed_feedback
+
+H = 1e-3
+
+
+def refused(words, *given, **more):
+    with pytest.raises(mv.ExportError, match=words):
+        mx.check_cosimulation(*given, **more)
+
+
+def test_algebraic_loops_by_the_signals_in_them():
+    refused(r"algebraic loop: y \(plant\) <- F \(controller\) <- y \(plant\)", plant("acceleration"),
+            controller(-1.0, through=-1.0), H)  # fmt: skip
+
+
+def test_units_that_differ(tmp_path):
+    """A law that comes from a model has units: this one wants accelerations."""
+    law = mv.Model("law")
+    law.add_body("mass", 1.0, (1, 1, 1))
+    law.add_joint("guide", "prismatic", "ground", "mass", axis=(0, 0, 1))
+    law.add_spring("k", "ground", "mass", start=(0, 0, -1), end=(0, 0, 0), stiffness=1.0, damping=1.0)
+    law.add_base_motion("y", "z")
+    law.add_force_output("F", "k")
+    refused(r"output .y. \[m\] does not go with the controller.s input .y. \[m/s\^2\]", plant("displacement"),
+            law.linearize(), H)  # fmt: skip
+
+
+def test_units_without_connection():
+    refused("no connection from outputs of the controller to inputs of the plant: there is u on one side, F, d",
+            plant(), controller(-1.0, outputs=("u",)), H)  # fmt: skip
+    refused("no connection from outputs of the plant", plant(), controller(-1.0, inputs=("w",)), H)
+
+
+@pytest.mark.parametrize(
+    ("words", "more"),
+    [
+        ("no input 'f'.*Did you mean 'F'", {"connections": {"f": "F"}}),
+        ("'G' for the plant's input 'd' is no output of 'law'", {"connections": {"d": "G"}}),
+        ("excitation: 'F' is no free input; these are free: d", {"excitation": {"F": 1.0}}),
+        ("excitation holds NaN", {"excitation": {"d": np.nan}}),
+        ("masters: 'jakobi' is not among.*Did you mean 'jacobi'", {"masters": "jakobi"}),
+        ("bonds: the plant has no 'Y'", {"bonds": {"F": "Y"}}),
+        ("duration = -1", {"duration": -1}),
+    ],
+)
+def test_words(words, more):
+    refused(words, plant(), speed_feedback(), H, **more)
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3, np.nan, np.inf, "fast"])
+def test_steps(step):
+    refused("step = .*expected a positive number", plant(), speed_feedback(), step)
+
+
+def test_an_input_of_both():
+    both = controller(-1.0, inputs=("y", "d"))
+    refused("both units have an input 'd'; say 'plant:d'", plant(), both, H, connections={"d": None})
+
+
+def test_files_that_are_no_units(tmp_path):
+    good = mx.to_fmu(plant(), tmp_path / "good.fmu")
+    content = good.path.read_bytes()
+    (tmp_path / "cut.fmu").write_bytes(content[: len(content) // 2])
+    (tmp_path / "text.fmu").write_text("no archive")
+    with zipfile.ZipFile(tmp_path / "empty.fmu", "w") as archive:
+        archive.writestr("readme.txt", "nothing")
+    for name, words in (("cut", "damaged"), ("text", "damaged"), ("empty", "damaged"), ("none", "no such file")):
+        refused(f"{name}.fmu.*{words}", tmp_path / f"{name}.fmu", speed_feedback(), H)
+
+
+def rewritten(source, path, change):
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            found = change(name, old.read(name))
+            if found is not None:
+                new.writestr(name, found)
+    return path
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_units_that_were_tampered_with(version, tmp_path):
+    good = mx.to_fmu(plant(), tmp_path / "good.fmu", version)
+
+    def flipped(name, content):
+        return content[:-9] + bytes([content[-9] ^ 1]) + content[-8:] if name.endswith(".lti") else content
+
+    def another(name, content):
+        return None if name.startswith("binaries") else content
+
+    def no_library(name, content):
+        return b"\x7fELF" if name.startswith("binaries") else content
+
+    def no_description(name, content):
+        return content[: len(content) // 2] if name.endswith(".xml") else content
+
+    for change, words in (
+        (flipped, r"cannot be instantiated: .*damaged"), (another, "holds no binary for"),
+        (no_library, "cannot be loaded"), (no_description, "cannot be read as a unit"),
+    ):  # fmt: skip
+        path = rewritten(good.path, tmp_path / "bad.fmu", change)
+        refused(words, path, speed_feedback(), H)
+        with pytest.raises(mv.ExportError, match=words):
+            state_space_of_unit(path)
+
+
+def test_reading_back_gives_every_bit_and_the_names(tmp_path):
+    """An input and an output of one name: the file calls the output something else, the reader does not."""
+    law = control.ss([[-3.0]], [[2.0]], [[0.1]], [[0.7]], inputs=["u"], outputs=["u"], name="law")
+    for version in ("2.0", "3.0"):
+        file = mx.to_fmu(law, tmp_path / "law.fmu", version)
+        assert file.names["output"] == {"u": "u (output)"}
+        space = state_space_of_unit(file)
+        assert (space.inputs, space.outputs) == (("u",), ("u",))
+        assert [space.A[0, 0], space.B[0, 0], space.C[0, 0], space.D[0, 0]] == [-3.0, 2.0, 0.1, 0.7]
