@@ -82,15 +82,15 @@ const traces = [
 ].map((each) => ({...each, ...each.content()}));
 const SWATCH = {"pose at rest": "#c3cbd4", bodies: BLUE, springs: ORANGE, joints: "#39434e", "cut joints": RED, ground: "#9aa5b1",
                 inputs: "#3a9a6e"};
-const VIEWS = {"3-D": {eye: {x: 0.95, y: -1.09, z: 0.56}, up: {x: 0, y: 0, z: 1}},
-               x: {eye: {x: 1.7, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -1.7, z: 0}, up: {x: 0, y: 0, z: 1}},
-               z: {eye: {x: 0, y: 0, z: 1.7}, up: {x: 0, y: 1, z: 0}}};
+const VIEWS = {"3-D": {eye: {x: 1.12, y: -1.29, z: 0.72}, up: {x: 0, y: 0, z: 1}},
+               x: {eye: {x: 1.9, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -1.9, z: 0}, up: {x: 0, y: 0, z: 1}},
+               z: {eye: {x: 0, y: 0, z: 1.9}, up: {x: 0, y: 1, z: 0}}};
 
 function room() {
   return [0, 1, 2].map((axis) => {
     let low = Infinity, high = -Infinity;
     for (let i = axis; i < scene.points.length; i += 3) { low = Math.min(low, scene.points[i]); high = Math.max(high, scene.points[i]); }
-    const middle = 0.5 * (low + high), half = Math.max(0.5 * (high - low) + 0.08 * scene.size, 0.2 * scene.size);
+    const middle = 0.5 * (low + high), half = Math.max(0.5 * (high - low) + 0.06 * scene.size, 0.14 * scene.size);
     return [middle - half, middle + half];
   });
 }
@@ -108,7 +108,10 @@ Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
   }
   return made;
 }), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3("x", 0), yaxis: axis3("y", 1),
-  zaxis: axis3("z", 2), aspectmode: "data", dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
+  zaxis: axis3("z", 2), aspectmode: "manual",
+  // of one size on the screen, be it flat, long or neither
+  aspectratio: Object.fromEntries(["x", "y", "z"].map((name, i) => [name, 2 * (ranges[i][1] - ranges[i][0]) / Math.hypot(...ranges.map(([low, high]) => high - low))])),
+  dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
 
 // The camera as it is right now: a drawing in the middle of a turn must not take the view back to where the turn began.
 function keepCamera() {
