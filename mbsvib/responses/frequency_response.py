@@ -9,6 +9,7 @@ felt by motions that they lock, Gamma is not formed: what the dampers feel is to
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,9 +18,12 @@ from scipy.linalg import lapack
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.undamped import _sorted_qr as sorted_qr
-from mbsvib.responses.modal_sum import sum_of_motions
+from mbsvib.responses.modal_sum import residues, sum_of_motions
+from mbsvib.responses.tiny_outputs import mended
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.modes.general import General
@@ -43,7 +47,8 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
 
     The relative error is that of rounding, times frequency / half-width of a resonance there; sums that cancel for a
     reason other than inertia (far above the modes, where nothing but a long chain of springs leads from the input to
-    the output) are accurate relative to their largest term.
+    the output) are accurate relative to their largest term. Where that leaves less than eight digits, responses are
+    computed from the factors of the matrices to twice the digits, as far as these tell them (``tiny_outputs``).
 
     Parameters
     ----------
@@ -66,15 +71,15 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     modal, size = system._modal, np.abs(w)
     if not isinstance(modal, Damped):
         result = _general(system, modal, w)
-    elif modal.vectors is not None and (
-        system._strong_dampers is not None or not trusted(modal, modal.shapes.T @ system.B, size)
-    ):
-        result = _solved(system, modal, size)
     else:
-        result = system._modal_sum.at(1j * size)
+        summed = modal.vectors is None or (
+            system._strong_dampers is None and trusted(modal, modal.shapes.T @ system.B, size)
+        )
+        result = system._modal_sum.at(1j * size) if summed else _solved(system, modal, size)
         pole = None if np.isfinite(result).all() else system._modal_sum.pole_at(1j * size)
         if pole:
             _refuse_pole(w, *pole)
+        result = mended(system, modal, size, (result, summed), lambda part: _solver(system, modal, part, summed))
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
     return result
@@ -230,6 +235,28 @@ def _refined(system: System, modal: Damped, b: Array, s: Complex) -> Complex:
         eta[:, :, late] += schur.solve(s[late], residual[:, :, late])
     eta[:, :, ~(_residual(modal, s, b, eta)[1] <= BACKWARD)] = np.nan
     return eta
+
+
+def _solver(system: System, modal: Damped, w: Array, summed: bool) -> Callable[[Complex], Complex]:
+    """What solves the equations in the basis at some frequencies, for any loads (m, inputs, n), to some digits."""
+    s: Complex = (1j * w).astype(complex, copy=False)
+    if system._strong_dampers is not None:
+        found = _separated(modal, system._strong_dampers, np.eye(len(modal.square)), w, np.arange(len(w)))
+        inverse: Complex = np.ascontiguousarray(found.transpose(2, 0, 1))
+        return lambda right: (inverse @ right.transpose(2, 0, 1)).transpose(1, 2, 0)
+    if not summed:
+        return partial(system._schur.solve, s)
+    if modal.vectors is None:
+        root, square = np.sqrt(np.abs(modal.square))[:, None], modal.square[:, None]
+        matrix: Complex = np.where(square >= 0.0, (root - w) * (root + w), square - w * w).astype(complex)
+        matrix += s * modal.gamma[:, None]
+        return lambda right: right / matrix[:, None]
+    y, weight = residues(modal, s)
+    return lambda right: _product(y, weight[:, None] * _product(y.T, right))
+
+
+def _product(left: Complex, right: Complex) -> Complex:
+    return (left @ np.ascontiguousarray(right).reshape(len(right), -1)).reshape(-1, *right.shape[1:])
 
 
 def _direct(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:

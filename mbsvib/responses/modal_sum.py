@@ -290,3 +290,28 @@ def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
     alone = np.concatenate([pairs[real, k].real for k in (0, 1)])
     number = np.concatenate((np.nonzero(free)[0], np.nonzero(turns)[0], real, real))
     return np.concatenate((pairs[free], pairs[turns])), alone, gamma, alpha, single, number
+
+
+def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
+    """Return Y (m, k) and weights g (k, n) of (s^2 + s Gamma + Omega^2)^-1 = Y g Y^T, by all eigenvalues one by one.
+
+    Parameters
+    ----------
+    modal : Damped
+        Modes that damping couples.
+    s : array, shape (n,)
+        Points, none of them an eigenvalue.
+
+    Returns
+    -------
+    tuple of array
+        Vectors and weights; right to rounding of the largest term.
+    """
+    assert modal.vectors is not None
+    assert modal.slopes is not None
+    free = (modal.pairs == 0.0).all(axis=1)
+    still = modal.vectors[:, free, 0]
+    value, slope = (a[~free].reshape(-1) for a in (modal.pairs, modal.slopes))
+    y = np.concatenate((modal.vectors[:, ~free].reshape(len(still), -1), still), axis=1)
+    rigid = np.broadcast_to(1.0 / (s * s), (still.shape[1], len(s)))
+    return y, np.concatenate((1.0 / ((s - value[:, None]) * slope[:, None]), rigid))

@@ -57,7 +57,7 @@ def strongly_damped(seed):
 
 
 def test_tiny_terms_beside_strong_dampers():
-    """Relative to what each input moves at all, displacements have all digits, tiny ones too."""
+    """Displacements have their digits, however little of what each input moves they see."""
     for seed in (2, 5, 8, 110, 114, 409):
         model = strongly_damped(seed)
         system = model.linearize()
@@ -67,6 +67,5 @@ def test_tiny_terms_beside_strong_dampers():
             expected = Exact(model).frequency_response(omega)
         rows = [i for i, name in enumerate(system.outputs) if name.startswith("displacement")]
         found, expected = system.frequency_response(omega)[rows], expected[rows]
-        motion = np.linalg.solve(system.K + 1j * omega[0] * system.C - omega[0] ** 2 * system.M, system.B)
-        size = np.abs(np.einsum("bdm,mi->bdi", system.body_motion, motion)).max(axis=(0, 1))
-        assert (np.abs(found - expected)[:, :, 0] <= 1e-12 * size).all()
+        told = np.abs(expected) > 1e-60  # the others are zeros
+        assert (np.abs(found - expected)[told] <= 1e-9 * np.abs(expected)[told]).all()
