@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.library import from_dh
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
-    from mbsvib.studies import optimize, sweep, track
+    from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.system import System
 
 __version__ = "0.1.0"
@@ -52,6 +52,7 @@ __all__ = [
     "save",
     "studies",
     "sweep",
+    "tolerances",
     "track",
 ]
 
@@ -69,6 +70,7 @@ _HOMES = {
     "save": "mbsvib.files",
     "studies": "mbsvib.studies",
     "sweep": "mbsvib.studies",
+    "tolerances": "mbsvib.studies",
     "track": "mbsvib.studies",
 }
 

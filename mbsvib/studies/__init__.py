@@ -6,8 +6,9 @@ running           in batches, or one by one, in processes
 record            answers in a file as they come
 sweeps, results   ``sweep`` and what it returns
 tracks            ``track``: modes that keep their names over a sweep
+tolerances, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
 quantities        numbers of a system with their gradients, and what is made of them
-measures, responses   frequencies, damping ratios, gains, peaks, root mean squares
+measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
 place, scales, search, solvers, optimizing   ``optimize`` and what it returns
 """
 
@@ -17,9 +18,10 @@ from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
+from mbsvib.studies.tolerances import Tolerances, tolerances
 from mbsvib.studies.tracks import Tracks, track
 
 __all__ = [
-    "Constraint", "Optimum", "Quantity", "Sweep", "Tracks", "damping_ratio", "frequency", "gain", "given", "largest",
-    "optimize", "peak", "placement", "rms", "smallest", "sweep", "track", "variable",
+    "Constraint", "Optimum", "Quantity", "Sweep", "Tolerances", "Tracks", "damping_ratio", "frequency", "gain", "given",
+    "largest", "optimize", "peak", "placement", "rms", "smallest", "sweep", "tolerances", "track", "variable",
 ]  # fmt: skip

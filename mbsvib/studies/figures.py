@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.studies.results import Sweep
+    from mbsvib.studies.tolerances import Tolerances
     from mbsvib.studies.tracks import Tracks
 
 MOST_LINES = 12
@@ -116,6 +117,46 @@ def root_locus(data: Tracks) -> Figure:
         axes.set_ylabel("imaginary part [rad/s]")
         axes.legend(title="mode")
         title(axes, f"Eigenvalues over {', '.join(data.parameters)}", data.name)
+    return figure
+
+
+def tolerances(data: Tolerances, label: str | None = None) -> Figure:
+    """Draw histograms of a tolerance analysis.
+
+    Parameters
+    ----------
+    data : Tolerances
+        The analysis.
+    label : str, optional
+        Which number; default: the first twelve.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Samples as areas, what first order says of them as lines, the nominal value as a dashed one.
+    """
+    which = list(range(min(len(data.labels), MOST_LINES))) if label is None else [data.index(label)]
+    columns = min(3, len(which))
+    with style.context():
+        rows = -(-len(which) // columns)
+        figure = style.new_figure(*((6.4, 4.2) if len(which) == 1 else (3.2 * columns, 2.2 * rows)))
+        panels = figure.subplots(rows, columns, squeeze=False)
+        for axes in panels.flat[len(which) :]:
+            axes.set_visible(False)
+        for axes, i in zip(panels.flat, which, strict=False):
+            sampled = data.sampled[np.isfinite(data.sampled[:, i]), i]
+            both = np.concatenate((sampled, data.linear[:, i]))
+            low, high = np.quantile(both, (0.0005, 0.9995))
+            edges = np.linspace(low, high, BINS + 1)
+            axes.hist(sampled, bins=edges, color=style.COLOURS[5], label="samples")
+            axes.hist(data.linear[:, i], bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
+            axes.axvline(data.nominal[i], color=style.INK, linewidth=0.9, linestyle="--", label="nominal")
+            name, _, unit = data.labels[i].partition(" [")
+            axes.set_xlabel(f"{name} [{unit or '-]'}")
+            axes.set_ylabel("samples [-]")
+            axes.locator_params(axis="x", nbins=4)
+        panels.flat[0].legend(fontsize=7.0)
+        figure.suptitle(f"Tolerances of {data.name}", x=0.02, ha="left", fontsize=10.5)
     return figure
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.studies.modal import Modal
 from mbsvib.studies.quantities import Dual, Leaf, Quantity
 from mbsvib.studies.responses import Peak, Ports, band_of
 
@@ -42,7 +43,7 @@ def frequency(mode: int | Iterable[int] | None = None) -> Quantity:
     def rule(natural: Array, _: Array, d_natural: Array, __: Array) -> tuple[Array, Array]:
         return natural / (2.0 * np.pi), d_natural / (2.0 * np.pi)
 
-    return _modal("frequency", "Hz", mode, rule)
+    return Modal("frequency", "Hz", mode, rule)
 
 
 def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
@@ -63,7 +64,7 @@ def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
         ratio = -0.5 * total / natural
         return ratio, -(0.5 * d_total + ratio * d_natural) / natural
 
-    return _modal("damping ratio", "-", mode, rule)
+    return Modal("damping ratio", "-", mode, rule)
 
 
 def placement(targets: Mapping[int, float]) -> Quantity:
@@ -197,33 +198,3 @@ def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[
         return place.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(place.rates)))
 
     return Leaf(label, at)
-
-
-def _modal(what: str, unit: str, mode: Any, rule: Callable[..., tuple[Array, Array]]) -> Quantity:
-    """A quantity of modes by their natural frequency and the sum of their two eigenvalues."""
-    numbers = None if mode is None else [int(n) for n in np.atleast_1d(np.asarray(mode, dtype=object))]
-    if numbers is not None and (not numbers or min(numbers) < 0):
-        raise check.refuse(what, "mode", mode, "numbers of modes, from 0")
-    if numbers is None:
-        label = f"all {'frequencies' if what == 'frequency' else 'damping ratios'}"
-    else:
-        label = f"{what} of mode{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
-
-    def at(place: Place) -> Dual:
-        count, rigid = len(place.modes), place.modes.rigid
-        which = list(range(rigid, count)) if numbers is None else numbers
-        if numbers is None and place.order is not None:
-            which = np.flatnonzero(place.order >= rigid).tolist()
-        if not which or max(which) >= count:
-            raise ModelError(f"{what}: mode {max(which, default=0)} of '{place.system.name}' is asked for, which has "
-                             f"modes 0 to {count - 1}, {rigid} of them rigid-body modes.", element=what)  # fmt: skip
-        values, slopes = place.pairs
-        (one, other), (d_one, d_other) = values[which].T, np.moveaxis(slopes[:, which], 2, 0)
-        product = one * other
-        natural = np.sqrt(np.abs(product))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            d_natural = (0.5 * natural * ((d_one * other + one * d_other) / product)).real
-            value, slope = rule(natural, (one + other).real, d_natural, (d_one + d_other).real)
-        return place.dual(value, slope.T)
-
-    return Leaf(f"{label} [{unit}]", at)

@@ -1,0 +1,121 @@
+"""First order of scatter: deviations, worst cases and shares from derivatives, modes that coincide included."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ModelError
+from mbsvib.studies.modal import Modal, coinciding, parting
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.studies.place import Place
+    from mbsvib.studies.quantities import Quantity
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """Numbers ``nominal`` (k,), ``counts`` of each quantity; their ``deviation``, ``worst`` (k,), ``shares`` of the
+    variables (k, v), what first order says of samples, ``linear`` (n, k), and which belong to modes that part.
+    """
+
+    nominal: Array
+    counts: tuple[int, ...]
+    deviation: Array
+    worst: Array
+    shares: Array
+    linear: Array
+    parted: NDArray[np.bool_]
+
+
+def first_order(
+    place: Place, quantities: Mapping[str, Quantity], off: Array, sizes: Array, deviation: float
+) -> FirstOrder:
+    """Return what derivatives say of scatter.
+
+    Parameters
+    ----------
+    place : Place
+        The system as it is, and the variables.
+    quantities : mapping of str to Quantity
+        What is looked at.
+    off : array, shape (n, variables)
+        How far variables are off in each sample.
+    sizes : array, shape (variables,)
+        Tolerances.
+    deviation : float
+        Standard deviation of each variable in parts of its tolerance.
+
+    Returns
+    -------
+    FirstOrder
+        Deviations, worst cases, shares, samples.
+
+    Raises
+    ------
+    ModelError
+        If a derivative does not exist.
+    """
+    duals = [each.at(place) for each in quantities.values()]
+    width = len(sizes)
+    slope = np.concatenate([np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals])
+    names = list(place.rates)
+    bad = np.flatnonzero(~np.isfinite(slope).all(axis=0))
+    if len(bad):
+        name = names[bad[0]]
+        raise ModelError(f"tolerances: there is no derivative to '{name}': changed alone it takes degrees of freedom "
+                         f"away, or modes meet. Leave it out, or tie it to what moves along.", element=name,
+                         field="tolerances")  # fmt: skip
+    nominal = np.concatenate([dual.value for dual in duals])
+    size = np.abs(slope)
+    linear = nominal + off @ slope.T
+    root = np.sqrt(((size * sizes) ** 2).sum(axis=1)) * deviation
+    counts = tuple([len(dual.value) for dual in duals])
+    worst, parted = size @ sizes, np.zeros(len(nominal), dtype=bool)
+    for at, values, bound, length in _parting(place, quantities, counts, off):
+        linear[:, at] = nominal[at] + values
+        root[at], worst[at], size[at], parted[at] = values.std(ddof=1), bound @ sizes, length, True
+    variance = (size * sizes) ** 2
+    total = variance.sum(axis=1, keepdims=True)
+    shares = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0.0)
+    return FirstOrder(nominal, counts, root, worst, shares, linear, parted)
+
+
+def _parting(
+    place: Place, quantities: Mapping[str, Quantity], counts: tuple[int, ...], off: Array
+) -> list[tuple[int, Array, Array, Array]]:
+    """Place of each number whose mode coincides with others, its changes in the samples, and the largest and the root
+    mean square change that each variable can make.
+    """
+    system, modes = place.system, place.modes
+    starts = np.concatenate(([0], np.cumsum(counts)))
+    chosen = [(int(start), each, each.of(modes)) for start, each in zip(starts[:-1], quantities.values(), strict=True)
+              if isinstance(each, Modal)]  # fmt: skip
+    symmetric = system.gyroscopic is None and system.circulatory is None
+    result = []
+    for group in coinciding(modes) if chosen and symmetric else []:
+        if not any(set(group) & set(numbers) for _, _, numbers in chosen):
+            continue
+        value = complex(modes.pairs[group[0], 0])
+        matrices = parting(system, group, place.rates)
+        moved = np.linalg.eigvals(np.tensordot(off, matrices, axes=1))
+        order = np.argsort((value.conjugate() * moved).real, axis=1)
+        moved = np.take_along_axis(moved, order, axis=1)
+        for start, each, numbers in chosen:
+            rate = each.rate(value)
+            # the real part of an eigenvalue is bounded by the Hermitian part of its matrix
+            turned = rate * matrices
+            half = 0.5 * (turned + turned.conj().transpose(0, 2, 1))
+            bound, length = np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))
+            for k, mode in enumerate(group):
+                if mode in numbers:
+                    change = np.asarray((rate * moved[:, k]).real)
+                    result.append((start + numbers.index(mode), change, bound, length))
+    return result

@@ -1,0 +1,115 @@
+"""Tolerances of parameters: how far each may be off, and random values within."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.changes import resolved
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.studies.design import Ties
+
+    Array = NDArray[np.float64]
+
+# standard deviation in parts of the tolerance
+DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
+
+
+def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
+    """Return how far each parameter may be off.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    tolerances : mapping of str to float or str
+        By name or pattern, in the unit of the parameter, or as a share of its value, "2 %".
+    ties : mapping of str to mapping of str to float, optional
+        Linear maps, whose names may be among the tolerances.
+
+    Returns
+    -------
+    dict of str to float
+        Tolerances of parameters, each by itself, and of linear maps.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or a tolerance is not positive.
+    """
+    if not isinstance(tolerances, Mapping) or not tolerances:
+        raise check.refuse("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
+                           "{'leg*.k.stiffness': '2 %'}")  # fmt: skip
+    mapped = {name: given for name, given in tolerances.items() if name in (ties or {})}
+    own = {name: given for name, given in tolerances.items() if name not in mapped}
+    result = {}
+    for name, given in resolved(model.parameters, own).items():
+        result[name] = _one(name, given, model.parameters[name])
+    return result | {name: _one(name, given, 0.0) for name, given in mapped.items()}
+
+
+def _one(name: str, given: Any, value: float) -> float:
+    expected = "how far it may be off, in its unit or as a share of its value, such as '2 %'"
+    if isinstance(given, str):
+        text = given.strip()
+        try:
+            share = float(text.removesuffix("%")) / 100.0
+        except ValueError as error:
+            raise check.refuse(f"tolerance of '{name}'", "value", given, expected) from error
+        if not text.endswith("%"):
+            raise check.refuse(f"tolerance of '{name}'", "value", given, expected)
+        if value == 0.0:
+            raise ModelError(f"tolerance of '{name}': {given} of 0 is nothing; give it in the parameter's unit.",
+                             element=name, field="tolerances")  # fmt: skip
+        result = share * abs(value)
+    else:
+        result = check.number(given, f"tolerance of '{name}'", "value", expected)
+    if not 0.0 < result < np.inf:
+        raise check.refuse(f"tolerance of '{name}'", "value", given, "more than 0")
+    return result
+
+
+def drawn(
+    centre: Mapping[str, float], tolerance: Mapping[str, float], samples: int, distribution: str, seed: int | None
+) -> dict[str, Array]:
+    """Return random values.
+
+    Parameters
+    ----------
+    centre, tolerance : mapping of str to float
+        Where each variable is, and how far it may be off.
+    samples : int
+        How many.
+    distribution : str
+        "normal": the tolerance is three standard deviations; "uniform": all values within it are alike.
+    seed : int, optional
+        Of the random numbers.
+
+    Returns
+    -------
+    dict of str to array, shape (samples,)
+        Values by variable.
+
+    Raises
+    ------
+    ModelError
+        If there are no samples, or no such distribution.
+    """
+    if not isinstance(samples, (int, np.integer)) or isinstance(samples, bool) or samples < 2:
+        raise check.refuse("tolerances", "samples", samples, "a whole number, at least 2")
+    if distribution not in DEVIATION:
+        raise check.refuse("tolerances", "distribution", distribution, "'normal' or 'uniform'")
+    random = np.random.default_rng(seed)
+    result = {}
+    for name, width in tolerance.items():
+        off = random.standard_normal(samples) / 3.0 if distribution == "normal" else random.uniform(-1.0, 1.0, samples)
+        result[name] = centre[name] + width * off
+    return result

@@ -1,0 +1,278 @@
+"""Tolerance analysis: what scatter of parameters does to quantities, to first order and by random samples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.batch import Batch
+from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.studies.design import design
+from mbsvib.studies.first_order import first_order
+from mbsvib.studies.measures import damping_ratio, frequency
+from mbsvib.studies.modal import Modal
+from mbsvib.studies.place import Place, checked
+from mbsvib.studies.quantities import Quantity
+from mbsvib.studies.spread import DEVIATION, drawn, spread
+from mbsvib.studies.sweeps import sweep
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.model import Model
+    from mbsvib.studies.design import Ties
+    from mbsvib.studies.progress import Progress
+    from mbsvib.studies.results import Sweep
+
+    Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Tolerances:
+    """What scatter of parameters does to some numbers, ``labels`` (k,), whose ``nominal`` values (k,) are those of the
+    model as it is.
+
+    To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
+    at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
+    holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) what first order says of the same samples.
+    Where modes coincide, ``parted``, first order is how they part, which is no straight line: ``first`` is then the
+    standard deviation of ``linear``, and ``worst`` a bound.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    nominal: Array
+    first: Array
+    worst: Array
+    shares: Array
+    tolerance: Mapping[str, float]
+    sweep: Sweep
+    sampled: Array = field(repr=False)
+    linear: Array = field(repr=False)
+    parted: NDArray[np.bool_] = field(repr=False)
+
+    @cached_property
+    def _good(self) -> NDArray[np.bool_]:
+        return np.asarray(np.isfinite(self.sampled).all(axis=1))
+
+    @cached_property
+    def mean(self) -> Array:
+        """Mean values of the samples, shape (k,)."""
+        return np.asarray(self.sampled[self._good].mean(axis=0))
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviations of the samples, shape (k,)."""
+        return np.asarray(self.sampled[self._good].std(axis=0, ddof=1))
+
+    def quantile(self, share: float) -> Array:
+        """Return what that share of the samples does not exceed.
+
+        Parameters
+        ----------
+        share : float
+            From 0 to 1.
+
+        Returns
+        -------
+        array, shape (k,)
+            Values of the numbers.
+        """
+        return np.asarray(np.quantile(self.sampled[self._good], share, axis=0))
+
+    def within(self, label: str, low: float = -np.inf, high: float = np.inf) -> float:
+        """Return the share of the samples in which a number lies between two limits: the yield.
+
+        Parameters
+        ----------
+        label : str
+            Which number.
+        low, high : float
+            The limits.
+
+        Returns
+        -------
+        float
+            From 0 to 1; samples that failed are not within.
+        """
+        values = self.sampled[:, self.index(label)]
+        return float(((values >= low) & (values <= high)).mean())
+
+    def index(self, label: str) -> int:
+        """Return the place of a number.
+
+        Parameters
+        ----------
+        label : str
+            Its label.
+
+        Returns
+        -------
+        int
+            The place in ``labels``.
+
+        Raises
+        ------
+        ModelError
+            If there is no such number.
+        """
+        if label not in self.labels:
+            raise ModelError(f"tolerances of '{self.name}': there is no '{label}'.{nearest(str(label), self.labels)} "
+                             f"There is: {', '.join(self.labels)}.", element=str(label))  # fmt: skip
+        return self.labels.index(label)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of all numbers as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        names = list(self.tolerance)
+        rows = []
+        for i, label in enumerate(self.labels):
+            most = int(self.shares[i].argmax())
+            rows.append((label, *(f"{x:.5g}" for x in (self.nominal[i], self.mean[i], self.std[i], self.first[i],
+                                                       self.worst[i])), names[most],
+                         f"{100.0 * self.shares[i, most]:.0f}"))  # fmt: skip
+        heads = ("nominal", "mean", "std", "std, 1st order", "worst, 1st order", "most by", "share [%]")
+        columns = [("", "left"), *((head, "left" if head == "most by" else "right") for head in heads)]
+        notes = [f"{counted(len(names), 'variable')}, {counted(len(self.sampled), 'sample')}, "
+                 f"{counted(int((~self._good).sum()), 'failure')}."]  # fmt: skip
+        if self.parted.any():
+            notes.append("Modes that coincide part as soon as anything is off: their means are not the nominal ones.")
+        return {"title": f"Tolerances of {self.name}", "columns": columns, "rows": rows, "notes": notes}
+
+    def plot(self, label: str | None = None) -> Figure:
+        """Draw the samples, and what first order says of them.
+
+        Parameters
+        ----------
+        label : str, optional
+            Which number; default: up to twelve.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A histogram of samples for each number, first order as a line.
+        """
+        from mbsvib.studies.figures import tolerances
+
+        return tolerances(self, label)
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return (f"Tolerances({self.name!r}: {counted(len(self.labels), 'number')}, "
+                f"{counted(len(self.tolerance), 'variable')}, {counted(len(self.sampled), 'sample')})")  # fmt: skip
+
+
+def tolerances(
+    model: Model, tolerances: Mapping[str, float | str], of: Quantity | Mapping[str, Quantity] | None = None, *,
+    samples: int = 10_000, distribution: str = "normal", seed: int | None = 0, ties: Ties | None = None,
+    workers: int | None = None, file: str | PathLike[str] | None = None, progress: Progress = None,
+) -> Tolerances:  # fmt: skip
+    """Return what scatter of parameters does to quantities, to first order and by random samples.
+
+    variance = sum over variables of (d quantity / d variable x standard deviation)^2
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    tolerances : mapping of str to float or str
+        How far each parameter may be off, up and down: a number in its unit, or a share of its value, "2 %". A pattern
+        gives all that it picks the same tolerance; each is off by itself. What is off together is a name in ``ties``.
+    of : Quantity or mapping of str to Quantity, optional
+        What is looked at, as for ``optimize``. Default: all natural frequencies and damping ratios.
+    samples : int
+        How many random samples.
+    distribution : str
+        "normal": a tolerance is three standard deviations; "uniform": all values within it are alike.
+    seed : int, optional
+        Of the random numbers; None: others each time.
+    ties : mapping of str to mapping of str to float, optional
+        Linear maps: {variable: {parameter or pattern: rate}}.
+    workers : int, optional
+        How many processes.
+    file : str or path-like, optional
+        Record of the samples, from which it is resumed; needs a seed.
+    progress : bool, callable or None
+        True: a progress bar; None: on terminals.
+
+    Returns
+    -------
+    Tolerances
+        Standard deviations, worst cases, shares of each variable, and all samples; prints as a table.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, a tolerance is not positive, or derivatives to a parameter are not supported or do
+        not exist.
+    """
+    quantities = _quantities(of)
+    width = spread(model, tolerances, ties)
+    used = {name: rates for name, rates in (ties or {}).items() if name in width}
+    chosen = design(model, width, used or None)
+    system = checked(model.linearize())
+    centre = {name: 0.0 if name in used else model.parameters[name] for name in width}
+    place = Place(system, chosen.rates(model), centre, np.ones(len(width)), {})
+    columns = drawn(centre, width, samples, distribution, seed)
+    off = np.array([columns[name] - centre[name] for name in width]).T
+    found = first_order(place, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
+    ask = _Ask(quantities, {label: each.of(system.modes()) for label, each in quantities.items()
+                            if isinstance(each, Modal)})  # fmt: skip
+    swept = sweep(model, columns, {" ".join(quantities): ask}, how="paired", ties=used or None, batched=ask.batched,
+                  workers=workers, file=file, progress=progress)  # fmt: skip
+    sampled = np.concatenate([swept[label].reshape(samples, -1) for label in quantities], axis=1)
+    return Tolerances(model.name, _labels(quantities, found.counts, ask), found.nominal, found.deviation, found.worst,
+                      found.shares, width, swept, sampled, found.linear, found.parted)  # fmt: skip
+
+
+class _Ask:
+    """What is asked of each sample: of a batch at once, where all are quantities of modes."""
+
+    def __init__(self, quantities: Mapping[str, Quantity], numbers: Mapping[str, list[int]]) -> None:
+        self.quantities, self.numbers = quantities, numbers
+        self.batched = len(numbers) == len(quantities)
+
+    def __call__(self, system: Any) -> dict[str, Any]:
+        if not isinstance(system, Batch):
+            return {label: np.atleast_1d(each(system)) for label, each in self.quantities.items()}
+        modes = system.modes()
+        return {label: each.in_batch(modes, self.numbers[label]) for label, each in self.quantities.items()
+                if isinstance(each, Modal)}  # fmt: skip
+
+
+def _quantities(of: Any) -> dict[str, Quantity]:
+    if of is None:
+        return {"frequency [Hz]": frequency(), "damping ratio [-]": damping_ratio()}
+    given = {of.label: of} if isinstance(of, Quantity) else dict(of) if isinstance(of, Mapping) else {}
+    for each in given.values():
+        if not isinstance(each, Quantity):
+            raise check.refuse("tolerances", "of", each, "a quantity, such as frequency()")
+    if not given:
+        raise check.refuse("tolerances", "of", of, "a quantity, such as frequency(), or several by label")
+    return {str(label): each for label, each in given.items()}
+
+
+def _labels(quantities: Mapping[str, Quantity], counts: tuple[int, ...], ask: _Ask) -> tuple[str, ...]:
+    result: list[str] = []
+    for label, count in zip(quantities, counts, strict=True):
+        numbers = ask.numbers.get(label, range(count))
+        name, bracket, unit = label.partition(" [")
+        result += [label] if count == 1 else [f"{name} {number}{bracket}{unit}" for number in numbers]
+    return tuple(result)
