@@ -72,10 +72,10 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
     caller : str
         Name of the public function that needs it.
 
-    Yields
-    ------
-    UnitFile
-        Signals and description.
+    Returns
+    -------
+    iterator of UnitFile
+        One: signals and description.
 
     Raises
     ------

@@ -1,0 +1,170 @@
+"""Units in tools that others wrote: CasADi's DaeBuilder, Ecos, and fmpy's own simulation."""
+
+import ctypes
+import sys
+from pathlib import Path
+
+import casadi as ca
+import control
+import numpy as np
+import pytest
+from fmpy import extract, simulate_fmu
+from fmpy.validation import validate_fmu
+
+import mbsvib_export as mx
+from mbsvib import library
+from mbsvib_export.affine import affine
+from mbsvib_export.cosimulation.masters import Loop, discretised
+from tests.export.fmu.drive import held, names_of, unit, worst
+
+MODELS = tuple(library.models())
+VERSIONS = ("2.0", "3.0")
+
+
+def close(found, truth, rtol=1e-12):
+    found = np.asarray(found.full() if isinstance(found, ca.DM) else found)
+    return np.abs(found - truth).max(initial=0.0) <= rtol * np.abs(truth).max(initial=0.0)
+
+
+def imported(file, folder):
+    """DaeBuilder and its function (x, u, p) -> (x', y)."""
+    builder = ca.DaeBuilder("unit", str(extract(str(file), str(folder))))
+    return builder, builder.create("f", ["x", "u", "p"], ["ode", "y"])
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("name", MODELS)
+def test_casadi_takes_values_and_jacobians(name, version, tmp_path):
+    system = library.models()[name][0]().linearize()
+    space = system.state_space()
+    file = mx.to_fmu(system, tmp_path / "unit.fmu", version)
+    builder, f = imported(file, tmp_path / "unit")
+    assert list(builder.x()) == names_of(file, "state")
+    assert (list(builder.u()), list(builder.y())) == (names_of(file, "input"), names_of(file, "output"))
+    rng = np.random.default_rng(0)
+    x, u = rng.standard_normal(len(space.states)), rng.standard_normal(len(space.inputs))
+    rate, y = f(x, u, [])
+    assert close(rate, (space.A @ x + space.B @ u)[:, None])
+    assert close(y, (space.C @ x + space.D @ u)[:, None])
+    jacobian = f.jacobian()
+    found = dict(zip(jacobian.name_out(), jacobian(x, u, [], rate, y), strict=True))
+    for word, truth in (("ode_x", space.A), ("ode_u", space.B), ("y_x", space.C), ("y_u", space.D)):
+        assert close(found[f"jac_{word}"], truth)
+        # dependencies are those of the matrices, entry by entry
+        pattern = np.array(ca.DM(found[f"jac_{word}"].sparsity(), 1).full())
+        np.testing.assert_array_equal(pattern != 0, truth != 0)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_casadi_takes_jacobians_to_parameters(version, tmp_path):
+    system = library.quarter_car().linearize()
+    file = mx.to_fmu(system, tmp_path / "unit.fmu", version, tunable=("*.stiffness", "*.damping", "*.mass"))
+    _, f = imported(file, tmp_path / "unit")
+    slopes = affine(system, ["*.stiffness", "*.damping", "*.mass"], "test")
+    rng = np.random.default_rng(1)
+    x, u = rng.standard_normal(2 * system.dof), rng.standard_normal(len(system.inputs))
+    rate, y = f(x, u, slopes.values)
+    jacobian = f.jacobian()
+    found = dict(zip(jacobian.name_out(), jacobian(x, u, slopes.values, rate, y), strict=True))
+    m = system.dof
+    acceleration = rate.full().ravel()[m:]
+    parameters = range(len(slopes.names))
+    d = {label: slopes.slopes[label] for label in slopes.slopes}
+    bent = [np.linalg.solve(system.M, d["B"][i] @ u - d["K"][i] @ x[:m] - d["C"][i] @ x[m:] - d["M"][i] @ acceleration)
+            for i in parameters]  # fmt: skip
+    assert close(found["jac_ode_p"], np.array([np.append(np.zeros(m), each) for each in bent]).T)
+    outputs = [d["Cq"][i] @ x[:m] + d["Cv"][i] @ x[m:] + d["Ca"][i] @ acceleration + d["D"][i] @ u + system.Ca @ bent[i]
+               for i in parameters]  # fmt: skip
+    assert close(found["jac_y_p"], np.array(outputs).T)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("name", MODELS)
+def test_fmpy_runs_every_library_model(name, version, tmp_path):
+    """Co-simulation against scipy; model exchange against the equations; the validator finds nothing."""
+    system = library.models()[name][0]().linearize()
+    space = system.state_space("modal")
+    file = mx.to_fmu(system, tmp_path / "unit.fmu", version, realization="modal")
+    assert validate_fmu(str(file)) == []
+    inputs, outputs = names_of(file, "input"), names_of(file, "output")
+    rng = np.random.default_rng(2)
+    h, u, found = 0.05, rng.standard_normal((20, len(inputs))), []
+    with unit(file, tmp_path / "unit") as slave:
+        for k, row in enumerate(u):
+            slave.set(dict(zip(inputs, row, strict=True)))
+            slave.step(k * h, h)
+            found.append(slave.get(outputs))
+    truth, units = held(space, h, u), np.array(system.output_units)
+    error = np.abs(found - truth).max(axis=0, initial=0.0)
+    # some outputs hardly move in that time: each is measured by all of its unit
+    for each in set(system.output_units):
+        assert error[units == each].max() < 1e-12 * np.abs(truth[:, units == each]).max()
+    x = rng.standard_normal(len(space.states))
+    with unit(file, tmp_path / "unit", "me") as master:
+        if version == "2.0":
+            master.fmu.newDiscreteStates()
+        master.fmu.enterContinuousTimeMode()
+        rate = master.derivatives(0.0, x, dict(zip(inputs, u[0], strict=True)))
+        truth = space.A @ x + space.B @ u[0]
+        assert np.abs(rate - truth).max() <= 1e-14 * np.abs(truth).max()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_fmpy_simulates_both_kinds(version, tmp_path):
+    """From files to answers without a line of our own: a force that steps, and an oscillation from model exchange."""
+    system = library.quarter_car().linearize()
+    file = mx.to_fmu(system, tmp_path / "car.fmu", version)
+    time = 0.01 * np.arange(101)
+    truth = system.time_response(time, np.array([[0.0], [1.0], [0.0]]) * np.ones(101), hold="zero")
+    row = system.outputs.index("travel")
+    size = np.abs(truth[row]).max()
+    for kind, limit in (("CoSimulation", 1e-12), ("ModelExchange", 1e-3)):
+        result = simulate_fmu(str(file), fmi_type=kind, stop_time=1.0, step_size=0.01, output_interval=0.01,
+                              start_values={"actuator": 1.0}, output=["travel"], relative_tolerance=1e-8)  # fmt: skip
+        assert np.abs(result["travel"] - np.interp(result["time"], time, truth[row])).max() < limit * size
+
+
+def ecos():
+    """The package of an independent co-simulation master, which needs a library that another package brings."""
+    for name in ("libtbb.so.12", "libtbb.12.dylib"):
+        for path in Path(sys.prefix).glob(f"lib*/{name}"):
+            ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+    try:
+        import ecospy
+    except (ImportError, OSError) as error:
+        pytest.skip(f"Ecos does not run here: {error}; pip install ecospy tbb")
+    return ecospy
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_ecos_closes_the_loop_as_our_own_master_does(version, tmp_path):
+    """Both units at once, inputs held (Jacobi): an active suspension by a skyhook law that rolls off."""
+    package = ecos()
+    gain, roll_off, leak, h, count = 4e3, 300.0, 1.0, 1e-3, 200
+    car = library.quarter_car().linearize()
+    law = control.ss([[-leak, 0], [roll_off, -roll_off]], [[1], [0]], [[0, -gain]], [[0]],
+                     inputs=["body:az"], outputs=["actuator"], name="law")  # fmt: skip
+    files = mx.to_fmu(car, tmp_path / "car.fmu", version), mx.to_fmu(law, tmp_path / "law.fmu", version)
+    found = []
+    with package.EcosSimulationStructure() as structure:
+        structure.add_model("car", str(files[0]))
+        structure.add_model("law", str(files[1]))
+        structure.make_real_connection("car::body.az", "law::body.az")
+        structure.make_real_connection("law::actuator", "car::actuator")
+        structure.add_parameter_set("start", {"car::load": 1.0})
+        with package.EcosSimulation(structure=structure, step_size=h) as simulation:
+            simulation.init(parameter_set="start")
+            for _ in range(count):
+                simulation.step()
+                found.append([simulation.get_real("car::body.z"), simulation.get_real("law::actuator")])
+    space, actuate, measure = car.state_space(), np.zeros((3, 1)), np.zeros((1, len(car.outputs)))
+    actuate[car.inputs.index("actuator")] = measure[0, car.outputs.index("body.az")] = 1.0
+    free = np.zeros((3, 1))
+    free[car.inputs.index("load")] = 1.0
+    blocks = [discretised(*(np.asarray(getattr(each, label)) for label in "ABCD"), h) for each in (space, law)]
+    loop = Loop(*blocks, actuate, measure, free, np.zeros((1, 1)), h)
+    z, truth = loop.start(np.zeros(6), np.ones(1), False), []
+    for _ in range(count):
+        z = loop.step("jacobi", z, np.ones(1))
+        truth.append([z[6 + car.outputs.index("body.z")], z[-1]])
+    assert worst(np.array(found), np.array(truth)) < 1e-11
