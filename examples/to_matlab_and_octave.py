@@ -37,7 +37,8 @@ def closed_loop_poles(folder):
     """Poles of the loop as Octave computes them from the file, and the error of the response that its script found."""
     if octave := shutil.which("octave-cli"):
         code = PROGRAM.format(gain=GAIN)
-        subprocess.run([octave, "--norc", "--quiet", "--eval", code], cwd=folder, check=True, timeout=60, capture_output=True)
+        call = [octave, "--norc", "--quiet", "--eval", code]
+        subprocess.run(call, cwd=folder, check=True, timeout=60, capture_output=True)
         found = loadmat(folder / "poles.mat")
         return found["poles"].ravel(), found["worst"].item()
     data = loadmat(folder / "stewart.mat", simplify_cells=True)

@@ -367,7 +367,9 @@ def product(rows: Array, value: Array) -> Array:
         if rows.shape[1] >= MANY:
             column = single_entries(rows)
             if column is not None:
-                return np.diag(np.bincount(column, value * rows[np.arange(len(rows)), column] ** 2, rows.shape[1]))
+                # bincount of nothing counts in integers
+                weights = value * rows[np.arange(len(rows)), column] ** 2
+                return np.diag(np.bincount(column, weights, rows.shape[1]).astype(float))
     elif rows.ndim == 2:
         return _combined(rows, value)
     half: Array = rows * np.sqrt(np.abs(value))[..., None]

@@ -147,13 +147,13 @@ def _whole(data: SystemData, model: System | SystemData | None, limit: float) ->
     omega = check_points(values)
     truth = second_order_response(data, omega) if model is None else _response(model, omega)
     against = "its second-order equations" if model is None else "the model"
-    ports = data.input_units, data.output_units
+    given = (data if model is None else model), omega
     result = [Comparison("response of A B C D", against,
-                         response_error(state_space_response(data.state_space, omega), truth, *ports), limit)]
+                         response_error(state_space_response(data.state_space, omega), truth, *given), limit)]
     if model is not None:
         result += [
             Comparison("response of M C K", against,
-                       response_error(second_order_response(data, omega), truth, *ports), limit),
+                       response_error(second_order_response(data, omega), truth, *given), limit),
             Comparison("poles", against, pole_error(poles(data.state_space.A), values), limit),
         ]
     found, exact = _body_responses(data.state_space, data.body_motion, omega), _bodies(model or data, omega)
@@ -184,7 +184,7 @@ def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple
 
     found = from_uff(path)
     _same_names(found, model)
-    error = response_error(found.response, _response(model, found.omega), found.input_units, found.output_units)
+    error = response_error(found.response, _response(model, found.omega), model, found.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
 
 
@@ -212,7 +212,7 @@ def _of_unit(path: Path, model: System | SystemData, limit: float) -> tuple[Comp
     values = _poles(model)
     omega = check_points(values)
     truth = _response(model, omega)
-    error = response_error(state_space_response(space, omega), truth, model.input_units, model.output_units)
+    error = response_error(state_space_response(space, omega), truth, model, omega)
     return (
         Comparison("response of its derivatives", "the model", error, limit),
         Comparison("poles", "the model", pole_error(poles(space.A), values), limit),

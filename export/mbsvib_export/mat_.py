@@ -145,7 +145,7 @@ def _content(data: SystemData, system: System | None) -> dict[str, Any]:
         "mech": {"M": data.M, "C": data.C, "K": data.K, "B": data.B, "F": first, "G": rate, "D": through,
                  "CoordinateName": words.cells(data.coordinates), "CoordinateUnit": words.cells(data.coordinate_units)},
         "check": {"omega": omega[:, None], "response": response,
-                  "scale": response_scale(response, data.input_units, data.output_units)},
+                  "scale": response_scale(response, data, omega)},
         "mbsvib": own,
     }  # fmt: skip
     if words.changed:

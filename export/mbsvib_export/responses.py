@@ -13,12 +13,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.state_space import StateSpace
+    from mbsvib.system import System
     from mbsvib_export.neutral import SystemData
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
 MOST_POINTS = 12
+CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum is measured by at least
 
 
 def check_points(eigenvalues: Complex) -> Array:
@@ -107,42 +109,61 @@ def second_order_response(data: SystemData, omega: Array) -> Complex:
     return result
 
 
-def response_scale(response: Complex, input_units: tuple[str, ...], output_units: tuple[str, ...]) -> Array:
+def response_scale(response: Complex, model: System | SystemData, omega: Array) -> Array:
     """Return what the errors of a response are measured by: the largest entry between ports of the same units.
+
+    An output may see next to nothing of large motions: by symmetry, or above all resonances. Where the terms that
+    cancel there are larger than that entry by ten thousand, rounding of these is what it is measured by.
 
     Parameters
     ----------
     response : array, shape (outputs, inputs, n)
         Complex responses.
-    input_units, output_units : tuple of str
-        Units of the ports.
+    model : System or SystemData
+        Whose responses they are.
+    omega : array, shape (n,)
+        Angular frequencies [rad/s].
 
     Returns
     -------
     array, shape (outputs, inputs, n)
         Positive numbers; 1 where all is zero.
     """
+    result = CANCELLED * _terms(model, omega)
     size = np.abs(response)
-    result = np.ones_like(size)
-    for output in set(output_units):
-        rows = [i for i, unit in enumerate(output_units) if unit == output]
-        for given in set(input_units):
-            block = np.ix_(rows, [i for i, unit in enumerate(input_units) if unit == given])
-            result[block] = size[block].max(axis=(0, 1), initial=0.0)
+    for output in set(model.output_units):
+        rows = [i for i, unit in enumerate(model.output_units) if unit == output]
+        for given in set(model.input_units):
+            block = np.ix_(rows, [i for i, unit in enumerate(model.input_units) if unit == given])
+            result[block] = np.maximum(result[block], size[block].max(axis=(0, 1), initial=0.0))
     return np.where(result > 0.0, result, 1.0)
 
 
-def response_error(
-    found: Complex, truth: Complex, input_units: tuple[str, ...], output_units: tuple[str, ...]
-) -> float:
-    """Return the largest difference of two responses, relative to the largest entry between ports of the same units.
+def _terms(model: System | SystemData, omega: Array) -> Array:
+    """Sizes of the terms that an output is the sum of, all coordinates with the energy of the one of most."""
+    result = np.empty((*model.D.shape, len(omega)))
+    stiff, heavy = np.abs(np.diag(model.K)), np.abs(np.diag(model.M))
+    for k, w in enumerate(omega):
+        q = np.abs(np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, model.B))
+        size = np.sqrt(stiff + w * w * heavy)[:, None]
+        size[size == 0.0] = 1.0
+        most = (q * size).max(axis=0, initial=0.0) / size
+        weights = np.abs(model.Cq) + w * np.abs(model.Cv) + w * w * np.abs(model.Ca)
+        result[:, :, k] = weights @ most + np.abs(model.D)
+    return result
+
+
+def response_error(found: Complex, truth: Complex, model: System | SystemData, omega: Array) -> float:
+    """Return the largest difference of two responses, relative to their ``response_scale``.
 
     Parameters
     ----------
     found, truth : array, shape (outputs, inputs, n)
         Complex responses.
-    input_units, output_units : tuple of str
-        Units of the ports.
+    model : System or SystemData
+        Whose responses they should be.
+    omega : array, shape (n,)
+        Angular frequencies [rad/s].
 
     Returns
     -------
@@ -159,4 +180,4 @@ def response_error(
                           f"and frequencies.")  # fmt: skip
     if not np.isfinite(found).all():
         return float("inf")
-    return float(np.max(np.abs(found - truth) / response_scale(truth, input_units, output_units), initial=0.0))
+    return float(np.max(np.abs(found - truth) / response_scale(truth, model, omega), initial=0.0))

@@ -28,25 +28,6 @@ def test_every_system_passes(case, realization, tmp_path):
         assert all(each.error < 1e-8 for each in found.comparisons), str(found)
 
 
-@pytest.mark.parametrize("name", ["stewart", "quadruped", "quarter_car", "cubic"])
-def test_every_format_of_a_library_model(name, tmp_path):
-    if name not in library.models():
-        pytest.skip(f"no built-in model {name}")
-    system = library.build(name).linearize()
-    for suffix, write in ((".json", lambda s, p: mx.to_json(s, p)), (".npz", mx.to_npz), (".mat", mx.to_mat)):
-        path = tmp_path / f"x{suffix}"
-        write(system, path)
-        assert mx.check_export(path, system).passed
-    if system.dof:
-        assert mx.check_export(mx.to_dmig(system, tmp_path / "x.pch"), system).passed
-    pytest.importorskip("h5py")
-    assert mx.check_export(mx.to_hdf5(system, tmp_path / "x.h5"), system).passed
-    pytest.importorskip("pyuff")
-    assert mx.check_export(mx.to_uff(system, tmp_path / "x.uff"), system).passed
-    pytest.importorskip("pyNastran")
-    assert mx.check_export(mx.to_op4(system, tmp_path / "x.op4"), system).passed
-
-
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_units_are_asked_for_their_derivatives(version, tmp_path):
     pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
