@@ -373,6 +373,11 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
                 ("", self._couplers), ("add_rotor", self._rotors), ("add_load", self._loads), ("", self._inputs),
                 ("", self._outputs))  # fmt: skip
 
+    def _repr_html_(self) -> str:
+        from mbsvib import notebook
+
+        return notebook.of_model(self)
+
     def __repr__(self) -> str:
         counts = ((self._bodies, "bodies"), (self._joints, "joints"), (self._springs, "springs"),
                   (self._inputs, "inputs"), (self._outputs, "outputs"))  # fmt: skip

@@ -325,5 +325,10 @@ class System(Sensitive, Equations):
 
         return explain(self)
 
+    def _repr_html_(self) -> str:
+        from mbsvib import notebook
+
+        return notebook.of_system(self)
+
     def __repr__(self) -> str:
         return f"System({self.name!r}: {self.dof} DOF, {len(self.inputs)} inputs, {len(self.outputs)} outputs)"

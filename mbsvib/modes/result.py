@@ -15,8 +15,13 @@ from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
+    from mbsvib.equations import Provenance
+    from mbsvib.plots.animation import Animation
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -68,6 +73,7 @@ class Modes:
     first_order: NDArray[np.bool_] | None = None
     mixed: float = field(default=0.0, repr=False)
     rung: str = field(default="", repr=False)
+    _provenance: Provenance | None = field(default=None, repr=False)
 
     @cached_property
     def _starts(self) -> NDArray[np.intp]:
@@ -200,6 +206,11 @@ class Modes:
 
         return tables.text(**self.table())
 
+    def _repr_html_(self) -> str:
+        from mbsvib import notebook
+
+        return notebook.table(**self.table())
+
     def __repr__(self) -> str:
         low, high = (self.frequencies[0], self.frequencies[-1]) if len(self) else (0.0, 0.0)
         return f"Modes({self.name!r}: {len(self)} modes, {low:.6g} to {high:.6g} Hz)"
@@ -245,6 +256,46 @@ class Modes:
             share = np.divide(motion, size, out=np.zeros_like(motion), where=size > 0.0)
             energy += share * rows[6 * count :].sum(axis=0)
         return energy
+
+    def animate(
+        self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,
+        view: str | Sequence[float] = "3-D", frames: int = 30, rate: float = 20.0,
+    ) -> Animation:  # fmt: skip
+        """Return a mode in motion, which shows itself in Jupyter, and write it to a file if one is named.
+
+        Parameters
+        ----------
+        mode : int
+            Its number in the table, from 1.
+        path : str or path-like, optional
+            A file that ends in .gif, .mp4 (which needs ffmpeg) or .html.
+        amplitude : float
+            How far the farthest point goes, as a share of the mechanism's size.
+        view : str or sequence of 2 float
+            From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
+        frames : int
+            Pictures in one period.
+        rate : float
+            Pictures in a second [Hz].
+
+        Returns
+        -------
+        Animation
+            With ``figure`` for a single picture and ``save`` for a file.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such mode or view, or nothing is known of what the mechanism looks like.
+        ExportError
+            If the file cannot be written.
+        """
+        from mbsvib.plots.animation import animation
+
+        result = animation(self, self._provenance, mode, amplitude, view, frames, rate)
+        if path is not None:
+            result.save(path)
+        return result
 
     def remarks(self) -> tuple[str, ...]:
         """Return what a reader of the table should know: rigid-body, creeping and diverging modes, accuracy.
@@ -303,7 +354,7 @@ def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
         shapes = shapes * (np.abs(largest) / largest)
     return Modes(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
                  shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result,
-                 mixed=basis.mixed, rung=basis.method)  # fmt: skip
+                 mixed=basis.mixed, rung=basis.method, _provenance=system.provenance)  # fmt: skip
 
 
 def _without_symmetry(system: System, rtol: float) -> Modes:
@@ -315,7 +366,7 @@ def _without_symmetry(system: System, rtol: float) -> Modes:
     shapes = found.shapes * (np.abs(largest) / largest / size)
     return Modes(system.name, system.coordinates, system.bodies, found.values, found.value_errors, shapes, "",
                  found.rigid, system.body_motion, system.inertia_factor, found,
-                 found.single if found.single.any() else None)  # fmt: skip
+                 found.single if found.single.any() else None, _provenance=system.provenance)  # fmt: skip
 
 
 def digits(value: float) -> str:

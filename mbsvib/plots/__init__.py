@@ -1,4 +1,4 @@
-"""Figures: Bode plots, step responses and modes, with names and units from the system.
+"""Figures: responses, modes, energies and the mechanism itself, with names and units from the system.
 
 Each function returns a ``matplotlib.figure.Figure`` that belongs to nobody else: no pyplot, no window, no global
 state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the first figure that is drawn.
@@ -6,8 +6,24 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 
 from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
+from mbsvib.plots.energy import energy
 from mbsvib.plots.grid import time_grid
+from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.modes import modes
+from mbsvib.plots.nyquist import nyquist
+from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
+from mbsvib.plots.topology import topology
 
-__all__ = ["bode", "campbell", "modes", "step", "time_grid"]
+__all__ = [
+    "bode",
+    "campbell",
+    "energy",
+    "mechanism",
+    "modes",
+    "nyquist",
+    "singular_values",
+    "step",
+    "time_grid",
+    "topology",
+]

@@ -105,10 +105,10 @@ def of_model(model: Model) -> Scene:
     return _scene(model.name, [part for group in groups for part in group.values()], cut)
 
 
-def of_system(name: str, provenance: Provenance, inputs: Iterable[Part] = ()) -> Scene:
+def of_system(name: str, provenance: Provenance) -> Scene:
     """Return the picture of what a system was made of."""
     cut = set(provenance.topology.cut_joints)
-    return _scene(name, [*provenance.parts, *inputs], cut, provenance.topology.bodies)
+    return _scene(name, [*provenance.parts, *provenance.ports], cut, provenance.topology.bodies)
 
 
 def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str] | None = None) -> Scene:

@@ -14,26 +14,24 @@ from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots import _units as units
 from mbsvib.plots._choice import pick
 from mbsvib.plots._curves import curves
+from mbsvib.plots.energy import largest, shares
 from mbsvib.responses.frequency_grid import placed, roots, span
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.modes import Modes
-    from mbsvib.parts._part import Part
     from mbsvib.plots._choice import Names
     from mbsvib.system import System
 
 MOST_MODES = 60  # in motion and with shares; the table has them all
 MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page
 MOST_ZEROS = 5e7  # DOF cubed times pairs for which the dips of each curve are sought: a second
-LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the others
-MOST_ELEMENTS = 24
 
 
-def collect(system: System, inputs: Names, outputs: Names, ports: Iterable[Part] = ()) -> dict[str, Any]:
+def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict[str, Any]:
     """Return everything that a report shows.
 
     Parameters
@@ -42,8 +40,6 @@ def collect(system: System, inputs: Names, outputs: Names, ports: Iterable[Part]
         The equations of motion.
     inputs, outputs : str or sequence of str, optional
         Names of those to show; default: all.
-    ports : iterable of Part
-        The inputs as parts, to be drawn.
 
     Returns
     -------
@@ -57,7 +53,7 @@ def collect(system: System, inputs: Names, outputs: Names, ports: Iterable[Part]
         "name": system.name,
         "version": mbsvib.__version__,
         "facts": _facts(system),
-        "scene": _picture(system, ports),
+        "scene": _picture(system),
         "modes": _modes(system, modes),
         "responses": responses,
         "shares": _shares(system, modes),
@@ -90,8 +86,8 @@ def _facts(system: System) -> list[list[Any]]:
     return [[what, count] for what, count in counts]
 
 
-def _picture(system: System, ports: Iterable[Part]) -> dict[str, Any]:
-    scene = _scene.of_system(system.name, system.provenance, ports)
+def _picture(system: System) -> dict[str, Any]:
+    scene = _scene.of_system(system.name, system.provenance)
     return {
         "size": scene.size,
         "points": packed(scene.points),
@@ -162,23 +158,8 @@ def _unit(names: Sequence[str], known: Sequence[str], name: str) -> str:
 
 def _shares(system: System, modes: Modes) -> dict[str, Any]:
     shown = min(len(modes), MOST_MODES)
-    stiffness = system.stiffness_shares(modes)
-    kinds = [f"{name} ({kind})" if kind != "elastic" else name
-             for name, kind in zip(stiffness.elements, stiffness.kinds, strict=True)]  # fmt: skip
-    kinetic = modes.kinetic_energy
-    moving = np.array([*kinetic.values()]).reshape(len(kinetic), len(modes))
-    return {"strain": _largest(kinds, stiffness.shares[:, :shown]), "kinetic": _largest([*kinetic], moving[:, :shown])}
-
-
-def _largest(names: Sequence[str], shares: NDArray[np.float64]) -> list[list[Any]]:
-    """Names with their shares [%] in each mode, the largest ones first, and what is left over as others."""
-    size = np.nanmax(np.abs(shares), axis=1, initial=0.0)
-    order = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]
-    rows: list[list[Any]] = [[names[i], _percent(shares[i])] for i in sorted(order)]
-    rest = np.delete(shares, order, axis=0).sum(axis=0)
-    if np.abs(rest).max(initial=0.0) > 1e-4:
-        rows.append(["all others", _percent(rest)])
-    return rows
+    return {kind: [[name, _percent(values[:shown])] for name, values in largest(*shares(system, modes, kind))]
+            for kind in ("strain", "kinetic")}  # fmt: skip
 
 
 def _percent(values: NDArray[np.float64]) -> list[float | None]:

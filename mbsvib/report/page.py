@@ -47,8 +47,8 @@ def html(source: Model | System, inputs: Names = None, outputs: Names = None) ->
         If a name is unknown.
     """
     script = _plotly()
-    system, ports = (source, ()) if isinstance(source, System) else _linearized(source)
-    data = collect(system, inputs, outputs, ports)
+    system = source if isinstance(source, System) else _linearized(source)
+    data = collect(system, inputs, outputs)
     pieces = {
         "TITLE": escape(system.name),
         "STYLE": _read("page.css"),
@@ -116,14 +116,14 @@ def embedded(data: Any) -> str:
     return text
 
 
-def _linearized(model: Model) -> tuple[System, Any]:
+def _linearized(model: Model) -> System:
     system = model.linearize()
     if not isinstance(system, System):
         raise ModelError(
             f"report: model '{model.name}' has so many bodies that its equations are sparse, and no page could show "
             f"them. Report on a part of it, or on model.linearize(method='dense') if you can wait.", element=model.name,
         )  # fmt: skip
-    return system, model.inputs.values()
+    return system
 
 
 def _plotly() -> str:

@@ -1,0 +1,132 @@
+"""A mechanism seen from somewhere: lines, faces and marks on the plane of a figure, the far ones first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from mbsvib.plots._scene import Scene
+
+    Array = NDArray[np.float64]
+
+View: TypeAlias = str | Sequence[float]
+
+# Azimuth and elevation [deg] of the eye.
+VIEWS = {"3-D": (-52.0, 24.0), "x": (0.0, 0.0), "y": (-90.0, 0.0), "z": (-90.0, 90.0)}
+# Colour and width [pt] of a line by its kind.
+LINES: dict[str, tuple[str, float]] = {
+    "body": ("#2b5c9e", 2.6), "beam": ("#2b5c9e", 2.6), "rod": ("#2b5c9e", 1.8), "spoke": ("#7f9cc4", 0.8),
+    "spring": ("#dd7a1f", 1.1), "gap": ("#dd7a1f", 1.1), "damper": ("#8a6fb8", 1.3), "axis": ("#39434e", 0.9),
+    "ground": ("#8a949e", 0.8), "input": ("#3a9a6e", 1.6),
+}  # fmt: skip
+REST = ("#ccd3da", 0.9)
+# Sign, size [pt], colour and edge of a mark by its kind.
+MARKS: dict[str, tuple[str, float, str, str]] = {
+    "body": ("o", 4.5, "#16365f", "white"), "node": ("o", 3.5, "#16365f", "white"),
+    "joint": ("o", 4.5, "white", "#39434e"), "cut": ("D", 4.5, "#c4321f", "white"),
+    "bushing": ("s", 4.5, "#dd7a1f", "white"),
+}  # fmt: skip
+FACE = (0.56, 0.69, 0.85, 0.35)
+MARGIN = 0.06
+
+
+def axes_of(view: View) -> Array:
+    """Return the rows right, up and towards the eye of a view."""
+    given = VIEWS.get(view) if isinstance(view, str) else view
+    if given is None or len(given) != 2:
+        raise ResponseError(f"view = {view!r}: expected {', '.join(map(repr, VIEWS))} or two angles, azimuth and "
+                            f"elevation in degrees.")  # fmt: skip
+    azimuth, elevation = np.radians(np.asarray(given, dtype=float))
+    back = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.array([right, np.cross(back, right), back])
+
+
+class Picture:
+    """A scene in axes of matplotlib, whose points can be put elsewhere.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to draw.
+    scene : Scene
+        What to draw.
+    view : str or sequence of 2 float
+        From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
+    rest : bool
+        Whether the pose at rest is drawn in grey behind what moves.
+    reach : float
+        How far points may go [m], for the frame.
+    """
+
+    def __init__(self, axes: Axes, scene: Scene, view: View, rest: bool = False, reach: float = 0.0) -> None:
+        from matplotlib.collections import LineCollection, PolyCollection
+
+        self._scene, self._axes_of = scene, axes_of(view)
+        flat = scene.points @ self._axes_of.T
+        ways = [(line.kind, np.arange(line.first, line.last)) for line in scene.lines]
+        still = [("rest", numbers) for kind, numbers in ways if kind in ("body", "beam", "rod")] if rest else []
+        self._ends = np.concatenate([np.zeros((0, 2), int), *(np.stack((n[:-1], n[1:]), axis=1) for _, n in ways)])
+        looks = [LINES[kind] for kind, numbers in ways for _ in numbers[1:]]
+        self._colours = np.array([look[0] for look in looks], dtype=object)
+        self._widths = np.array([look[1] for look in looks])
+        axes.add_collection(LineCollection([flat[numbers, :2] for _, numbers in still], colors=REST[0],
+                                           linewidths=REST[1], zorder=1))  # fmt: skip
+        self._faces = PolyCollection([], facecolors=[FACE], edgecolors="none", zorder=2)
+        self._lines = LineCollection([], capstyle="round", joinstyle="round", zorder=3)
+        axes.add_collection(self._faces)
+        axes.add_collection(self._lines)
+        self._marks = []
+        for kind, (sign, size, colour, edge) in MARKS.items():
+            numbers = [mark.point for mark in scene.marks if mark.kind == kind]
+            drawn = axes.plot([], [], sign, ms=size, mfc=colour, mec=edge, mew=0.9, zorder=4)[0]
+            self._marks.append((drawn, numbers))
+        self._arrows = [line.last - 1 for line in scene.lines if line.kind == "input"]
+        self._heads = axes.plot([], [], "D", ms=3.0, color=LINES["input"][0], zorder=4)[0]
+        low, high = (flat.min(axis=0), flat.max(axis=0)) if len(flat) else (-np.ones(3), np.ones(3))
+        room = MARGIN * scene.size + reach
+        axes.set_xlim(low[0] - room, high[0] + room)
+        axes.set_ylim(low[1] - room, high[1] + room)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+        self.place(scene.points)
+
+    def flat(self, points: Any) -> Array:
+        """Return points (n, 3) on the plane of the figure, and how near each is to the eye, (n, 3)."""
+        return np.asarray(points, dtype=float) @ self._axes_of.T
+
+    def place(self, points: Array) -> None:
+        """Put all points elsewhere, (n, 3)."""
+        flat = self.flat(points)
+        if len(self._ends):
+            order = np.argsort(flat[self._ends, 2].mean(axis=1), kind="stable")
+            self._lines.set_segments(list(flat[self._ends[order], :2]))
+            self._lines.set_color(self._colours[order].tolist())
+            self._lines.set_linewidth(self._widths[order].tolist())
+        if len(self._scene.faces):
+            self._faces.set_verts(list(flat[self._scene.faces, :2]))
+        for drawn, numbers in (*self._marks, (self._heads, self._arrows)):
+            drawn.set_data(flat[numbers, 0], flat[numbers, 1])
+
+
+def triad(axes: Axes, view: View) -> None:
+    """Draw the directions x, y and z into the lower left corner."""
+    arms = axes_of(view)[:2].T
+    corner = axes.inset_axes((0.0, 0.0, 0.13, 0.13))
+    corner.set_xlim(-1.5, 1.5)
+    corner.set_ylim(-1.5, 1.5)
+    corner.set_aspect("equal")
+    corner.set_axis_off()
+    for name, arm in zip("xyz", arms, strict=True):
+        if np.linalg.norm(arm) > 0.1:
+            corner.plot([0.0, arm[0]], [0.0, arm[1]], color=style.MARK, linewidth=0.9)
+            corner.text(1.3 * arm[0], 1.3 * arm[1], name, ha="center", va="center", fontsize=7.5, color=style.INK)

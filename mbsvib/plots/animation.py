@@ -1,0 +1,220 @@
+"""Modes in motion, as figures, GIF, MP4 or a page with a player."""
+
+from __future__ import annotations
+
+import os
+from base64 import b64encode
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import ExportError, ResponseError
+from mbsvib.plots import _style as style
+from mbsvib.plots._projection import Picture, View, axes_of, triad
+from mbsvib.plots._scene import Scene, of_system
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.equations import Provenance
+    from mbsvib.modes import Modes
+
+SUFFIXES = (".gif", ".mp4", ".html")
+COLOURS = 96  # of a GIF
+DPI = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Animation:
+    """One period of a mode: ``frames`` pictures of a mechanism, ``rate`` of them in a second.
+
+    Points move by Re(shape e^(i phase)); ``shape`` (points, 3) is scaled such that the farthest one goes by its share
+    of the mechanism's size. In Jupyter it shows itself.
+    """
+
+    scene: Scene = field(repr=False)
+    shape: NDArray[Any] = field(repr=False)
+    title: str
+    view: View = "3-D"
+    frames: int = 30
+    rate: float = 20.0
+
+    def points(self, phase: float) -> NDArray[np.float64]:
+        """Return where all points are at a phase of the motion.
+
+        Parameters
+        ----------
+        phase : float
+            Phase [rad].
+
+        Returns
+        -------
+        array, shape (points, 3)
+            World positions [m].
+        """
+        return np.asarray(self.scene.points + (self.shape * np.exp(1j * phase)).real)
+
+    def figure(self, phase: float = 0.0) -> Figure:
+        """Return the picture at a phase.
+
+        Parameters
+        ----------
+        phase : float
+            Phase of the motion [rad]: 0 is farthest out for real shapes.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            The mechanism, its pose at rest in grey.
+        """
+        figure, picture = self._canvas()
+        picture.place(self.points(phase))
+        return figure
+
+    def _canvas(self) -> tuple[Figure, Picture]:
+        with style.context():
+            figure = style.new_figure(5.6, 4.4)
+            figure.set_dpi(DPI)
+            axes = figure.subplots()
+            reach = float(np.linalg.norm(self.shape, axis=1).max(initial=0.0))
+            picture = Picture(axes, self.scene, self.view, rest=True, reach=reach)
+            triad(axes, self.view)
+            axes.set_title(self.title, loc="left")
+        return figure, picture
+
+    def _pictures(self) -> Iterator[Any]:
+        """The frames, as images of pillow."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from PIL import Image
+
+        figure, picture = self._canvas()
+        canvas: Any = FigureCanvasAgg(figure)
+        for phase in self._phases():
+            picture.place(self.points(phase))
+            canvas.draw()
+            figure.set_layout_engine("none")  # what the first frame needs fits all
+            yield Image.fromarray(np.asarray(canvas.buffer_rgba()).copy()).convert("RGB")
+
+    def _phases(self) -> list[float]:
+        return [2.0 * np.pi * i / self.frames for i in range(self.frames)]
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the motion to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : str or path-like
+            A name that ends in .gif, .mp4 (which needs ffmpeg) or .html (a page with a player, without network).
+
+        Returns
+        -------
+        Path
+            The path.
+
+        Raises
+        ------
+        ExportError
+            If the suffix is none of these, ffmpeg is not installed, or the file cannot be written.
+        """
+        from mbsvib.whole_file import write_whole
+
+        kind = Path(path).suffix.lower()
+        if kind not in SUFFIXES:
+            raise ExportError(f"{path}: motions are written to files that end in {', '.join(SUFFIXES)}.")
+        content = {".gif": self._gif, ".mp4": self._mp4, ".html": self._html}[kind]()
+        try:
+            return write_whole(path, lambda stream: stream.write(content))
+        except OSError as error:
+            raise ExportError(f"{path}: cannot be written: {error.strerror or error}. Give the path of a file in a "
+                              f"folder that exists and that you may write to.") from error  # fmt: skip
+
+    def _gif(self) -> bytes:
+        first, *others = [each.quantize(COLOURS) for each in self._pictures()]
+        stream = BytesIO()
+        first.save(stream, format="GIF", save_all=True, append_images=others, loop=0, duration=1000.0 / self.rate)
+        return stream.getvalue()
+
+    def _mp4(self) -> bytes:
+        return self._by_matplotlib("ffmpeg", "motion.mp4", fps=self.rate)
+
+    def _html(self) -> bytes:
+        return self._by_matplotlib("html", "motion.html", fps=self.rate, embed_frames=True)
+
+    def _by_matplotlib(self, writer: str, name: str, **options: Any) -> bytes:
+        from tempfile import TemporaryDirectory
+
+        from matplotlib.animation import writers
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        if not writers.is_available(writer):
+            raise ExportError("MP4 needs the program ffmpeg, which is not found; install it, or write a .gif or .html.")
+        figure, picture = self._canvas()
+        FigureCanvasAgg(figure)
+        made = writers[writer](**options)
+        with TemporaryDirectory() as folder:
+            target = Path(folder) / name
+            with made.saving(figure, str(target), DPI):
+                for phase in self._phases():
+                    picture.place(self.points(phase))
+                    made.grab_frame()
+            return target.read_bytes()
+
+    def _repr_html_(self) -> str:
+        code = b64encode(self._gif()).decode("ascii")
+        return f'<img alt="Mode in motion" src="data:image/gif;base64,{code}">'
+
+
+def animation(
+    modes: Modes, provenance: Provenance | None, mode: int, amplitude: float, view: View, frames: int, rate: float
+) -> Animation:
+    """Return a mode in motion.
+
+    Parameters
+    ----------
+    modes : Modes
+        The modes.
+    provenance : Provenance or None
+        What the system was made of.
+    mode : int
+        The mode's number, from 1.
+    amplitude : float
+        How far the farthest point goes, as a share of the mechanism's size.
+    view : str or sequence of 2 float
+        From where.
+    frames : int
+        Pictures in one period.
+    rate : float
+        Pictures in a second [Hz].
+
+    Returns
+    -------
+    Animation
+        One period.
+
+    Raises
+    ------
+    ResponseError
+        If there is no such mode or view, or nothing is known of what the mechanism looks like.
+    """
+    if provenance is None:
+        raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "
+                            f"variant of a batch; linearize that one model by itself, method='dense'.")  # fmt: skip
+    if isinstance(mode, bool) or not hasattr(mode, "__index__") or not 1 <= mode <= len(modes):
+        raise ResponseError(f"mode = {mode!r}: expected the number of a mode in the table, from 1 to {len(modes)}.")
+    for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1), ("amplitude", amplitude, 0.0)):
+        if not least <= value < np.inf:
+            raise ResponseError(f"{name} = {value!r}: expected a number of at least {least:g}.")
+    axes_of(view)
+    scene = of_system(modes.name, provenance)
+    moves = scene.displacements(modes._body_motion @ modes.shapes[:, mode - 1])
+    farthest = np.linalg.norm(moves, axis=1).max(initial=0.0)
+    shape = amplitude * scene.size / farthest * moves if farthest > 0.0 else moves
+    hertz, ratio = modes.frequencies[mode - 1], modes.damping_ratios[mode - 1]
+    words = f"{hertz:.5g} Hz, damping {100.0 * ratio:.3g} %" if hertz > 0.0 else "rigid-body mode"
+    return Animation(scene, shape, f"Mode {mode}: {words}", view, int(frames), float(rate))

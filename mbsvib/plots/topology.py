@@ -1,0 +1,80 @@
+"""The topology of a mechanism: its spanning tree, the joints at which loops are cut, springs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.plots import _style as style
+from mbsvib.plots import _tree_layout as layout
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+
+KINDS = {
+    "tree": ("joint of the tree", "#1d2733", 1.6, "-"), "cut": ("cut joint", "#c4321f", 1.6, (0, (5, 2))),
+    "spring": ("spring or damper", "#dd7a1f", 1.0, "-"),
+    "floating": ("no joint: floats", style.MARK, 1.0, (0, (1.5, 1))),
+}  # fmt: skip
+MOST_NAMES = 60
+BOX = {"fc": "white", "ec": "none", "alpha": 0.85, "pad": 0.4}
+
+
+def topology(system: System) -> Figure:
+    """Draw bodies as a tree that grows from the ground, with the joints at which loops are cut and all springs.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Joints of the tree black, cut joints red and dashed, springs orange.
+    """
+    graph = layout.graph(system.provenance.topology, system.provenance.parts)
+    nodes, edges = graph["nodes"], graph["edges"]
+    at = np.array([node[1:3] for node in nodes], dtype=float)
+    width, height = np.ptp(at, axis=0)
+    seen: Counter[tuple[int, int]] = Counter()
+    with style.context():
+        figure = style.new_figure(float(np.clip(1.1 * width + 2.0, 4.5, 12.0)), float(np.clip(height + 1.6, 3.0, 9.0)))
+        axes = figure.subplots()
+        axes.set_axis_off()
+        for kind, name, _, first, second in edges:
+            pair = min(first, second), max(first, second)
+            nth, seen[pair] = seen[pair], seen[pair] + 1
+            side = (1 if nth % 2 else -1) * ((nth + 1) // 2) * 0.2
+            points = _bent(at[pair[0]], at[pair[1]], side)
+            label, colour, thick, dash = KINDS[kind]
+            axes.plot(*points.T, color=colour, linewidth=thick, linestyle=dash, label=label, zorder=2)
+            if len(edges) <= MOST_NAMES and kind != "floating":
+                axes.annotate(name, points[5 if kind == "spring" else 9], ha="center", va="center", fontsize=6.5,
+                              color=colour, bbox=BOX, zorder=3)  # fmt: skip
+        ground = len(nodes) - 1
+        axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
+        axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
+        if len(nodes) <= MOST_NAMES:
+            for i, node in enumerate(nodes):
+                axes.annotate(node[0], at[i], (0, -13 if i == ground else 8), textcoords="offset points", ha="center",
+                              fontsize=8, zorder=5, bbox=BOX)  # fmt: skip
+        axes.margins(0.08, 0.14)
+        handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=max(1, len(handles)))
+        axes.set_title(system.name)
+    return figure
+
+
+def _bent(start: Array, end: Array, bend: float) -> Array:
+    """A curve from start to end that bends aside."""
+    s = np.linspace(0.0, 1.0, 17)[:, None]
+    aside = 0.5 * (start + end) + bend * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
+    return np.asarray((1.0 - s) ** 2 * start + 2.0 * s * (1.0 - s) * aside + s**2 * end)
