@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mbsvib import _checks as check
 from mbsvib.changes import resolved
 from mbsvib.errors import ModelError, nearest
+from mbsvib.parameters import unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -37,6 +38,11 @@ class Design:
             for name, rate in rates.items():
                 added[name] = added.get(name, self.start[name]) + rate * columns[variable]
         return result | added
+
+    def units(self, model: Model) -> dict[str, str]:
+        """Return the units of the variables that have one: parameters, and patterns that pick those of one kind."""
+        known = {name: {unit(each) for each in model.parameters.matching(name)} for name in self.direct}
+        return {name: units.pop() for name, units in known.items() if len(units) == 1}
 
     def rates(self, model: Model) -> dict[str, dict[str, float]]:
         """Return how fast each variable moves each parameter, as sensitivities are asked for."""

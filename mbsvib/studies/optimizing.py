@@ -10,7 +10,6 @@ import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.errors import counted
-from mbsvib.parameters import unit
 from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.scales import scales
@@ -163,7 +162,7 @@ def _optimum(search: Search, z: Array, found: Found, began: float) -> Optimum:
         {each.label: value for each, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
         violation <= FEASIBLE and (found.success or optimality <= OPTIMAL), found.message, found.iterations,
         search.evaluations,
-        {name: unit(name) for name in search.design.direct},
+        search.design.units(search.model),
     )  # fmt: skip
 
 

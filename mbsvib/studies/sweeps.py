@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.parameters import unit
 from mbsvib.studies.design import design
 from mbsvib.studies.points import points
 from mbsvib.studies.progress import counting
@@ -103,7 +102,7 @@ def sweep(
         warnings.warn(f"sweep of '{model.name}': all {len(errors)} points failed, the first by {errors[0]}",
                       stacklevel=2)  # fmt: skip
     results = gathered(len(chosen), {i: outcome for i, outcome in found.items() if not isinstance(outcome, str)})
-    units = {name: unit(name) for name in variables.direct} | asked.units
+    units = variables.units(model) | asked.units
     return Sweep(model.name, chosen.axes, chosen.columns, chosen.shape, results, errors, units)
 
 

@@ -54,6 +54,13 @@ def test_patterns_tie_and_numbers_hold_for_all_points():
     assert np.allclose(found["modes.frequencies"][1], expected, rtol=1e-12, atol=0)
 
 
+def test_patterns_of_any_shape_have_the_unit_of_what_they_pick():
+    found = sweep(quarter_car(), {"*.stiffnes[s]": [1e4, 2e4], "*.inertia.z[z]": 1.0, "wheel.[mp]*": 0.3}, lowest,
+                  how="paired")  # fmt: skip
+    assert found.units == {"*.stiffnes[s]": "N/m", "*.inertia.z[z]": "kg m^2"}
+    assert np.isfinite(found["lowest"]).all()
+
+
 def test_linear_maps_add_to_what_the_model_has():
     found = sweep(quarter_car(), {"softer": [0.0, 1.0]}, lowest, ties={"softer": {
         "tyre.stiffness": -1e4, "suspension.stiffness": -2e3}})  # fmt: skip

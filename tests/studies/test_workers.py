@@ -61,6 +61,7 @@ def test_a_point_that_fails_in_a_process_is_recorded(tmp_path):
     assert len((tmp_path / "record.jsonl").read_text().splitlines()) == 10
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_dask_workers_over_loopback():
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
