@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib_export.json_ import from_json, json_schema, to_json
     from mbsvib_export.mat_ import from_mat, to_mat
     from mbsvib_export.names_ import SignalNames
-    from mbsvib_export.naming import named
+    from mbsvib_export.naming import named, with_names
     from mbsvib_export.nastran_ import to_dmig, to_op4
     from mbsvib_export.neutral import SystemData
     from mbsvib_export.npz_ import from_npz, to_npz
@@ -68,6 +68,7 @@ __all__ = [
     "to_scipy",
     "to_transfer_function",
     "to_uff",
+    "with_names",
 ]
 
 _HOMES = {
@@ -107,6 +108,7 @@ _HOMES = {
     "to_scipy": "scipy_",
     "to_transfer_function": "transfer_",
     "to_uff": "uff_",
+    "with_names": "naming",
 }
 
 

@@ -9,7 +9,7 @@ from mbsvib.errors import ExportError
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 T = TypeVar("T")
 
@@ -90,3 +90,70 @@ def _last(labels: Sequence[str], count: int, what: str, whose: str) -> list[str]
 
 def _few(labels: Sequence[str]) -> str:
     return ", ".join(labels[:6]) + (", ..." if len(labels) > 6 else "")
+
+
+def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+    """Call a function of python-control, and give what it returns the names of the systems that it was given.
+
+    ``with_names(control.hinfsyn, plant, 2, 1)`` is ``control.hinfsyn(plant, 2, 1)`` with named results: the controller
+    has the plant's last outputs as inputs and its last inputs as outputs, the closed loop what is left of both. Knows
+    ``balred``, ``modred``, ``minreal``, ``series``, ``parallel``, ``feedback``, ``negate``, ``h2syn`` and ``hinfsyn``.
+
+    Parameters
+    ----------
+    function : callable
+        The function, such as ``control.feedback``.
+    *arguments
+        Its arguments, systems first.
+    **options
+        Its options.
+
+    Returns
+    -------
+    whatever the function returns
+        With names in the place of ``u[0]`` and ``y[0]``.
+
+    Raises
+    ------
+    ExportError
+        If the function is not known, or needs slycot, which is not installed. Its own errors are not touched.
+    """
+    need("control", "with_names", "control>=0.10.1")
+    given = getattr(function, "__name__", repr(function))
+    name = _SAME.get(given, given)
+    if name not in (*_OF_FIRST, *_SYNTHESES, "series"):
+        raise ExportError(f"with_names: {name} is none of {', '.join((*_OF_FIRST, *_SYNTHESES, 'series'))}; call it, "
+                          f"and give its result to named(result, like=plant).")  # fmt: skip
+    try:
+        result = function(*arguments, **options)
+    except (ImportError, TypeError) as error:
+        if "slycot" not in str(error):
+            raise
+        raise ExportError(f'with_names: {name} of python-control needs slycot, which is not installed; install it '
+                          f'with:  pip install "mbsvib[slycot]"') from error  # fmt: skip
+    if name == "series":
+        systems = [each for each in arguments if hasattr(each, "input_labels")]
+        return named(result, systems) if systems else result
+    plant = arguments[0]
+    if name in _OF_FIRST:
+        many = isinstance(result, list)  # balred of several orders
+        return [named(each, plant) for each in result] if many else named(result, plant)
+    controller, *rest = result if isinstance(result, tuple) else (result,)
+    made = [named(controller, plant, controller=True)]
+    for each in rest:
+        made.append(_loop(each, plant, controller) if hasattr(each, "input_labels") else each)
+    return tuple(made) if isinstance(result, tuple) else made[0]
+
+
+_OF_FIRST = ("balred", "modred", "minreal", "parallel", "feedback", "negate")
+_SAME = {"balanced_reduction": "balred", "model_reduction": "modred", "minimal_realization": "minreal"}
+_SYNTHESES = ("h2syn", "hinfsyn")
+
+
+def _loop(loop: Any, plant: Any, controller: Any) -> Any:
+    """The plant with the controller's loop closed: it keeps its first inputs and outputs."""
+    made = deepcopy(loop)
+    made.set_inputs(list(plant.input_labels)[: plant.ninputs - controller.noutputs])
+    made.set_outputs(list(plant.output_labels)[: plant.noutputs - controller.ninputs])
+    made.name = f"{plant.name}_closed"
+    return made
