@@ -6,7 +6,7 @@ running           in batches, or one by one, in processes
 record            answers in a file as they come
 sweeps, results   ``sweep`` and what it returns
 tracks            ``track``: modes that keep their names over a sweep
-tolerances, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
+scatter, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
 quantities        numbers of a system with their gradients, and what is made of them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
 place, scales, search, solvers, optimizing   ``optimize`` and what it returns
@@ -17,8 +17,8 @@ from mbsvib.studies.optimizing import Optimum, optimize
 from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
+from mbsvib.studies.scatter import Tolerances, tolerances
 from mbsvib.studies.sweeps import sweep
-from mbsvib.studies.tolerances import Tolerances, tolerances
 from mbsvib.studies.tracks import Tracks, track
 
 __all__ = [

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.studies.results import Sweep
-    from mbsvib.studies.tolerances import Tolerances
+    from mbsvib.studies.scatter import Tolerances
     from mbsvib.studies.tracks import Tracks
 
 MOST_LINES = 12
