@@ -13,9 +13,13 @@ if TYPE_CHECKING:
 
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.norms import Norm
+    from mbsvib.sensitivities.shapes import ModeSensitivities
     from mbsvib.system import System
 
+    Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
+    Ports = str | Sequence[str] | None
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
@@ -112,3 +116,146 @@ class Sensitive:
         from mbsvib.sensitivities import matrix_derivatives
 
         return matrix_derivatives(cast("System", self), parameters)
+
+    def mode_sensitivities(self, parameters: Asked = None) -> ModeSensitivities:
+        """Return the derivatives of natural frequencies, damping ratios and mode shapes to parameters.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+
+        Returns
+        -------
+        ModeSensitivities
+            ``frequencies``, ``damped_frequencies``, ``damping_ratios``, ``eigenvalues`` and ``shapes``, one row a
+            variable; shapes are differentiated when they are asked for.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces whose derivatives are not supported.
+        """
+        from mbsvib.sensitivities import mode_sensitivities
+
+        return mode_sensitivities(cast("System", self), parameters)
+
+    def compliance_sensitivities(
+        self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+    ) -> Array:  # fmt: skip
+        """Return the derivatives of the static compliance, G(0) = Cq K^-1 B + D, to parameters.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, inputs)
+            Derivatives [output unit / input unit per unit of the parameter].
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        ResponseError
+            If the mechanism is free to move, or a port is unknown.
+        """
+        from mbsvib.sensitivities import frequency_response_sensitivities
+
+        found = frequency_response_sensitivities(cast("System", self), [0.0], parameters, inputs, outputs)
+        return found[..., 0].real
+
+    def time_response_sensitivities(
+        self, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> Array:  # fmt: skip
+        """Return the derivatives of the time response to parameters; exact for inputs that are held or linear.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : pair of array-like, shape (m,), optional
+            q and q' at t[0], which no parameter changes; default: rest.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, n)
+            Derivatives [output unit per unit of the parameter].
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold is unknown.
+        """
+        from mbsvib.sensitivities import time_response_sensitivities
+
+        return time_response_sensitivities(cast("System", self), t, u, parameters, hold, initial)
+
+    def h2_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+        """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
+
+        ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all. Their units are not weighed.
+
+        Returns
+        -------
+        Norm
+            ``value`` and ``slopes``.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        ResponseError
+            If the norm is infinite, or a port is unknown.
+        """
+        from mbsvib.sensitivities import h2_norm
+
+        return h2_norm(cast("System", self), parameters, inputs, outputs)
+
+    def hinf_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+        """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
+
+        ||G|| = max over w of sigma(G(i w))
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all. Their units are not weighed.
+
+        Returns
+        -------
+        Norm
+            ``value``, ``omega`` [rad/s] and ``slopes``.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        ResponseError
+            If the peak is infinite or at infinite frequency, or a port is unknown.
+        """
+        from mbsvib.sensitivities import hinf_norm
+
+        return hinf_norm(cast("System", self), parameters, inputs, outputs)

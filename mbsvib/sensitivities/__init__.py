@@ -10,10 +10,20 @@ eigenvalues   derivatives of the eigenvalues, repeated ones included
 loads         inputs and outputs as connections of the network
 responses     derivatives of frequency responses
 matrices      derivatives of the matrices, whole and as factors
+shapes        derivatives of frequencies, damping ratios and mode shapes
+states        first-order equations and their derivatives
+transients    derivatives of time responses
+norms         H2 and Hinf norms with their derivatives
 """
 
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.matrices import MatrixDerivatives, matrix_derivatives
+from mbsvib.sensitivities.norms import Norm, h2_norm, hinf_norm
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
+from mbsvib.sensitivities.shapes import ModeSensitivities, mode_sensitivities
+from mbsvib.sensitivities.transients import time_response_sensitivities
 
-__all__ = ["MatrixDerivatives", "eigenvalue_sensitivities", "frequency_response_sensitivities", "matrix_derivatives"]
+__all__ = [
+    "MatrixDerivatives", "ModeSensitivities", "Norm", "eigenvalue_sensitivities", "frequency_response_sensitivities",
+    "h2_norm", "hinf_norm", "matrix_derivatives", "mode_sensitivities", "time_response_sensitivities",
+]  # fmt: skip

@@ -131,7 +131,7 @@ def _turned_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
 
 
 def _strain(found: Fields, k: Any, axes: Array) -> Field:
-    d = found.strain[_among_springs(found, k)]
+    d: Field = found.strain[_among_springs(found, k)]
     if bool((axes == _WORLD).all()):
         return d
     return np.concatenate((applied(axes, d[:, :3]), applied(axes, d[:, 3:])), axis=1)

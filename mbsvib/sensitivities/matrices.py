@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.responses import derivatives
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from mbsvib.kinematics import Array
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.fields import Field
@@ -156,3 +159,34 @@ def _factors(plan: Plan, variable: int, matrix: str) -> tuple[Array, Array]:
     size = np.abs(p).max(axis=1, initial=0.0) * np.abs(q).max(axis=1, initial=0.0)
     acts = size > ACTS * size.max(initial=0.0)
     return p[acts].T, q[acts].T
+
+
+def in_parts(system: System, parameters: Asked, count: int) -> Iterator[tuple[slice, MatrixDerivatives]]:
+    """Return derivatives of matrices for some variables at a time, so that they never fill the memory.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+    count : int
+        How many variables at a time.
+
+    Returns
+    -------
+    iterator of tuple of slice and MatrixDerivatives
+        Which variables, and their derivatives.
+    """
+    known = system.parameters if parameters is None else parameters
+    names = [known] if isinstance(known, str) else list(known)
+    if parameters is None and len(names) <= count:  # the plan for all of them is kept
+        yield slice(0, len(names)), matrix_derivatives(system)
+        return
+    for start in range(0, len(names), count):
+        some = names[start : start + count]
+        yield slice(start, start + len(some)), matrix_derivatives(system, _asked(parameters, some))
+
+
+def _asked(parameters: Asked, names: list[str]) -> Asked:
+    return {name: parameters[name] for name in names} if isinstance(parameters, Mapping) else names

@@ -1,0 +1,206 @@
+"""Norms of frequency responses with their derivatives: H2, the rms under white noise, and Hinf, the highest peak.
+
+With A P + P A^T + B B^T = 0 and A^T Q + Q A + C^T C = 0 the square of the H2 norm is tr(C P C^T) and moves by
+2 tr(Q dA P) + 2 tr(Q dB B^T) + 2 tr(dC P C^T): two Lyapunov equations for all parameters. At the highest peak the
+frequency does not count, and sigma moves by Re(u^H dG v).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+
+from mbsvib.errors import ResponseError
+from mbsvib.reachable import chosen
+from mbsvib.sensitivities.matrices import in_parts
+from mbsvib.sensitivities.responses import frequency_response_sensitivities
+from mbsvib.sensitivities.states import changed, states
+from mbsvib.sensitivities.variables import variables
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array
+    from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+    Ports = str | Sequence[str] | None
+
+BLOCK = 4_000_000
+# A response beyond this times the fastest eigenvalue is that at infinity; heights that differ by less are the same.
+FAR, ROUNDING = 1e6, 1e-9
+# A peak is looked for next to every sample of the grid that reaches this share of the highest.
+NEAR = 0.5
+GOLDEN = 0.5 * (3.0 - 5.0**0.5)
+# Golden sections until brackets are a thousandth of a peak's width; heights are then known to the share CLOSE.
+SECTIONS, CLOSE, FEW = 15, 1e-4, 6
+
+
+@dataclass(frozen=True)
+class Norm:
+    """A norm's ``value`` and its derivatives ``slopes`` (v,) to ``variables`` (v,); ``omega`` [rad/s] is the frequency
+    of the peak, None for the H2 norm.
+    """
+
+    value: float
+    variables: tuple[str, ...]
+    slopes: Array
+    omega: float | None = None
+
+
+def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+    """Return the H2 norm and its derivatives.
+
+    ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+    inputs, outputs : str or sequence of str, optional
+        Names of ports; default: all.
+
+    Returns
+    -------
+    Norm
+        Value and derivatives.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+    ResponseError
+        If the norm is infinite: an output sees an input at once, or a mode that both take part in does not decay.
+    """
+    ports = _ports(system, inputs, outputs)
+    base = states(system, *ports)
+    names = variables(system.parameters, parameters).names
+    _refuse_feedthrough(system, base.D, ports)
+    m = len(base.scale)
+    values = system.poles()
+    if (values.real >= 0.0).any():
+        worst = int(np.argmax(values.real >= 0.0)) // 2 + 1
+        raise ResponseError(
+            f"H2 norm of '{system.name}': mode {worst} does not decay, so that the norm is infinite. Give it damping, "
+            f"or leave it out: system.reachable(inputs, outputs) drops what these ports do not reach."
+        )
+    p = solve_continuous_lyapunov(base.A, -base.B @ base.B.T)
+    q = solve_continuous_lyapunov(base.A.T, -base.C.T @ base.C)
+    value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
+    slopes = np.zeros(len(names))
+    state, force, seen = (p @ q)[:, m:].T, (q @ base.B)[m:], base.C @ p
+    for which, change in in_parts(system, parameters, max(1, BLOCK // max(1, m * m))):
+        da, db, dc, dd = changed(base, change, *ports)
+        total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * seen).sum(axis=(1, 2))
+        size = np.abs(dd).max(axis=(1, 2), initial=0.0)
+        slopes[which] = np.where(size > 0.0, np.inf, total / value if value else total)
+    return Norm(value, names, slopes)
+
+
+def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+    """Return the highest peak of the largest singular value of the frequency response, and its derivatives.
+
+    ||G|| = max over w of sigma(G(i w))
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+    inputs, outputs : str or sequence of str, optional
+        Names of ports; default: all.
+
+    Returns
+    -------
+    Norm
+        Value, frequency and derivatives; where two singular values or peaks are equally high, those of one of them.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+    ResponseError
+        If a mode is undamped, so that the peak is infinite, or the response is highest at infinite frequency.
+    """
+    i, o = _ports(system, inputs, outputs)
+
+    def sigma(w: Array) -> Array:
+        g = system.frequency_response(w)[o][:, i]
+        return np.asarray(np.linalg.norm(g.transpose(2, 0, 1), 2, axis=(1, 2)))
+
+    values = system.poles()
+    if (values.real >= 0.0).any():
+        worst = int(np.argmax(values.real >= 0.0)) // 2 + 1
+        raise ResponseError(f"Hinf norm of '{system.name}': mode {worst} does not decay, so that its peak is infinite. "
+                            f"Give it damping, or ask system.reachable(inputs, outputs) for its norm.")  # fmt: skip
+    named = [system.inputs[k] for k in i], [system.outputs[k] for k in o]
+    w = np.concatenate(([0.0], system.frequency_grid(*named)))
+    found = sigma(w)
+    far = float(sigma(np.array([FAR * np.abs(values).max()]))[0])
+    omega, value = _highest(sigma, w, found)
+    if far > value * (1.0 + ROUNDING):
+        raise ResponseError(
+            f"Hinf norm of '{system.name}': the response is highest at infinite frequency ({far:.4g}, against "
+            f"{value:.4g} below). Ask for outputs that do not see the inputs at once."
+        )
+    g = system.frequency_response([omega])[o][:, i, 0]
+    u, _, v = np.linalg.svd(g)
+    change = frequency_response_sensitivities(system, [omega], parameters, *named)[..., 0]
+    slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
+    return Norm(value, variables(system.parameters, parameters).names, slopes, omega)
+
+
+def _highest(sigma: Callable[[Array], Array], w: Array, found: Array) -> tuple[float, float]:
+    """Frequency and height of the highest peak: golden sections about all high samples at once, then parabolas."""
+    top = int(np.argmax(found))
+    inner = np.flatnonzero(found >= NEAR * found[top])
+    low, high = w[np.maximum(inner - 1, 0)], w[np.minimum(inner + 1, len(w) - 1)]
+    for _ in range(SECTIONS):
+        a, b = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
+        fa, fb = np.split(sigma(np.concatenate((a, b))), 2)
+        left = fa > fb
+        high, low = np.where(left, b, high), np.where(left, low, a)
+    middle, height = 0.5 * (low + high), np.maximum(fa, fb)
+    best = float(w[top]), float(found[top])
+    tops = np.flatnonzero(height >= height.max() * (1.0 - CLOSE))
+    for k in tops[np.unique(middle[tops].round(9), return_index=True)[1]][:FEW]:
+        here = _polished(sigma, float(middle[k]), float(high[k] - low[k]))
+        best = here if here[1] > best[1] else best
+    return best
+
+
+def _polished(sigma: Callable[[Array], Array], omega: float, step: float) -> tuple[float, float]:
+    """Newton's way to the top, with differences over a bracket that is small against the peak's width."""
+    for _ in range(4):
+        value = sigma(np.abs(omega + step * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])))
+        first = (value[0] - 8.0 * value[1] + 8.0 * value[3] - value[4]) / (12.0 * step)
+        second = (-value[0] + 16.0 * value[1] - 30.0 * value[2] + 16.0 * value[3] - value[4]) / (12.0 * step**2)
+        move = -first / second if second < 0.0 else 0.0
+        if not abs(move) <= 2.0 * step:
+            break
+        omega += float(move)
+    return abs(omega), float(sigma(np.array([abs(omega)]))[0])
+
+
+def _ports(system: System, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:
+    return chosen(system.inputs, inputs, "inputs", system.name), chosen(system.outputs, outputs, "outputs", system.name)
+
+
+def _refuse_feedthrough(system: System, d: Array, ports: tuple[list[int], list[int]]) -> None:
+    size = np.abs(d)
+    if d.size and size.max() > 0.0:
+        o, i = np.unravel_index(int(np.argmax(size)), d.shape)
+        raise ResponseError(
+            f"H2 norm of '{system.name}': output '{system.outputs[ports[1][o]]}' sees input "
+            f"'{system.inputs[ports[0][i]]}' at once, so that the norm is infinite. Ask for displacements or "
+            f"velocities, or choose ports: inputs=[...], outputs=[...]."
+        )

@@ -1,0 +1,220 @@
+"""Sensitivities of modes: frequencies, damping ratios and shapes, repeated eigenvalues included.
+
+A shape x moves by x' with T(lambda) x' + T'(lambda) x lambda' = -dT x, which has one solution beside x itself: the
+equations are bordered by the normalisation. Where eigenvalues coincide, the same holds of a basis of their common
+subspace, and lambda' is a matrix.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.modes.damped import Damped
+from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities, planned
+from mbsvib.sensitivities.fields import fields, motions
+from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.spectrum import TOGETHER
+from mbsvib.sensitivities.states import refuse_general
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.modes import Modes
+    from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.sensitivities.plans import Plan
+    from mbsvib.system import System
+
+    Complex = NDArray[np.complex128]
+
+# Numbers that the forms of some modes may hold.
+BLOCK = 4_000_000
+# A rigid-body mode stays one if what would move it is less than this share of what moves the others.
+RIGID = 1e-9
+
+
+@dataclass(frozen=True, repr=False)
+class ModeSensitivities:
+    """Derivatives of the modes of a system to ``variables`` (v,), in the order of ``modes``.
+
+    ``eigenvalues`` (v, 2m) as ``eigenvalue_sensitivities`` gives them. Not a number where a parameter, changed alone,
+    takes degrees of freedom away.
+    """
+
+    variables: tuple[str, ...]
+    modes: Modes = field(repr=False)
+    eigenvalues: Complex
+    _system: System = field(repr=False)
+    _plan: Plan = field(repr=False)
+
+    @cached_property
+    def _pairs(self) -> Complex:
+        """Derivatives mode by mode, (v, m, 2)."""
+        starts = self.modes._starts
+        return np.stack((self.eigenvalues[:, starts[:-1]], self.eigenvalues[:, starts[1:] - 1]), axis=2)
+
+    @cached_property
+    def _natural(self) -> Array:
+        first, second = self.modes.pairs.T
+        with np.errstate(all="ignore"):
+            change = self._pairs[:, :, 0] * second + first * self._pairs[:, :, 1]
+            slope = (change.real * np.sign((first * second).real)) / (2.0 * self.modes.natural)
+            rigid = np.abs(self._pairs).max(axis=2)  # 0 where it stays one, infinity where it does not
+        result: Array = np.where(self.modes.natural > 0.0, slope, rigid)
+        return result
+
+    @cached_property
+    def frequencies(self) -> Array:
+        """Derivatives of the natural frequencies [Hz per unit of the parameter], shape (v, m)."""
+        return self._natural / (2.0 * np.pi)
+
+    @cached_property
+    def damped_frequencies(self) -> Array:
+        """Derivatives of the frequencies of decaying oscillations [Hz per unit of the parameter], shape (v, m)."""
+        first = self.modes.pairs[:, 0]
+        return np.where(first.imag != 0.0, self._pairs[:, :, 0].imag * np.sign(first.imag), 0.0) / (2.0 * np.pi)
+
+    @cached_property
+    def damping_ratios(self) -> Array:
+        """Derivatives of the damping ratios [1 per unit of the parameter], shape (v, m)."""
+        first, second = self.modes.pairs.T
+        natural = self.modes.natural
+        with np.errstate(all="ignore"):
+            ratio = -(first + second).real / (2.0 * natural)
+            slope = -(self._pairs.sum(axis=2).real / 2.0 + ratio * self._natural) / natural
+        fixed = (natural > 0.0) & ((first * second).real < 0.0)
+        if self.modes.first_order is not None:
+            fixed |= self.modes.first_order
+        return np.where(fixed, 0.0, slope)
+
+    @cached_property
+    def shapes(self) -> Complex:
+        """Derivatives of the shapes, shape (v, m, modes), with x^H M x and the phase kept as they are.
+
+        Shapes of eigenvalues that coincide are a basis of their subspace, which moves as a whole: their derivatives
+        are those of such a basis. Not a number where a rigid-body mode becomes an elastic one.
+        """
+        return shape_sensitivities(self._system, self._plan, self.modes)
+
+    def __repr__(self) -> str:
+        return f"ModeSensitivities({len(self.variables)} variables, {len(self.modes)} modes)"
+
+
+def mode_sensitivities(system: System, parameters: Asked = None) -> ModeSensitivities:
+    """Return the derivatives of frequencies, damping ratios and shapes to parameters.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+
+    Returns
+    -------
+    ModeSensitivities
+        Derivatives; those of the shapes are computed when they are asked for.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or the system has forces whose derivatives are not supported.
+
+    Source: Nelson, AIAA J. 14 (1976) 1201, for shapes; here bordered and for quadratic problems.
+    """
+    plan = planned(system, parameters)
+    values = eigenvalue_sensitivities(system, parameters)
+    return ModeSensitivities(plan.variables.names, system._clean_modes, values, system, plan)
+
+
+def shape_sensitivities(system: System, plan: Plan, modes: Modes) -> Complex:
+    """Return the derivatives of the shapes.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    plan : Plan
+        What changes.
+    modes : Modes
+        The modes of the system, all of them.
+
+    Returns
+    -------
+    array, shape (variables, m, modes)
+        Derivatives of the columns of ``modes.shapes``.
+
+    Raises
+    ------
+    ModelError
+        If the system has motions without mass.
+    """
+    modal = system._modal
+    if not isinstance(modal, Damped):
+        raise refuse_general(system)
+    m, values = system.dof, modes.pairs[:, 0].astype(complex)
+    result = np.empty((len(plan.variables.names), m, m), dtype=complex)
+    basis, gamma = modal.shapes, np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
+    moving = basis.T @ system.M
+    for group in _groups(values):
+        step = max(1, BLOCK // max(1, plan.size * m))
+        pushed = np.concatenate([_pushed(plan, modes.shapes[:, some], values[some])
+                                 for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
+        own = np.asarray(moving @ modes.shapes[:, group])
+        forms = -(basis.T @ plan.variables.chain(pushed[0]))
+        mass = modes.shapes[:, group].conj().T @ plan.variables.chain(pushed[1])
+        change = _bordered(modal.square, gamma, values[group[0]], own, forms)
+        keep = own.conj().T @ change
+        result[:, :, group] = basis @ (change - own @ (keep + 0.5 * mass))
+    return result
+
+
+def _pushed(plan: Plan, shapes: Any, values: Complex) -> Complex:
+    """dT x and dM x of some modes, (2, parameters, m, modes)."""
+    network = plan.network
+    unit = np.eye(len(shapes))[:, :, None]
+    x, y = motions(network, shapes[:, None]), motions(network, unit)
+    none, one = np.zeros(len(values)), np.ones(len(values))
+    result = np.empty((2, plan.size, len(shapes), len(values)), dtype=complex)
+    for place, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
+        result[place] = table(plan, fields(network, y, *powers), fields(network, x, *powers))
+    result[:, plan.breaking] = np.nan
+    return result
+
+
+def _bordered(square: Array, gamma: Array, value: complex, own: Any, forms: Complex) -> Complex:
+    """Solve T X' + T' X lambda' = F, X^H X' = 0 in the undamped modes, (v, m, k), with rows and columns balanced."""
+    m, k = own.shape
+    matrix = np.zeros((m + k, m + k), dtype=complex)
+    matrix[:m, :m] = np.diag(square + value * value) + value * gamma
+    # rigid-body modes stay at 0: what would move them must vanish, whichever damper brakes them
+    matrix[:m, m:] = own if value == 0.0 else 2.0 * value * own + gamma @ own
+    matrix[m:, :m] = own.conj().T
+    row = 1.0 / np.maximum(np.abs(matrix).max(axis=1), np.finfo(float).tiny)
+    matrix *= row[:, None]
+    column = 1.0 / np.maximum(np.abs(matrix).max(axis=0), np.finfo(float).tiny)
+    right = np.concatenate((forms, np.zeros((len(forms), k, k))), axis=1).transpose(1, 0, 2).reshape(m + k, -1)
+    try:
+        found = column[:, None] * np.linalg.solve(matrix * column, row[:, None] * right)
+    except np.linalg.LinAlgError:
+        found = np.full(right.shape, np.nan, dtype=complex)  # a defective pair has no derivative
+    result = found.reshape(m + k, -1, k).transpose(1, 0, 2)
+    if value == 0.0:
+        moved = np.abs(result[:, m:]).max(axis=(1, 2)) > RIGID * np.abs(forms).max(axis=(1, 2), initial=0.0)
+        result[moved] = np.nan
+    return np.asarray(result[:, :m])
+
+
+def _groups(values: Complex) -> list[Index]:
+    """Modes whose eigenvalues coincide, together; rigid-body modes are one group."""
+    groups, seen = [], np.zeros(len(values), dtype=bool)
+    for i in range(len(values)):
+        if not seen[i]:
+            group = np.flatnonzero(~seen & (np.abs(values - values[i]) <= TOGETHER * abs(values[i])))
+            seen[group] = True
+            groups.append(group)
+    return groups

@@ -1,0 +1,146 @@
+"""Sensitivities of time responses: as exact for held and linear inputs as the responses themselves.
+
+With x' = A x + B u the derivative z = dx/dp follows z' = A z + dA x + dB u. Over a step both are the exponential of one
+matrix and the derivative of this exponential, which Taylor's series and squaring give for all parameters at once.
+"""
+
+from __future__ import annotations
+
+from math import ceil, log2
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.responses.time_response import _checked
+from mbsvib.sensitivities.matrices import in_parts
+from mbsvib.sensitivities.states import changed, states
+from mbsvib.sensitivities.variables import variables
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.sensitivities.states import States
+    from mbsvib.system import System
+
+EPS = float(np.finfo(float).eps)
+# Taylor's series of the exponential and of its derivative are exact to rounding for matrices of this norm.
+SMALL, TERMS = 0.5, 16
+# Numbers that what is kept of some parameters may hold.
+BLOCK = 4_000_000
+
+
+def time_response_sensitivities(
+    system: System, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
+    initial: tuple[ArrayLike, ArrayLike] | None = None,
+) -> Array:  # fmt: skip
+    """Return the derivatives of the outputs at the times ``t``.
+
+    z(t + h) = exp(A h) z(t) + d exp(A h) x(t) + d (integral over the step of exp(A (h - s)) B u(t + s) ds)
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    t : array-like, shape (n,)
+        Ascending times [s].
+    u : array-like, shape (inputs, n), or (n,) for a single input
+        Inputs at these times.
+    parameters : str, iterable of str, mapping or None
+        Names, patterns or linear maps of parameters; None: every parameter of the system.
+    hold : str
+        "first": linear between samples; "zero": constant from each sample to the next.
+    initial : pair of array-like, shape (m,), optional
+        q and q' at t[0], which no parameter changes; default: rest.
+
+    Returns
+    -------
+    array, shape (parameters, outputs, n)
+        Derivatives [output unit per unit of the parameter].
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+    ResponseError
+        If times do not ascend, shapes do not match, or the hold is unknown.
+    """
+    time, force, start = _checked(system, t, u, hold, initial)
+    ports = list(range(len(system.inputs))), list(range(len(system.outputs)))
+    names = variables(system.parameters, parameters).names
+    result = np.zeros((len(names), len(ports[1]), len(time)))
+    if not system.dof:
+        return result
+    base = states(system, *ports)
+    steps, kind = _steps(time)
+    eta = base.shapes.T @ (system.M @ start.T)
+    begin = np.concatenate((base.scale * eta[:, 0], eta[:, 1]))
+    size = len(begin) + 2 * len(force)
+    count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time)))
+    for which, change in in_parts(system, parameters, count):
+        da, db, dc, dd = changed(base, change, *ports)
+        found = [_exponential(base, h, da, db) for h in steps]
+        x, z = _march(found, kind, force, begin, hold == "first")
+        result[which] = base.C @ z + dc @ x + dd @ force
+    return result
+
+
+def _steps(time: Array) -> tuple[Array, Index]:
+    """Different steps, and which of them each is; stamps that differ from even ones by their rounding are even."""
+    step = np.diff(time)
+    order = np.argsort(step, kind="stable")
+    apart = np.diff(step[order], prepend=-np.inf) > 8.0 * EPS * np.abs(time).max(initial=0.0)
+    group = np.empty(len(step), dtype=np.intp)
+    group[order] = np.cumsum(apart) - 1
+    number = int(apart.sum())
+    return np.bincount(group, step, number) / np.maximum(np.bincount(group, minlength=number), 1), group
+
+
+def _exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, Array]:
+    """exp of [[A, B, 0], [0, 0, 1 / h], [0, 0, 0]] h, first rows, and its derivatives (v, 2m, 2m + 2 inputs)."""
+    n, i = base.B.shape
+    matrix, change = np.zeros((n + 2 * i, n + 2 * i)), np.zeros((len(da), n + 2 * i, n + 2 * i))
+    matrix[:n, :n], matrix[:n, n : n + i], matrix[n : n + i, n + i :] = h * base.A, h * base.B, np.eye(i)
+    # inputs of any unit, as large as what they drive
+    unit = np.abs(matrix[:n, n : n + i]).max(axis=0, initial=0.0)
+    unit[unit == 0.0] = 1.0
+    matrix[:n, n : n + i] /= unit
+    change[:, n // 2 : n, :n], change[:, n // 2 : n, n : n + i] = h * da, h * db / unit
+    halvings = max(0, ceil(log2(max(np.abs(matrix).sum(axis=0).max() / SMALL, 1.0))))
+    matrix, change = matrix * 0.5**halvings, change * 0.5**halvings
+    power, slope = np.eye(len(matrix)), np.zeros_like(change)
+    whole, moved = power.copy(), slope.copy()
+    for k in range(1, TERMS):
+        slope = (matrix @ slope + change @ power) / k
+        power = matrix @ power / k
+        whole += power
+        moved += slope
+    for _ in range(halvings):
+        moved = whole @ moved + moved @ whole
+        whole = whole @ whole
+    back = np.concatenate((np.ones(n), unit, unit))
+    return whole[:n] * back, moved[:, :n] * back
+
+
+def _march(
+    found: list[tuple[Array, Array]], kind: Index, u: Array, begin: Array, first: bool
+) -> tuple[Array, Array]:
+    """States (2m, n) and their derivatives (v, 2m, n)."""
+    n, i = len(begin), len(u)
+    x = np.empty((n, u.shape[1]))
+    x[:, 0] = begin
+    held, rise = u[:, :-1], np.diff(u) if first else np.zeros((i, u.shape[1] - 1))
+    for k, step in enumerate(kind):
+        whole = found[step][0]
+        x[:, k + 1] = whole[:, :n] @ x[:, k] + whole[:, n : n + i] @ held[:, k] + whole[:, n + i :] @ rise[:, k]
+    drive = np.concatenate((x[:, :-1], held, rise))
+    z = np.zeros((len(found[0][1]) if found else 0, n, u.shape[1]))
+    pushed = np.empty((*z.shape[:2], len(kind)))
+    for step, (_, moved) in enumerate(found):
+        pushed[:, :, kind == step] = moved @ drive[:, kind == step]
+    state = z[:, :, 0]
+    for k, step in enumerate(kind):
+        state = state @ found[step][0][:, :n].T + pushed[:, :, k]
+        z[:, :, k + 1] = state
+    return x, z

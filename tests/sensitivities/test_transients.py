@@ -1,0 +1,120 @@
+"""Sensitivities of time responses and of norms: closed forms, and differences of the whole computation."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+import mbsvib as mv
+from tests.sensitivities.differences import difference
+from tests.sensitivities.test_responses import isolator
+from tests.support.random_models import seeds, spatial
+
+
+def test_step_of_an_undamped_oscillator():
+    """y = (1 - cos w t) / k."""
+    model = mv.Model()
+    model.add_body("mass", 2.0, (1.0, 1.0, 1.0))
+    model.add_joint("rail", "prismatic", "ground", "mass")
+    model.add_spring("spring", "ground", "mass", (0, 0, -1), (0, 0, 0), 800.0)
+    model.add_input("push", "mass", "z")
+    model.add_output("way", "mass", "z")
+    t = np.linspace(0, 2, 300)
+    found = model.linearize().time_response_sensitivities(t, np.ones(300), ["spring.stiffness", "mass.mass"], "zero")
+    w, k, m = 20.0, 800.0, 2.0
+    by_frequency = t * np.sin(w * t) / k
+    expected = [by_frequency * w / (2 * k) - (1 - np.cos(w * t)) / k**2, -by_frequency * w / (2 * m)]
+    assert (np.abs(found[:, 0] - expected).max(axis=1) <= 1e-13 * np.abs(expected).max(axis=1)).all()
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_uneven_steps_initial_states_and_all_kinds_of_outputs(hold):
+    model, rng = isolator(), np.random.default_rng(5)
+    system = model.linearize()
+    t, u = np.sort(rng.uniform(size=25)), rng.normal(size=(2, 25))
+    names = ["mass.mass", "spring.stiffness", "spring.damping"]
+    found = system.time_response_sensitivities(t, u, names, hold, ([0.02], [-1.0]))
+    for row, name in zip(found, names, strict=True):
+        expected = difference(model, system, name, lambda s: s.time_response(t, u, hold, ([0.02], [-1.0])))
+        assert (np.abs(row - expected).max(axis=1) <= 1e-7 * np.abs(expected).max(axis=1) + 1e-12).all(), name
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
+@settings(max_examples=12, deadline=None)
+@given(seeds())
+def test_differences_of_random_mechanisms(seed):
+    model = spatial(seed, bodies=2, loops=seed % 2)
+    try:
+        system = model.linearize()
+    except mv.MbsvibError:
+        assume(False)
+    assume(system.dof > 0 and len(system.inputs) > 0 and len(system.outputs) > 0)
+    kept = [group.kept for group in system.provenance.reduction.groups]
+    assume(min(kept, default=1.0) > 0.05)
+    rng, fastest = np.random.default_rng(seed), np.abs(system.poles()).max()
+    t, u = np.linspace(0, 30 / fastest, 60), rng.normal(size=(len(system.inputs), 60))
+    found, value = system.time_response_sensitivities(t, u), np.abs(system.time_response(t, u)).max()
+    names = list(system.parameters)
+    for k in rng.choice(len(names), size=4, replace=False):
+        if not np.isnan(found[k]).any():
+            expected = difference(model, system, names[k], lambda s: s.time_response(t, u))
+            assert np.abs(found[k] - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-8 * value, names[k]
+
+
+def test_norms_of_an_isolator_in_closed_form():
+    """H2^2 = 1 / 2 c k, Hinf = 1 / c w sqrt(1 - zeta^2)."""
+    system = isolator().linearize()
+    names = ["mass.mass", "spring.stiffness", "spring.damping"]
+    two, peak = (norm(names, "push", "way") for norm in (system.h2_norm, system.hinf_norm))
+    m, k, c = 2.0, 800.0, 3.0
+    value = np.sqrt(1 / (2 * c * k))
+    assert two.value == pytest.approx(value, rel=1e-13)
+    assert two.slopes == pytest.approx([0, -value / (2 * k), -value / (2 * c)], rel=1e-12, abs=1e-15)
+    square = k / m - c**2 / (4 * m**2)  # of the damped frequency, which is that of the free oscillation
+    height = 1 / (c * np.sqrt(square))
+    assert peak.value == pytest.approx(height, rel=1e-13)
+    assert peak.omega == pytest.approx(np.sqrt(k / m - c**2 / (2 * m**2)), rel=1e-8)
+    by_square = -height / (2 * square)
+    expected = [by_square * (-k / m**2 + c**2 / (2 * m**3)), by_square / m, -height / c - by_square * c / (2 * m**2)]
+    assert peak.slopes == pytest.approx(expected, rel=1e-9)
+
+
+def test_norms_of_the_platform_against_differences():
+    model = mv.library.stewart()
+    system = model.linearize()
+    names = ["platform.mass", "leg1.k.stiffness", "leg2.k.damping"]
+    ports = {"inputs": ["Fx", "Fz"], "outputs": ["x", "z"]}
+    for key in ("h2_norm", "hinf_norm"):
+        found = getattr(system, key)(names, **ports)
+        assert len(found.slopes) == len(names)
+        for slope, name in zip(found.slopes, names, strict=True):
+            expected = difference(model, system, name, lambda s, key=key: getattr(s, key)([], **ports).value)
+            assert slope == pytest.approx(expected, rel=1e-7, abs=1e-9 * found.value), (key, name)
+
+
+def test_static_compliance_is_that_of_the_spring():
+    found = isolator().linearize().compliance_sensitivities(["spring.stiffness", "mass.mass"], "push", "way")
+    assert found[:, 0, 0] == pytest.approx([-1 / 800.0**2, 0], rel=1e-13)
+
+
+def test_infinite_norms_are_refused():
+    system = isolator().linearize()
+    with pytest.raises(mv.ResponseError, match="'felt' sees input 'push' at once"):
+        system.h2_norm(None, "push", "felt")
+    undamped = isolator().with_values({"spring.damping": 0.0}).linearize()
+    with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
+        undamped.h2_norm(None, "push", "way")
+    with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
+        undamped.hinf_norm(None, "push", "way")
+    with pytest.raises(mv.ResponseError, match="highest at infinite frequency"):
+        isolator().with_values({"spring.damping": 200.0}).linearize().hinf_norm(None, "push", "felt")
+    with pytest.raises(mv.ModelError, match=r"Did you mean 'mass\.mass'"):
+        system.hinf_norm("mass.mas", "push", "way")
+
+
+def test_transmissibility_has_no_feedthrough_to_rounding():
+    """The felt acceleration sees the base through the spring only: D and what the mass takes back cancel."""
+    system = isolator().linearize()
+    found = system.h2_norm(["spring.damping", "mass.mass"], "floor", "way")
+    assert np.isfinite(found.slopes).all()
+    expected = difference(isolator(), system, "mass.mass", lambda s: s.h2_norm([], "floor", "way").value)
+    assert found.slopes[1] == pytest.approx(expected, rel=1e-8)
