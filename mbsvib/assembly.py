@@ -86,8 +86,10 @@ class Scene:
 
     def closure(self, relative: Triplets) -> Array:
         """Return Phi (..., locked rows, n): what cut joints lock, out of ``relative()``, and behind it the couplers."""
+        if self.cuts is None:
+            return np.empty((*relative.value.shape[:-1], 0, relative.shape[1]))
         phi = relative.dense(0, self.locked)
-        if self.cuts is None or self.cuts.couplings is None:
+        if self.cuts.couplings is None:
             return phi
         coupled = self.cuts.couplings.dense(self.coordinates)
         lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
@@ -351,7 +353,7 @@ def matrices(
 def _gram(factor: Array) -> Array:
     """Return W^T W; rows that don't move, as all but two or three of a body in a plane, are left out where many."""
     if factor.ndim == 2 and factor.shape[1] >= MANY:
-        moves = factor.any(axis=1)
+        moves = np.asarray(factor.any(axis=1))
         if 2 * np.count_nonzero(moves) < len(moves):
             factor = factor[moves]
     result: Array = factor.swapaxes(-1, -2) @ factor

@@ -120,7 +120,7 @@ def proportional(system: System) -> bool:
     if not k.all():
         return False
     ratio = c / k
-    return bool(np.ptp(ratio) <= 4.0 * EPS * abs(ratio[0]))
+    return float(ratio.max() - ratio.min()) <= 4.0 * EPS * abs(float(ratio[0]))
 
 
 def quadratic_roots(square: Array, gamma: Array) -> Complex:
@@ -130,6 +130,10 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
     inside = np.where(square > 0.0, (half - omega) * (half + omega), half * half - square)
     root = np.sqrt(np.abs(inside))
     pairs: Complex = np.empty((len(square), 2), dtype=complex)
+    if float(inside.max(initial=-np.inf)) < 0.0:
+        pairs.real = 0.0 - half[:, None]
+        pairs.imag[:, 0], pairs.imag[:, 1] = root, -root
+        return pairs
     big = -(half + np.where(half >= 0.0, root, -root))
     small = np.divide(square, big, out=np.zeros_like(big), where=big != 0.0)
     oscillates = inside < 0.0
