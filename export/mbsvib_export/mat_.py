@@ -82,11 +82,17 @@ def to_mat(
     # scipy writes the time into the title; without it the same system gives the same bytes
     title = b"MATLAB 5.0 MAT-file, written by mbsvib"
     whole = title.ljust(TITLE) + stream.getvalue()[TITLE:]
+    is_new = not os.path.lexists(path)
     result = write_whole(path, lambda file: file.write(whole))
     if loader:
         name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", result.stem)[:50]
         text = script(name, result.name, data.name)
-        write_whole(result.with_name(f"{name}.m"), lambda file: file.write(text.encode("ascii")))
+        try:
+            write_whole(result.with_name(f"{name}.m"), lambda file: file.write(text.encode("ascii")))
+        except ExportError:
+            if is_new:
+                result.unlink(missing_ok=True)
+            raise
     return result
 
 

@@ -22,6 +22,7 @@ KINDS = {
     ".uff": "frequency responses as universal file, data sets 58",
     ".op4": "M, C, K and the other matrices for Nastran",
     ".pch": "M, C, K as DMIG cards for Nastran",
+    ".fmu": "a unit of FMI 3.0, for model exchange and co-simulation",
     ".yaml": "the model itself, to be edited",
 }
 
@@ -49,7 +50,7 @@ def export(
 
         system = source.linearize()
         with_states: dict[str, Callable[..., object]] = {
-            ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5,
+            ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5, ".fmu": mx.to_fmu,
         }  # fmt: skip
         if suffix in with_states:
             with_states[suffix](system, file, realization=realization)

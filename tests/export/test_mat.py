@@ -126,6 +126,15 @@ def test_files_of_another_kind(content, tmp_path):
         mx.from_mat(tmp_path / "none.mat")
 
 
+def test_a_script_that_cannot_be_written_leaves_no_file_without_it(tmp_path):
+    (tmp_path / "load_x.m").mkdir()
+    with pytest.raises(mv.ExportError, match=r"load_x\.m: cannot be written"):
+        mx.to_mat(slider(), tmp_path / "x.mat")
+    assert [each.name for each in tmp_path.iterdir()] == ["load_x.m"]
+    mx.to_mat(slider(), tmp_path / "x.mat", loader=False)
+    assert (tmp_path / "x.mat").exists()
+
+
 def test_places_that_cannot_be_written(tmp_path):
     with pytest.raises(mv.ExportError, match="cannot be written"):
         mx.to_mat(slider(), tmp_path / "no" / "x.mat")
