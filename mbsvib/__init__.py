@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.system import System
+    from mbsvib.urdf import load_urdf
 
 __version__ = "0.1.0"
 
@@ -47,6 +48,7 @@ __all__ = [
     "library",
     "linearize",
     "load",
+    "load_urdf",
     "optimize",
     "plots",
     "save",
@@ -66,6 +68,7 @@ _HOMES = {
     "plots": "mbsvib.plots",
     "linearize": "mbsvib.assembly",
     "load": "mbsvib.files",
+    "load_urdf": "mbsvib.urdf",
     "optimize": "mbsvib.studies",
     "save": "mbsvib.files",
     "studies": "mbsvib.studies",

@@ -1,0 +1,189 @@
+"""What a URDF file says, as plain numbers: links with inertia, joints with origin, axis and damping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, sin
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+AXIS = np.array((1.0, 0.0, 0.0))  # where a joint gives none, as the format has it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """A link: ``mass`` [kg], ``centre`` (3,) [m] and ``inertia`` (3, 3) [kg m^2] about it, in the link's axes."""
+
+    name: str
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mimic:
+    """A joint that follows another one: q = factor q_joint + offset."""
+
+    joint: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hinge:
+    """A joint of any kind: ``origin`` (3,) [m], ``axes`` (3, 3) of its frame in the parent's, ``axis`` in its own."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Array
+    axes: Array
+    axis: Array
+    damping: float
+    mimic: Mimic | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """All links and joints by name; ``root`` is the link that no joint carries."""
+
+    name: str
+    links: dict[str, Link]
+    joints: dict[str, Hinge]
+    root: str
+
+
+def read(path: str | PathLike[str]) -> Robot:
+    """Read a URDF file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Returns
+    -------
+    Robot
+        What it says of masses and joints; shapes, colours, limits and friction are left.
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read, is no URDF, or its links are no tree.
+    """
+    try:
+        top = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror or error}.") from error
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{path}: no XML: {error}. Expand xacro files first: xacro a.xacro > a.urdf") from error
+    if top.tag != "robot":
+        raise ModelError(f"{path}: the file's element is <{top.tag}>; expected <robot>, as URDF has it.")
+    links = {name: _link(element, name) for name, element in _named(top, "link", path).items()}
+    joints = {name: _joint(element, name, links) for name, element in _named(top, "joint", path).items()}
+    for joint in joints.values():
+        if joint.mimic is not None and joint.mimic.joint not in joints:
+            raise ModelError(f"joint '{joint.name}': mimics '{joint.mimic.joint}', which is no joint."
+                             f"{nearest(joint.mimic.joint, joints)}", element=joint.name, field="mimic")  # fmt: skip
+    return Robot(top.get("name") or "robot", links, joints, _root(links, joints, path))
+
+
+def _named(top: ElementTree.Element, what: str, path: str | PathLike[str]) -> dict[str, ElementTree.Element]:
+    result: dict[str, ElementTree.Element] = {}
+    for element in top.findall(what):
+        name = element.get("name")
+        if not name or name in result:
+            raise ModelError(f"{path}: a {what} {'has no name' if not name else f'{name!r} is there twice'}.",
+                             element=name, field="name")  # fmt: skip
+        result[name] = element
+    return result
+
+
+def _root(links: dict[str, Link], joints: dict[str, Hinge], path: str | PathLike[str]) -> str:
+    carried: dict[str, str] = {}
+    for joint in joints.values():
+        if joint.child in carried:
+            raise ModelError(f"link '{joint.child}': joints '{carried[joint.child]}' and '{joint.name}' both carry it; "
+                             f"a URDF is a tree. Close the loop by model.add_joint() afterwards.",
+                             element=joint.child)  # fmt: skip
+        carried[joint.child] = joint.name
+    roots = [name for name in links if name not in carried]
+    if len(roots) != 1:
+        found = ", ".join(roots) if roots else "none"
+        raise ModelError(f"{path}: expected one link that no joint carries, the root of the tree; found {found}.")
+    return roots[0]
+
+
+def _link(element: ElementTree.Element, name: str) -> Link:
+    inertial = element.find("inertial")
+    if inertial is None:
+        return Link(name, 0.0, np.zeros(3), np.zeros((3, 3)))
+    centre, axes = _frame(inertial.find("origin"), f"link '{name}'")
+    mass = _numbers(inertial.find("mass"), "value", None, 1, f"link '{name}'")[0]
+    tensor = inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (_numbers(tensor, key, "0", 1, f"link '{name}'")[0]
+                              for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))  # fmt: skip
+    own = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return Link(name, float(mass), centre, axes @ own @ axes.T)
+
+
+def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> Hinge:
+    who, kind = f"joint '{name}'", element.get("type", "")
+    if kind not in KINDS:
+        raise ModelError(f"{who}: type = {kind!r}; expected {', '.join(KINDS)}.", element=name, field="type")
+    ends = []
+    for role in ("parent", "child"):
+        end = element.find(role)
+        link = "" if end is None else end.get("link", "")
+        if link not in links:
+            raise ModelError(f"{who}: {role} = {link!r} is no link.{nearest(link, links)}", element=name, field=role)
+        ends.append(link)
+    origin, axes = _frame(element.find("origin"), who)
+    given = element.find("axis")
+    axis = AXIS if given is None else _numbers(given, "xyz", "1 0 0", 3, who)
+    if not np.any(axis) and kind in ("revolute", "continuous", "prismatic", "planar"):
+        raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
+    damping = _numbers(element.find("dynamics"), "damping", "0", 1, who)[0]
+    follows, mimic = element.find("mimic"), None
+    if follows is not None:
+        factor, offset = (_numbers(follows, key, value, 1, who)[0]
+                          for key, value in (("multiplier", "1"), ("offset", "0")))  # fmt: skip
+        mimic = Mimic(follows.get("joint", ""), float(factor), float(offset))
+    length = np.linalg.norm(axis) or 1.0
+    return Hinge(name, kind, ends[0], ends[1], origin, axes, axis / length, float(damping), mimic)
+
+
+def _frame(element: ElementTree.Element | None, who: str) -> tuple[Array, Array]:
+    """Position and axes of an origin: fixed-axis angles roll, pitch and yaw, R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    at = _numbers(element, "xyz", "0 0 0", 3, who)
+    roll, pitch, yaw = _numbers(element, "rpy", "0 0 0", 3, who)
+    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
+    axes = np.array(((cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+                     (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+                     (-sp, cp * sr, cp * cr)))  # fmt: skip
+    return at, axes
+
+
+def _numbers(element: ElementTree.Element | None, key: str, default: str | None, count: int, who: str) -> Array:
+    text = default if element is None else element.get(key, default)
+    try:
+        values = np.array((text or "").split(), dtype=float)
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise ModelError(f"{who}: {key} = {text!r}; expected {count} finite number{'s' if count > 1 else ''}.",
+                         element=who, field=key)  # fmt: skip
+    return values

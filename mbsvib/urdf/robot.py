@@ -1,0 +1,242 @@
+"""Models of robots in any pose: bodies, joints, stiffness of joints, torques in and angles out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.model import Model
+from mbsvib.urdf.reading import Hinge, Link, Robot, read
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+GROUND = "ground"
+# Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
+KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
+# Parts of symmetric tensors below this share of the largest entry are rounding of turned frames.
+ROUNDING = 1e-15
+
+
+def load_urdf(
+    path: str | PathLike[str], *, pose: Mapping[str, float] | None = None, stiffness: Any = 0.0, damping: Any = None,
+    tip: str | None = None, floating: bool = False, gravity: ArrayLike | None = None, name: str | None = None,
+) -> Model:  # fmt: skip
+    """Read a robot from a URDF file, in a pose, with springs in its joints.
+
+    Links that fixed joints hold together are one body, with name and axes of the first of them; those that hang on the
+    root are the ground, unless the robot floats. Each joint has a torque or force as an input, ``JOINT.torque`` or
+    ``JOINT.force``, and its motion as an output, ``JOINT.angle`` or ``JOINT.travel``. A spring-damper in a joint is the
+    bushing ``JOINT.k``, z its axis. Joints that mimic others are coupled to them. A joint
+    that has the name of a link becomes ``NAME.joint``. Shapes, limits and friction are left.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file; xacro has to be expanded.
+    pose : mapping of str to float, optional
+        Positions of joints [rad, m]; default: 0, and what a mimic says.
+    stiffness : float, array-like of shape (6,), or mapping of str to these
+        Of all joints, or by joint: one number about or along the axis [N m/rad, N/m]; six values x y z rx ry rz, z
+        along the axis, where bearings give way too: the joint is then free in all directions, held by the bushing.
+    damping : float, array-like of shape (6,), or mapping of str to these, optional
+        Likewise [N m s/rad, N s/m]; default: what the file says.
+    tip : str, optional
+        A link whose frame gets forces ``TIP.Fx`` ... ``TIP.Mz`` as inputs and displacements ``TIP.x`` ... ``TIP.rz``.
+    floating : bool
+        Whether the root link moves freely; default: it is fixed to the ground.
+    gravity : array-like, shape (3,), optional
+        As for a model. The pose has to be in balance with it: see ``Model.equilibrium``, or preload the bushings.
+    name : str, optional
+        Name of the model; default: the robot's.
+
+    Returns
+    -------
+    Model
+        The robot.
+
+    Raises
+    ------
+    ModelError
+        If the file is no URDF, or a name or value is refused.
+    """
+    robot = read(path)
+    _known("pose", pose or {}, robot)
+    places = _placed(robot, _positions(robot, pose or {}))
+    model = Model(robot.name if name is None else name, gravity)
+    groups = _groups(robot, places, floating)
+    for group in dict.fromkeys(groups.values()):
+        if group.name != GROUND:
+            group.add(model)
+    labels = {name: f"{name}.joint" if name in model.bodies else name for name in robot.joints}
+    for joint in robot.joints.values():
+        if joint.kind != "fixed":
+            _add(model, labels[joint.name], joint, groups, places, _of(stiffness, joint, robot, "stiffness", 0.0),
+                 _of(damping, joint, robot, "damping", joint.damping))  # fmt: skip
+    for joint in robot.joints.values():
+        if joint.mimic is not None and joint.kind in KINDS:
+            own, leader = labels[joint.name], labels[joint.mimic.joint]
+            model.add_coupler(f"{own}.mimic", {own: 1.0, leader: -joint.mimic.factor})
+    if tip is not None:
+        _add_tip(model, tip, groups, places)
+    return model
+
+
+@dataclass(slots=True, eq=False)
+class _Group:
+    """Links that move as one: mass, first and second moments about the world's origin."""
+
+    name: str
+    mass: float = 0.0
+    first: Array = field(default_factory=lambda: np.zeros(3))
+    links: list[tuple[Link, Array, Array]] = field(default_factory=list)
+    axes: Array = field(default_factory=lambda: np.eye(3))
+
+    def take(self, link: Link, origin: Array, axes: Array) -> None:
+        if not self.links:
+            self.axes = axes
+        self.links.append((link, origin + axes @ link.centre, axes @ link.inertia @ axes.T))
+        self.mass += link.mass
+        self.first += link.mass * self.links[-1][1]
+
+    def add(self, model: Model) -> None:
+        centre = self.first / self.mass if self.mass else self.links[0][1]
+        tensor = np.zeros((3, 3))
+        for link, at, own in self.links:
+            arm = at - centre
+            tensor += own + link.mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
+        tensor = self.axes.T @ tensor @ self.axes
+        tensor = 0.5 * (tensor + tensor.T)
+        tensor[np.abs(tensor) <= ROUNDING * np.abs(tensor).max()] = 0.0
+        model.add_body(self.name, self.mass, tensor, centre, self.axes)
+
+
+def _groups(robot: Robot, places: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, _Group]:
+    """The group of each link, by the link's name; ``places`` has parents before children."""
+    carried = {joint.child: joint for joint in robot.joints.values()}
+    groups: dict[str, _Group] = {}
+    for link in places:
+        joint = carried.get(link)
+        if joint is None:
+            groups[link] = _Group(link if floating else GROUND)
+        else:
+            groups[link] = groups[joint.parent] if joint.kind == "fixed" else _Group(link)
+        groups[link].take(robot.links[link], *places[link])
+    return groups
+
+
+def _positions(robot: Robot, pose: Mapping[str, float]) -> dict[str, float]:
+    """Positions of all joints; a joint that mimics another one follows it."""
+    result: dict[str, float] = {}
+    for name in robot.joints:
+        factor, offset, leader = 1.0, 0.0, name
+        for _ in robot.joints:
+            mimic = robot.joints[leader].mimic
+            if mimic is None or leader in pose:
+                break
+            factor, offset, leader = factor * mimic.factor, offset + factor * mimic.offset, mimic.joint
+        else:
+            raise ModelError(f"joint '{name}': mimics itself in the end.", element=name, field="mimic")
+        result[name] = offset + factor * check.number(pose.get(leader, 0.0), f"joint '{leader}'", "pose")
+    return result
+
+
+def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array, Array]]:
+    """World position and axes of each link's frame, parents before children."""
+    children: dict[str, list[Hinge]] = {}
+    for joint in robot.joints.values():
+        children.setdefault(joint.parent, []).append(joint)
+    places = {robot.root: (np.zeros(3), np.eye(3))}
+    stack = [robot.root]
+    while stack:
+        link = stack.pop()
+        origin, axes = places[link]
+        for joint in reversed(children.get(link, [])):
+            at, own, q = origin + axes @ joint.origin, axes @ joint.axes, positions[joint.name]
+            if joint.kind in ("revolute", "continuous"):
+                own = own @ np.array(check.exponential(tuple(q * joint.axis)))
+            elif joint.kind == "prismatic":
+                at = at + q * (own @ joint.axis)
+            elif q:
+                raise ModelError(f"joint '{joint.name}': pose = {q:g}, but a {joint.kind} joint has no position of its "
+                                 f"own.", element=joint.name, field="pose")  # fmt: skip
+            places[joint.child] = (at, own)
+            stack.append(joint.child)
+    return places
+
+
+def _add(
+    model: Model, name: str, joint: Hinge, groups: dict[str, _Group], places: dict[str, tuple[Array, Array]],
+    stiffness: Any, damping: Any,
+) -> None:  # fmt: skip
+    first, second = groups[joint.parent].name, groups[joint.child].name
+    at, axes = places[joint.child]
+    z = axes @ joint.axis
+    frame = np.array(check.frame_along(check.axis(tuple(z), joint.name, "axis")))
+    k, c = np.ravel(stiffness).astype(float), np.ravel(damping).astype(float)
+    kind, own = KINDS.get(joint.kind, ("planar" if joint.kind == "planar" else "free", None))
+    held = max(len(k), len(c)) == 6
+    if held:
+        kind = "free"
+    elif own is None and (k.any() or c.any()):
+        if not k.any():  # the file's damping of a joint with several freedoms has no direction
+            c = np.zeros(1)
+        else:
+            raise ModelError(f"joint '{joint.name}': a {joint.kind} joint takes six stiffnesses x y z rx ry rz, not "
+                             f"one.", element=joint.name, field="stiffness")  # fmt: skip
+    model.add_joint(name, kind, first, second, at, orientation=frame)
+    if k.any() or c.any():
+        model.add_bushing(f"{name}.k", first, second, at, _six(k, own), _six(c, own), frame)
+    if own is not None:
+        along = (0.0, 0.0, 0.0, *z) if own == 5 else (*z, 0.0, 0.0, 0.0)
+        effort, motion = ("torque", "angle") if own == 5 else ("force", "travel")
+        model.add_input(f"{name}.{effort}", second, along, at, relative_to=first)
+        model.add_output(f"{name}.{motion}", second, along, at, relative_to=first)
+
+
+def _six(values: Array, own: int | None) -> Array:
+    if len(values) == 6:
+        return values
+    result = np.zeros(6)
+    if own is not None:
+        result[own] = values[0]
+    return result
+
+
+def _add_tip(model: Model, tip: str, groups: dict[str, _Group], places: dict[str, tuple[Array, Array]]) -> None:
+    if tip not in places:
+        raise ModelError(f"tip = {tip!r} is no link.{nearest(tip, places)}", element=tip, field="tip")
+    body = groups[tip].name
+    if body == GROUND:
+        raise ModelError(f"tip = {tip!r} is fixed to the ground; name a link that moves.", element=tip, field="tip")
+    for direction, effort in zip(check.DIRECTIONS, ("Fx", "Fy", "Fz", "Mx", "My", "Mz"), strict=True):
+        model.add_input(f"{tip}.{effort}", body, direction, places[tip][0])
+        model.add_output(f"{tip}.{direction}", body, direction, places[tip][0])
+
+
+def _of(given: Any, joint: Hinge, robot: Robot, what: str, default: float) -> Any:
+    """One number or six for a joint."""
+    if isinstance(given, Mapping):
+        _known(what, given, robot)
+        given = given.get(joint.name)
+    if given is None:
+        return default
+    values = check.numbers(np.ravel(given).tolist(), (1, 6), f"joint '{joint.name}'", what, "one number, or six")
+    return values if len(values) == 6 else values[0]
+
+
+def _known(what: str, given: Mapping[str, Any], robot: Robot) -> None:
+    moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
+    for name in given:
+        if name not in moving:
+            raise ModelError(f"{what}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
+                             f"{', '.join(moving)}.", element=str(name), field=what)  # fmt: skip

@@ -1,0 +1,175 @@
+"""Robots from URDF files against closed forms and the same robots built by hand."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+ARM = Path(__file__).parents[2] / "examples" / "robots" / "arm.urdf"
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """A function that writes elements of a URDF into a file."""
+
+    def write(words, name="robot"):
+        path = tmp_path / "robot.urdf"
+        path.write_text(f'<robot name="{name}">{words}</robot>', encoding="utf-8")
+        return path
+
+    return write
+
+
+def link(name, mass=None, at="0 0 0", rpy="0 0 0", inertia=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)):
+    if mass is None:
+        return f'<link name="{name}"/>'
+    tensor = " ".join(f'{key}="{value}"' for key, value in zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), inertia,
+                                                               strict=True))  # fmt: skip
+    return (f'<link name="{name}"><inertial><origin xyz="{at}" rpy="{rpy}"/><mass value="{mass}"/><inertia {tensor}/>'
+            f"</inertial></link>")  # fmt: skip
+
+
+def joint(name, kind, parent, child, at="0 0 0", rpy="0 0 0", axis="0 0 1", more=""):
+    return (f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{at}" rpy="{rpy}"/><axis xyz="{axis}"/>{more}</joint>')  # fmt: skip
+
+
+def test_a_pendulum_swings_as_it_should(robot):
+    path = robot(link("base") + link("rod", 2.0, "0 0 -0.4", inertia=(0.03, 0.03, 0.001, 0, 0, 0))
+                 + joint("hinge", "revolute", "base", "rod", axis="0 1 0"))  # fmt: skip
+    system = mv.load_urdf(path, gravity=(0, 0, -9.81)).linearize()
+    expected = np.sqrt(2.0 * 9.81 * 0.4 / (0.03 + 2.0 * 0.4**2)) / (2 * np.pi)
+    np.testing.assert_allclose(system.modes().frequencies, [expected], rtol=1e-13)
+    assert (system.inputs, system.outputs) == (("hinge.torque",), ("hinge.angle",))
+    assert system.frequency_response([0.0])[0, 0, 0].real == pytest.approx(1.0 / (2.0 * 9.81 * 0.4), rel=1e-12)
+
+
+def test_the_same_arm_by_denavit_and_hartenberg(robot):
+    """Three revolute joints with turned axes, in a pose."""
+    inertia = (0.02, 0.03, 0.02, 0.002, 0.001, -0.003)
+    tensor = (0.02, 0.03, 0.02, 0.002, 0.001, -0.003)
+    q, twist, length = (0.3, -0.7, 1.1), (0.5, -1.2, 0.4), (0.2, 0.4, 0.3)
+    words, rows = link("base"), []
+    for i in range(3):
+        # frame i + 1 of Denavit and Hartenberg carries link i; that of URDF lies in the joint, so links lie beyond it
+        before = f'{length[i - 1]} 0 0" rpy="{twist[i - 1]} 0 0' if i else '0 0 0" rpy="0 0 0'
+        at, rpy = before.split('" rpy="')
+        words += link(f"l{i}", 1.0 + i, f"{length[i]} 0 0", f"{twist[i]} 0 0", inertia)
+        words += joint(f"j{i}", "continuous", f"l{i - 1}" if i else "base", f"l{i}", at, rpy)
+        rows.append({"a": length[i], "alpha": twist[i], "theta": q[i], "mass": 1.0 + i, "inertia": tensor})
+    ours = mv.load_urdf(robot(words), pose={f"j{i}": q[i] for i in range(3)}).linearize()
+    other = mv.from_dh(rows).linearize()
+    np.testing.assert_allclose(ours.M, other.M, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(ours.B, other.B, atol=1e-14)
+
+
+def test_fixed_joints_make_one_body(robot):
+    path = robot(link("base") + link("foot", 5.0) + link("a", 2.0, "1 0 0") + link("b", 3.0, "0 0 0")
+                 + joint("bolt", "fixed", "base", "foot", "0 0 -1")
+                 + joint("slide", "prismatic", "foot", "a", axis="2 0 0")
+                 + joint("weld", "fixed", "a", "b", "0 2 0", "0 0 1.5707963267948966"))  # fmt: skip
+    model = mv.load_urdf(path, pose={"slide": 0.5}, stiffness=100.0, tip="b")
+    assert list(model.bodies) == ["a"]
+    body = model.bodies["a"]
+    assert body.mass == 5.0
+    # 2 kg at (1.5, 0), 3 kg at (0.5, 2) and one metre below the base
+    np.testing.assert_allclose(body.position, (0.9, 1.2, -1.0), atol=1e-15)
+    reduced = 2.0 * 3.0 / 5.0
+    expected = (2 + reduced * 4, 2 + reduced, 2 + reduced * 5, reduced * 2)
+    np.testing.assert_allclose(body.inertia[:4], expected, atol=1e-14)
+    system = model.linearize()
+    np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(100.0 / 5.0) / (2 * np.pi)], rtol=1e-14)
+    assert system.inputs[0] == "slide.force"
+    assert system.outputs[:2] == ("slide.travel", "b.x")
+
+
+def test_mimicking_joints_follow(robot):
+    follows = '<mimic joint="l" multiplier="-2" offset="0.1"/>'
+    path = robot(link("base") + link("left", 1.0) + link("right", 1.0)
+                 + joint("l", "prismatic", "base", "left", axis="1 0 0")
+                 + joint("r", "prismatic", "base", "right", axis="1 0 0", more=follows))  # fmt: skip
+    model = mv.load_urdf(path, pose={"l": 0.2}, stiffness={"l": 10.0})
+    np.testing.assert_allclose(model.bodies["right"].position, (-0.3, 0, 0), atol=1e-15)
+    system = model.linearize()
+    assert system.dof == 1
+    np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(10.0 / 5.0) / (2 * np.pi)], rtol=1e-14)
+
+
+def test_damping_is_the_file_s_unless_given(robot):
+    path = robot(link("base") + link("rod", 1.0) + joint("hinge", "revolute", "base", "rod",
+                                                         more='<dynamics damping="3"/>'))  # fmt: skip
+    assert mv.load_urdf(path).springs["hinge.k"].damping[5] == 3.0
+    assert mv.load_urdf(path, damping=0.0, stiffness=1.0).linearize().C[0, 0] == 0.0
+    assert mv.load_urdf(path, damping={"hinge": 7.0}).linearize().C[0, 0] == pytest.approx(7.0, rel=1e-14)
+
+
+def test_six_stiffnesses_let_bearings_give_way(robot):
+    path = robot(link("base") + link("rod", 2.0, inertia=(0.1, 0.2, 0.3, 0, 0, 0))
+                 + joint("hinge", "revolute", "base", "rod", axis="1 0 0"))  # fmt: skip
+    system = mv.load_urdf(path, stiffness=(1e3, 2e3, 3e3, 40.0, 50.0, 60.0)).linearize()
+    # z of the bushing is the axis: stiffness 3e3 along and 60 about x
+    squares = (2 * np.pi * system.modes().frequencies) ** 2
+    expected = sorted([3e3 / 2.0, 60.0 / 0.1, *(np.array((1e3, 2e3)) / 2.0), *_turns(system)])
+    np.testing.assert_allclose(squares, expected, rtol=1e-12)
+
+
+def _turns(system):
+    """Rotations about y and z, whichever of these the bushing's x and y are."""
+    K = system.K[np.ix_(*[[i for i, c in enumerate(system.coordinates) if c.endswith((".rx", ".ry"))]] * 2)]
+    M = system.M[np.ix_(*[[i for i, c in enumerate(system.coordinates) if c.endswith((".rx", ".ry"))]] * 2)]
+    assert sorted(np.diag(K)) == pytest.approx([40.0, 50.0])
+    assert sorted(np.diag(M)) == pytest.approx([0.2, 0.3])
+    return np.linalg.eigvals(np.linalg.solve(M, K))
+
+
+def test_a_floating_robot_has_six_more(robot):
+    words = link("base", 4.0) + link("rod", 1.0) + joint("base", "revolute", "base", "rod")
+    model = mv.load_urdf(robot(words), floating=True)
+    assert list(model.joints) == ["base.joint"]
+    assert model.linearize().dof == 7
+    assert mv.load_urdf(robot(words)).linearize().dof == 1
+
+
+def test_the_arm_of_the_examples():
+    model = mv.load_urdf(ARM, pose={"lift": 0.6, "elbow": 1.2}, stiffness=1e4, tip="tool")
+    assert list(model.bodies) == ["shoulder", "upper_arm", "forearm", "wrist1", "wrist2", "wrist3"]
+    assert sum(body.mass for body in model.bodies.values()) == pytest.approx(3.7 + 8.4 + 2.3 + 2.4 + 0.19 + 1.5)
+    assert model.linearize().dof == 6
+
+
+@pytest.mark.parametrize(("words", "told"), [
+    (link("a") + link("b"), "expected one link that no joint carries"),
+    (link("a") + link("a"), "'a' is there twice"),
+    (link("a") + link("b") + joint("j", "hinge", "a", "b"), "type = 'hinge'"),
+    (link("base") + link("b") + joint("j", "fixed", "bas", "b"), "Did you mean 'base'"),
+    (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 0"), "no direction"),
+    (link("a") + link("b") + joint("j", "revolute", "a", "b", axis="0 0 one"), "3 finite numbers"),
+    (link("a") + link("b") + joint("j", "fixed", "a", "b") + joint("k", "fixed", "a", "b"), "a URDF is a tree"),
+    (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="x"/>'), "which is no joint"),
+    (link("a") + link("b", 1.0) + joint("j", "revolute", "a", "b", more='<mimic joint="j"/>'), "mimics itself"),
+    (link("a") + link("b", -1.0) + joint("j", "revolute", "a", "b"), "mass"),
+    ("<link", "no XML"),
+])  # fmt: skip
+def test_faulty_files_are_told(robot, words, told):
+    with pytest.raises(mv.ModelError, match=told):
+        mv.load_urdf(robot(words))
+
+
+def test_faulty_arguments_are_told(tmp_path):
+    with pytest.raises(mv.ModelError, match="Did you mean 'elbow'"):
+        mv.load_urdf(ARM, pose={"elbo": 1.0})
+    with pytest.raises(mv.ModelError, match="no joint that moves"):
+        mv.load_urdf(ARM, stiffness={"flange": 1.0})
+    with pytest.raises(mv.ModelError, match="one number, or six"):
+        mv.load_urdf(ARM, stiffness=(1.0, 2.0))
+    with pytest.raises(mv.ModelError, match="is no link"):
+        mv.load_urdf(ARM, tip="hand")
+    with pytest.raises(mv.ModelError, match="fixed to the ground"):
+        mv.load_urdf(ARM, tip="base")
+    with pytest.raises(mv.ModelError, match="cannot be read"):
+        mv.load_urdf(tmp_path / "none.urdf")
+    (tmp_path / "other.urdf").write_text("<sdf/>")
+    with pytest.raises(mv.ModelError, match="expected <robot>"):
+        mv.load_urdf(tmp_path / "other.urdf")
