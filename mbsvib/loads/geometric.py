@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 ZERO_FORM = 16.0 * EPS
 _DIAGONAL = np.arange(3)
 # Six rotations (x, y, z, x + y, x + z, y + z), and what each of their squares gets of S_ij, in the order of S's rows.
-_SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
-_SQUARES = np.array([
+SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
+SQUARES = np.array([
     [0, 0.5, 0.5, 0.5, 1, 0, 0.5, 0, 1], [1, 0.5, 0, 0.5, 0, 0.5, 0, 0.5, 1], [1, 0, 0.5, 0, 1, 0.5, 0.5, 0.5, 0],
     [0, -0.5, 0, -0.5, 0, 0, 0, 0, 0], [0, 0, -0.5, 0, 0, 0, -0.5, 0, 0], [0, 0, 0, 0, 0, -0.5, 0, -0.5, 0],
 ])  # fmt: skip
@@ -86,11 +86,11 @@ def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array
         Numbers of the bodies.
     """
     outer = (force[:, None, None] * acting.arms).reshape(9, 2 * force.shape[1])
-    values = _SQUARES @ (outer @ acting.place)
+    values = SQUARES @ (outer @ acting.place)
     limit = ZERO_FORM * np.abs(outer).max(axis=0) @ np.abs(acting.place)
     values[np.abs(values) <= limit] = 0.0
     bodies = len(motion)
-    return ((_SUMS @ motion[:, 3:]).reshape(6 * bodies, motion.shape[2]), values.T.reshape(-1),
+    return ((SUMS @ motion[:, 3:]).reshape(6 * bodies, motion.shape[2]), values.T.reshape(-1),
             np.repeat(np.arange(bodies), 6))  # fmt: skip
 
 

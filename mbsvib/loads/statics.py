@@ -136,7 +136,7 @@ def check_balance(
     worst = int(off[np.argmax(share[off])])
     unit = "N m" if turns[worst] else "N"
     joint, _, direction = names[worst].rpartition(".")
-    body, where = _who(joint, direction, topology)
+    body, where = who(joint, direction, topology)
     more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
     raise EquilibriumError(
         f"model '{model}' is not in balance in the given pose: body '{body}' lacks {-residual[worst]:.6g} {unit} "
@@ -165,8 +165,8 @@ def joint_wrenches(system: System) -> dict[str, Array]:
     return {joint.name: statics.joints[:, k].copy() for k, joint in enumerate(joints)}
 
 
-def _who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
-    """The body that a coordinate moves, and in words along what."""
+def who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
+    """Return the body that a coordinate moves, and in words along what."""
     word = "along" if direction in _PLAIN[:3] else "about"
     axis = direction[-1:]
     for part in topology.joints:

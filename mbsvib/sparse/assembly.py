@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib import elements as _elements
 from mbsvib.errors import ModelError
 from mbsvib.inertia import spatial_inertia
+from mbsvib.loads.wrenches import is_loaded
 from mbsvib.ports import ports
 from mbsvib.sparse.constraints import constraints
 from mbsvib.sparse.cuts import short_span
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from mbsvib.ports import Ports
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.tree import Tree
 
 # Multipliers that pass through a joint fill the factors in the order leaves to root, quadratically; where there are
@@ -82,6 +84,14 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     shared = None if model._pieces is None else model._pieces.numbered(number, len(model.springs))
     if shared is not None:
         factor, rows, k, c, owner = _with_shared(shared, structure, place, factor, rows, k, c, owner)
+    names = (*model.springs, *(() if shared is None else shared.names))
+    loading: tuple[str, ...] = ()
+    if is_loaded(model):
+        from mbsvib.sparse.loads import geometric
+
+        found = geometric(model, topology, structure, place, closure, number)
+        rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
+        loading = found.names
     loops = closure.independent
     port = ports(model, bodies, number)
     for row, *_ in port.wrench_outputs:
@@ -99,11 +109,11 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     return SparseSystem(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
-        springs=(*model.springs, *(() if shared is None else shared.names)), topology=topology,
+        springs=names, topology=topology,
         structure=structure, constraints=closure, layout=place,
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
-        model=snapshot(model),
+        model=snapshot(model), loading=loading,
     )  # fmt: skip
 
 
@@ -127,6 +137,16 @@ def _with_shared(
         k, c = np.concatenate((k, blend.stiffness[acts])), np.concatenate((c, blend.damping[acts]))
         owner = np.concatenate((owner, own[acts]))
     return factor, rows, k, c, owner
+
+
+def _with_loads(
+    found: Geometric, rows: csr_matrix, k: Array, c: Array, owner: Index, first: int
+) -> tuple[csr_matrix, Array, Array, Index]:
+    """Put rows of geometric stiffness, which damp nothing, below the elastic ones; ``first`` is their first owner."""
+    from scipy.sparse import vstack
+
+    return (vstack((rows, found.rows)).tocsr(), np.concatenate((k, found.stiffness)),
+            np.concatenate((c, np.zeros(len(found.owner)))), np.concatenate((owner, first + found.owner)))  # fmt: skip
 
 
 def snapshot(model: Model) -> Model:

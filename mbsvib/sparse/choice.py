@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.errors import ModelError, nearest
-from mbsvib.loads.wrenches import is_loaded, refuse_loaded
 from mbsvib.parts import Body, Maxwell
 from mbsvib.topology import FLOATS, span
 
@@ -78,9 +77,18 @@ def wants_sparse(
             if value is not None:
                 raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
                                  field=word)  # fmt: skip
-        refuse_loaded(model, "loads are not supported by method='sparse' yet; use method='dense'.")
+        twisted = _twisted(model)
+        if twisted is not None:
+            raise ModelError(f"linearize: load '{twisted}' follows its body or is a torque, whose stiffness is not "
+                             f"symmetric; method='sparse' does not support that yet, use method='dense'.",
+                             element=twisted, field="method")  # fmt: skip
         return True
-    if method == "dense" or independent is not None or values is not None or not model.bodies or is_loaded(model):
+    if method == "dense" or independent is not None or values is not None or not model.bodies or _twisted(model):
         return False
     topology = span(model, cut)
     return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
+
+
+def _twisted(model: Model) -> str | None:
+    """The name of a load that makes the stiffness unsymmetric, or None."""
+    return next((load.name for load in model.loads.values() if load.follower or any(load.torque)), None)

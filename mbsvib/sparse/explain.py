@@ -38,13 +38,17 @@ def explain(system: SparseSystem) -> str:
     if topology.floating:
         lines.append(f"  float and got free joints: {listed([topology.bodies[i] for i in topology.floating])}")
     lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
-    acting = np.zeros(len(system.springs), dtype=bool)
+    acting = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
     acting[system.row_owner] = True
-    idle = [system.springs[i] for i in np.flatnonzero(~acting)]
+    idle = [name for name, acts in zip(system.springs, acting.tolist(), strict=False) if not acts]
     if system.dropped is not None:
         lines += [f"  {text}" for text in dropped(system.dropped)]
     elif idle:
         lines.append(f"  without effect, as no motion of the mechanism acts on them: {listed(idle)}")
+    if system.loading:
+        count = int(np.count_nonzero(system.row_owner >= len(system.springs)))
+        of = "of geometric stiffness from gravity, loads, preloads and forces in joints"
+        lines += ["loads", f"  in balance; {counted(count, 'row')} {of}"]
     lines += ["loops", *_loops(system), "tableau", *_tableau(system), "skipped", *_skipped(system)]
     return "\n".join(lines)
 
@@ -82,6 +86,8 @@ def _skipped(system: SparseSystem) -> list[str]:
     still = int((~system.structure.moves).sum())
     if still:
         result.append(f"  {still} of {system.structure.moves.size} displacements cannot move: they were left out")
+    if not system.loading:
+        result.append("  no gravity, load or preload: no statics, no geometric stiffness")
     if not system.constraints.groups:
         result.append("  no loop: no constraint was looked at")
     if not system.damping.any():

@@ -105,6 +105,7 @@ def _without(model: Model, gone: set[str], inputs: set[str], outputs: set[str]) 
     left._topology = None
     left._bodies = {name: body for name, body in model.bodies.items() if name not in gone}
     left._joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
+    left._loads = {name: load for name, load in model.loads.items() if load.body not in gone}
 
     def placed(part: Any) -> Any:
         if isinstance(part, (BaseMotion, ForceOutput)) or part.position is not None:

@@ -50,5 +50,7 @@ def reduced(system: SparseSystem, z: Array, rigid: int) -> System:
         B=np.asarray(system.input_rows @ z).T.copy(), Cq=cq, Cv=cv, Ca=ca, D=system.D.copy(), inertia_factor=factor,
         elastic_rows=elastic, stiffness=stiffness, damping=damping, row_owner=system.row_owner[acting],
         body_motion=motion,
-        provenance=Provenance(system.topology, Reduction(np.arange(n), None, ()), names, system.springs),
+        provenance=Provenance(
+            system.topology, Reduction(np.arange(n), None, ()), names, system.springs + system.loading,
+        ),
     )  # fmt: skip

@@ -42,7 +42,8 @@ class SparseSystem:
     ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
     W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
-    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out.
+    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
+    ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness.
     """
 
     name: str
@@ -69,6 +70,7 @@ class SparseSystem:
     D: Array
     model: Model = field(repr=False)
     dropped: Dropped | None = None
+    loading: tuple[str, ...] = ()
 
     @property
     def dof(self) -> int:

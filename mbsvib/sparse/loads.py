@@ -1,0 +1,287 @@
+"""Loads on many bodies: joint forces from the leaves to the root, and geometric stiffness as sparse signed rows.
+
+A joint of the tree carries all that acts on what hangs behind it, which one pass from the leaves to the root adds up.
+In loops the forces of the cut joints act there as well: with Phi their independent rows per joint coordinate, Phi^T
+lambda = -B'^T W by sparse least squares, whose rest is what the pose lacks of balance. The second-order terms are those
+of the dense path; as rows they hold rotations of bodies and joint coordinates, each of them an unknown of the tableau.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.errors import EquilibriumError
+from mbsvib.loads.felt import felt
+from mbsvib.loads.geometric import SQUARES, SUMS, ZERO_FORM
+from mbsvib.loads.pairs import Pairs
+from mbsvib.loads.reactions import place as place_of
+from mbsvib.loads.reactions import skew
+from mbsvib.loads.statics import BALANCE, who
+from mbsvib.loads.wrenches import applied
+from mbsvib.mobility import crossed_product
+from mbsvib.sparse.rows import path_entries, relative_rows
+from mbsvib.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.loads.felt import Felt
+    from mbsvib.model import Model
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+    from mbsvib.topology import Topology
+
+
+@dataclass(frozen=True, slots=True)
+class Geometric:
+    """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,); ``owner`` (n,) are
+    numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies.
+    """
+
+    rows: csr_matrix
+    stiffness: Array
+    owner: Index
+    names: tuple[str, ...]
+    joints: Array
+
+
+def geometric(
+    model: Model, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int]
+) -> Geometric:
+    """Return the geometric stiffness of a loaded mechanism.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism; its loads are dead forces.
+    topology : Topology
+        The spanning tree.
+    tree : Tree
+        The same in arrays.
+    place : Layout
+        Where the unknowns are.
+    closure : Constraints
+        Locked rows of the cut joints.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    Geometric
+        Rows over the unknowns.
+
+    Raises
+    ------
+    EquilibriumError
+        If the pose is not in balance.
+    """
+    n = len(tree.position)
+    position = np.concatenate((tree.position, np.zeros((1, 3)))).T
+    acting = applied(model, number)
+    wrench, sizes = _on_bodies(acting.pairs, position)
+    wrench[:3] += acting.weight
+    sizes[0] += np.sqrt(np.square(acting.weight).sum(axis=0))
+    behind, size = _behind(tree, wrench, sizes)
+    cut = _closed(tree, closure, behind, size, (model.name, topology))
+    if cut is not None:
+        wrench = wrench + _on_bodies(cut, position)[0]
+        behind = _behind(tree, wrench, sizes)[0]
+    joints = topology.joints
+    first = np.array([number[joint.first] for joint in joints], dtype=np.intp)
+    second = np.array([number[joint.second] for joint in joints], dtype=np.intp)
+    known = dict(number)
+    point = np.array([place_of(joint, known, position) for joint in joints]).reshape(-1, 3).T
+    start = point.copy()
+    carried = np.zeros((6, len(joints)))
+    for branch in topology.branches:
+        if branch.joint != FLOATS:
+            carried[:, branch.joint] = -branch.sign * behind[:, branch.body]
+    body = np.zeros(len(joints), dtype=np.intp)
+    hung = [(branch.joint, branch.body) for branch in topology.branches if branch.joint != FLOATS]
+    at, body_of = np.array(hung, dtype=np.intp).reshape(-1, 2).T
+    body[at] = body_of
+    carried[3:, at] += crossed_product(position[:, body_of] - point[:, at], carried[:3, at])
+    if cut is not None:
+        here = np.array(topology.cut, dtype=np.intp)[closure.loop[closure.kept]]
+        moment = cut.torque + crossed_product(cut.end - point[:, here], cut.force)
+        np.add.at(carried.T, here, np.concatenate((cut.force, moment)).T)
+    for k, joint in enumerate(joints):
+        if joint.kind == "distance" and joint.position is not None:
+            start[:, k] = joint.position
+    every = Pairs.join(acting.pairs, Pairs(first, second, start, point, carried[:3], carried[3:]))
+    names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
+    rows, stiffness, owner = _rows(every, felt(acting, joints, number), tree, place, position, n)
+    return Geometric(rows, stiffness, owner, names, carried)
+
+
+def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
+    """The wrenches (6, bodies + 1) of pairs about the centres of mass, and the sizes (2, bodies + 1) of their parts."""
+    wrench, size = np.zeros((position.shape[1], 6)), np.zeros((position.shape[1], 2))
+    for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
+        lever = crossed_product(arm, pairs.force)
+        np.add.at(wrench, body, sign * np.concatenate((pairs.force, pairs.torque + lever)).T)
+        force, torque, turn = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
+        np.add.at(size, body, np.stack((force, torque + turn), axis=1))
+    return wrench.T.copy(), size.T.copy()
+
+
+def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
+    """What acts on each body and all behind it, about its centre of mass (6, bodies), and the sizes of all that."""
+    fx, fy, fz, mx, my, mz = wrench[:, :-1].tolist()
+    force, moment = sizes[:, :-1].tolist()
+    held = tree.parent.tolist()
+    arm = tree.position - np.concatenate((tree.position, np.zeros((1, 3))))[tree.parent]
+    length = np.sqrt(np.square(arm).sum(axis=1)).tolist()
+    x, y, z = arm.T.tolist()
+    n = len(held)
+    for b in tree.outward[::-1].tolist():
+        p = held[b]
+        if p == n:
+            continue
+        fx[p] += fx[b]
+        fy[p] += fy[b]
+        fz[p] += fz[b]
+        mx[p] += mx[b] + y[b] * fz[b] - z[b] * fy[b]
+        my[p] += my[b] + z[b] * fx[b] - x[b] * fz[b]
+        mz[p] += mz[b] + x[b] * fy[b] - y[b] * fx[b]
+        force[p] += force[b]
+        moment[p] += moment[b] + length[b] * force[b]
+    return np.array((fx, fy, fz, mx, my, mz)), np.array((force, moment))
+
+
+def _closed(
+    tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology]
+) -> Pairs | None:
+    """Forces in the cut joints that bring all into balance, row by row; refused where they do not."""
+    motion, carried = tree.motion.T, tree.carried
+    lacks = np.einsum("ck,ck->k", motion, behind[:, carried])
+    lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
+    limit = np.einsum("ck,ck->k", lengths, size[:, carried])
+    rows = closure.independent
+    if not len(rows.first):
+        _check(lacks, limit, tree, said)
+        return None
+    row, column, entry, _ = path_entries(tree, rows, None)
+    value, rest = _least_squares((column, row, entry), len(lacks), len(rows.first), -lacks)
+    held = np.zeros(len(lacks))
+    np.add.at(held, column, np.abs(entry * value[row]))
+    _check(-rest, limit + held, tree, said)
+    return Pairs(rows.first, rows.second, rows.point, rows.point, rows.force * value, rows.moment * value)
+
+
+def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array]:
+    """The solution of an overdetermined sparse system of full rank, and what is left of the right side."""
+    from scipy.sparse import bmat, csc_matrix, eye
+    from scipy.sparse.linalg import splu
+
+    a = csc_matrix((entries[2], entries[:2]), shape=(m, n))
+    scale = 1.0 / np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
+    a = a.multiply(scale).tocsc()
+    matrix = bmat([[eye(m), a], [a.T, None]], format="csc")
+    factor = splu(matrix)
+    whole = np.concatenate((right, np.zeros(n)))
+    found = factor.solve(whole)
+    found += factor.solve(whole - matrix @ found)
+    return found[m:] * scale, right - a @ found[m:]
+
+
+def _check(residual: Array, size: Array, tree: Tree, said: tuple[str, Topology]) -> None:
+    """Refuse a pose in which more than ``BALANCE`` of the forces along a coordinate is left over."""
+    off = np.flatnonzero(np.abs(residual) > BALANCE * size)
+    if not len(off):
+        return
+    share = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
+    worst = int(off[np.argmax(share)])
+    name, topology = said
+    joint, _, direction = tree.names[worst].rpartition(".")
+    body, where = who(joint, direction, topology)
+    unit = "N m" if tree.turns[worst] else "N"
+    raise EquilibriumError(
+        f"model '{name}' is not in balance in the given pose: body '{body}' lacks {-residual[worst]:.6g} {unit} "
+        f"{where} ({share.max():.1e} of the forces that should cancel there; allowed {BALANCE:g}). Find the pose with "
+        f"model.equilibrium(), or hold it with a load or a preload of a spring.",
+        body=body, coordinate=tree.names[worst], missing=float(-residual[worst]), unit=unit,
+    )  # fmt: skip
+
+
+def _rows(
+    pairs: Pairs, feels: Felt, tree: Tree, place: Layout, position: Array, n: int
+) -> tuple[csr_matrix, Array, Index]:
+    """All rows of geometric stiffness, their signed values, and their owners: pairs, then bodies."""
+    from scipy.sparse import vstack
+
+    force, turned = pairs.force, _Rotations(place)
+    sums, bound = np.zeros((2, n + 1, 9))
+    for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
+        outer = sign * (force[:, None] * arm).reshape(9, -1).T
+        np.add.at(sums, body, outer)
+        np.add.at(bound, body, np.abs(outer))
+    values = sums[:n] @ SQUARES.T
+    values[np.abs(values) <= ZERO_FORM * bound[:n].max(axis=1)[:, None]] = 0.0
+    body, which = np.nonzero(values)
+    stacks: list[tuple[Any, Array, Index]] = [
+        (turned(body, SUMS[which].T), values[body, which], len(pairs.first) + body)
+    ]
+    moved = relative_rows(tree, place, feels.rows)
+    used = np.flatnonzero(feels.carrier < n)
+    twist, owner = feels.twist[:, used], feels.owner[used]
+    both = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1)
+    lever = np.einsum("ijk,jk->ik", both, np.concatenate((force, pairs.torque))[:, owner])
+    one, other = moved[used], turned(feels.carrier[used], lever)
+    if feels.two.size:
+        who_, start, end = feels.two
+        half = 0.5 * np.einsum("cn,cn->n", pairs.torque[:, who_], feels.cross)
+        one, other = vstack((one, moved[start])).tocsr(), vstack((other, _scaled(half, moved[end]))).tocsr()
+        owner = np.concatenate((owner, who_))
+    stacks.append(_products(one, other, owner))
+    if len(feels.line_owner):
+        swings = np.where(feels.line_carrier < n, 1.0, 0.0) * feels.swing
+        across = moved[len(feels.owner) :] + turned(np.minimum(feels.line_carrier, n - 1), swings)
+        tension = -(force[:, feels.line_owner] * feels.line).sum(axis=0) / feels.length
+        stacks.append((across, tension, feels.line_owner))
+    rows = vstack([part[0] for part in stacks]).tocsr()
+    rows.eliminate_zeros()
+    stiffness, owner = (np.concatenate([part[i] for part in stacks]) for i in (1, 2))
+    acts = np.flatnonzero((np.diff(rows.indptr) > 0) & (stiffness != 0.0))
+    return rows[acts], stiffness[acts], owner[acts]
+
+
+class _Rotations:
+    """Rows that are a component of the rotation of a body."""
+
+    def __init__(self, place: Layout) -> None:
+        self._column, self._size = place.displacement[:, 3:], place.size
+
+    def __call__(self, body: Index, along: Array) -> csr_matrix:
+        """Rows along . theta for bodies (k,) and vectors (3, k)."""
+        from scipy.sparse import csr_matrix
+
+        column = self._column[body]
+        row, direction = np.nonzero((column >= 0) & (along.T != 0.0))
+        return csr_matrix((along.T[row, direction], (row, column[row, direction])), shape=(len(body), self._size))
+
+
+def _scaled(values: Array, rows: csr_matrix) -> csr_matrix:
+    from scipy.sparse import diags
+
+    return (diags(values) @ rows).tocsr()
+
+
+def _products(one: csr_matrix, other: csr_matrix, owner: Index) -> tuple[csr_matrix, Array, Index]:
+    """Rows a + b and a - b with 1/2 and -1/2, whose energy is the sum of the products of two stacks of rows."""
+    from scipy.sparse import vstack
+
+    sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (one, other)]
+    used = np.flatnonzero(sizes[0] * sizes[1])
+    scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))
+    a, b = _scaled(scale, one[used]), _scaled(1.0 / scale, other[used])
+    half = np.full(2 * len(used), 0.5)
+    half[len(used) :] = -0.5
+    return vstack((a + b, a - b)).tocsr(), half, np.concatenate((owner[used], owner[used]))
