@@ -72,6 +72,14 @@ def test_the_lamp_hangs_as_shown(names):
         names["raised"].linearize()
 
 
+def test_the_studies_end_as_shown(names):
+    best, off = names["best"], names["off"]
+    shown = f"{best.objective:.4f} instead of {best.began:.4f}\n{off.first.round(2)}\n"
+    assert best.success
+    assert shown in blocks("text")
+    assert np.allclose(off.std, off.first, rtol=0.05)
+
+
 def test_the_mast_sways_as_shown(names):
     shown = re.search(r"frequencies\.round\(4\)\) +# \[(.*?)\]", README)
     assert list(map(float, shown[1].split())) == names["mast"].linearize().modes(3).frequencies.round(4).tolist()

@@ -1,4 +1,4 @@
-"""First order of scatter: deviations, worst cases and shares from derivatives, modes that coincide included."""
+"""First order of scatter: deviations, worst cases and shares from derivatives, of neighbouring modes together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ModelError
-from mbsvib.studies.modal import Modal, coinciding, parting
+from mbsvib.studies.modal import Modal, parting, together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from mbsvib.studies.quantities import Quantity
 
     Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+PIECE = 1000  # samples
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def first_order(
     root = np.sqrt(((size * sizes) ** 2).sum(axis=1)) * deviation
     counts = tuple([len(dual.value) for dual in duals])
     worst, parted = size @ sizes, np.zeros(len(nominal), dtype=bool)
-    for at, values, bound, length in _parting(place, quantities, counts, off):
+    for at, values, bound, length in _parting(place, quantities, counts, off, sizes * deviation):
         linear[:, at] = nominal[at] + values
         root[at], worst[at], size[at], parted[at] = values.std(ddof=1), bound @ sizes, length, True
     variance = (size * sizes) ** 2
@@ -89,33 +92,45 @@ def first_order(
 
 
 def _parting(
-    place: Place, quantities: Mapping[str, Quantity], counts: tuple[int, ...], off: Array
+    place: Place, quantities: Mapping[str, Quantity], counts: tuple[int, ...], off: Array, deviation: Array
 ) -> list[tuple[int, Array, Array, Array]]:
-    """Place of each number whose mode coincides with others, its changes in the samples, and the largest and the root
-    mean square change that each variable can make.
+    """Place of each number whose mode is near to others, its changes in the samples, and the largest and the root mean
+    square change that each variable can make.
     """
     system, modes = place.system, place.modes
     starts = np.concatenate(([0], np.cumsum(counts)))
     chosen = [(int(start), each, each.of(modes)) for start, each in zip(starts[:-1], quantities.values(), strict=True)
               if isinstance(each, Modal)]  # fmt: skip
-    symmetric = system.gyroscopic is None and system.circulatory is None
+    if not chosen or system.gyroscopic is not None or system.circulatory is not None:
+        return []
+    values, slopes = place.pairs
+    scatter = np.sqrt(((np.abs(slopes[:, :, 0]) * deviation[:, None]) ** 2).sum(axis=0))
     result = []
-    for group in coinciding(modes) if chosen and symmetric else []:
+    for group in together(values[:, 0], scatter):
         if not any(set(group) & set(numbers) for _, _, numbers in chosen):
             continue
-        value = complex(modes.pairs[group[0], 0])
-        matrices = parting(system, group, place.rates)
-        moved = np.linalg.eigvals(np.tensordot(off, matrices, axes=1))
-        order = np.argsort((value.conjugate() * moved).real, axis=1)
-        moved = np.take_along_axis(moved, order, axis=1)
-        for start, each, numbers in chosen:
-            rate = each.rate(value)
-            # the real part of an eigenvalue is bounded by the Hermitian part of its matrix
-            turned = rate * matrices
-            half = 0.5 * (turned + turned.conj().transpose(0, 2, 1))
-            bound, length = np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))
-            for k, mode in enumerate(group):
-                if mode in numbers:
-                    change = np.asarray((rate * moved[:, k]).real)
-                    result.append((start + numbers.index(mode), change, bound, length))
+        start, slope = parting(system, group, place.rates)
+        known = values[group, 0]
+        moved = np.concatenate([_eigenvalues(start + np.tensordot(some, slope, axes=1)) for some in _pieces(off)])
+        moved = moved - known[np.argsort(np.abs(known), kind="stable")]
+        for first, each, numbers in chosen:
+            for k, mode in enumerate(np.array(group)[np.argsort(np.abs(known), kind="stable")].tolist()):
+                if mode not in numbers:
+                    continue
+                rate = each.rate(complex(values[mode, 0]))
+                # the real part of an eigenvalue is bounded by the Hermitian part of its matrix
+                turned = rate * slope
+                half = 0.5 * (turned + turned.conj().transpose(0, 2, 1))
+                result.append((first + numbers.index(mode), np.asarray((rate * moved[:, k]).real),
+                               np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))))  # fmt: skip
     return result
+
+
+def _pieces(off: Array) -> list[Array]:
+    return [off[i : i + PIECE] for i in range(0, len(off), PIECE)]
+
+
+def _eigenvalues(matrices: Complex) -> Complex:
+    """Eigenvalues (n, modes) in ascending size, as modes are."""
+    found = np.linalg.eigvals(matrices)
+    return np.asarray(np.take_along_axis(found, np.argsort(np.abs(found), axis=1), axis=1))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Rule = Callable[["Array", "Array", "Array", "Array"], "tuple[Array, Array]"]
 
 TOGETHER = 1e-9  # eigenvalues nearer to each other than this, relative, coincide
+NEAR = 6.0  # standard deviations
 
 
 class Modal(Leaf):
@@ -82,44 +83,59 @@ class Modal(Leaf):
         return place.dual(value, slope.T)
 
 
-def coinciding(modes: Modes) -> list[list[int]]:
-    """Return groups of modes that oscillate and whose eigenvalues coincide."""
-    lead = modes.pairs[:, 0]
-    groups: list[list[int]] = []
-    for i in range(len(modes)):
-        if lead[i].imag == 0.0 or any(i in group for group in groups):
-            continue
-        near = np.flatnonzero((np.abs(lead - lead[i]) <= TOGETHER * abs(lead[i])) & (lead.imag != 0.0)).tolist()
-        if len(near) > 1:
-            groups.append(near)
-    return groups
+def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]:
+    """Return groups of modes that are so near to each other, measured by their scatter, that they move as one.
+
+    Parameters
+    ----------
+    values : array, shape (modes,)
+        Eigenvalues with positive imaginary parts; others are in no group.
+    scatter : array, shape (modes,)
+        Standard deviations of the eigenvalues, each by itself.
+    most : int
+        Groups of more modes than this are none: where modes are everywhere, each is nearly by itself.
+
+    Returns
+    -------
+    list of list of int
+        Groups of two modes at least, neighbours within ``NEAR`` standard deviations.
+    """
+    turns = np.flatnonzero(values.imag > 0.0)
+    gap = np.abs(values[turns][:, None] - values[turns])
+    reach = NEAR * np.hypot(scatter[turns][:, None], scatter[turns]) + TOGETHER * np.abs(values[turns])
+    label = np.arange(len(turns))
+    for i, j in np.argwhere(np.triu(gap <= reach, 1)):
+        label[label == label[j]] = label[i]
+    groups = [turns[label == name].tolist() for name in dict.fromkeys(label.tolist())]
+    return [group for group in groups if 1 < len(group) <= most]
 
 
-def parting(system: System, group: list[int], variables: Any) -> Complex:
-    """Return how eigenvalues that coincide part: small matrices whose combination has their changes as eigenvalues.
+def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, Complex]:
+    """Return how eigenvalues that are near to each other part, as those of a small matrix A + sum of dp dA/dp.
 
-    A = -(X^T (2 lambda M + C) X)^-1 X^T (lambda^2 dM + lambda dC + dK) X
+    dA_ij = -x_i^T (l_i l_j dM + (l_i + l_j) / 2 dC + dK) x_j, with x_i^T ((l_i + l_j) M + C) x_j = 1 for i = j, else 0
 
     Parameters
     ----------
     system : System
         The equations of motion, symmetric.
     group : list of int
-        Modes whose eigenvalues coincide.
+        Modes whose eigenvalues l are near to each other.
     variables : mapping
-        The variables.
+        The variables p.
 
     Returns
     -------
-    array, shape (variables, modes, modes)
-        One matrix for each variable.
+    tuple of array, shape (modes, modes) and array, shape (variables, modes, modes)
+        A, and its derivative to each variable.
     """
     modes = system.modes()
-    x, value = modes.shapes[:, group], modes.pairs[group[0], 0]
+    x, values = modes.shapes[:, group], modes.pairs[group, 0]
     change = system.matrix_derivatives(variables)
-    gram = x.T @ (2.0 * value * system.M + system.C) @ x
-    form = x.T @ (value**2 * change.M + value * change.C + change.K) @ x
-    return np.asarray(-np.linalg.solve(gram, form), dtype=complex)
+    total, product = values[:, None] + values, values[:, None] * values
+    gram = total * (x.T @ system.M @ x) + x.T @ system.C @ x
+    form = product * (x.T @ change.M @ x) + 0.5 * total * (x.T @ change.C @ x) + x.T @ change.K @ x
+    return np.diag(values).astype(complex), np.asarray(-np.linalg.solve(gram, form), dtype=complex)
 
 
 def _number(what: str, mode: Any, number: Any) -> int:

@@ -43,8 +43,8 @@ class Tolerances:
     To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
     at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
     holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) what first order says of the same samples.
-    Where modes coincide, ``parted``, first order is how they part, which is no straight line: ``first`` is then the
-    standard deviation of ``linear``, and ``worst`` a bound.
+    Modes within a few standard deviations of each other, ``parted``, repel each other, which is no straight line: their
+    first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
 
     name: str
@@ -149,7 +149,7 @@ class Tolerances:
         notes = [f"{counted(len(names), 'variable')}, {counted(len(self.sampled), 'sample')}, "
                  f"{counted(int((~self._good).sum()), 'failure')}."]  # fmt: skip
         if self.parted.any():
-            notes.append("Modes that coincide part as soon as anything is off: their means are not the nominal ones.")
+            notes.append("Neighbouring modes repel each other as soon as anything is off: their means are not nominal.")
         return {"title": f"Tolerances of {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def plot(self, label: str | None = None) -> Figure:
@@ -180,7 +180,7 @@ class Tolerances:
 
 
 def tolerances(
-    model: Model, tolerances: Mapping[str, float | str], of: Quantity | Mapping[str, Quantity] | None = None, *,
+    model: Model, tolerances: Mapping[str, Any], of: Quantity | Mapping[str, Quantity] | None = None, *,
     samples: int = 10_000, distribution: str = "normal", seed: int | None = 0, ties: Ties | None = None,
     workers: int | None = None, file: str | PathLike[str] | None = None, progress: Progress = None,
 ) -> Tolerances:  # fmt: skip
@@ -260,7 +260,9 @@ class _Ask:
 def _quantities(of: Any) -> dict[str, Quantity]:
     if of is None:
         return {"frequency [Hz]": frequency(), "damping ratio [-]": damping_ratio()}
-    given = {of.label: of} if isinstance(of, Quantity) else dict(of) if isinstance(of, Mapping) else {}
+    if isinstance(of, Quantity):
+        return {f"{of.what} [{of.unit}]" if isinstance(of, Modal) else of.label: of}
+    given = dict(of) if isinstance(of, Mapping) else {}
     for each in given.values():
         if not isinstance(each, Quantity):
             raise check.refuse("tolerances", "of", each, "a quantity, such as frequency()")
