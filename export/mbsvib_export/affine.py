@@ -77,11 +77,16 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     known = origin.parameters
     names = tuple(dict.fromkeys(name for each in parameters for name in known.matching(each)))
 
+    failures: dict[str, MbsvibError] = {}
+
     def build(values: Mapping[str, float]) -> Matrices | None:
         try:
             found = origin.with_values(values).linearize(system.coordinates, system.cut_joints, method="dense")
-        except MbsvibError:
+        except MbsvibError as error:
+            failures.update(dict.fromkeys(values, error))
             return None
+        for name in values:
+            failures.pop(name, None)
         if found.coordinates != system.coordinates or found.massless != system.massless:
             return None
         return {label: getattr(found, label) for label in LABELS}
@@ -94,7 +99,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     for i, name in enumerate(names):
         found = _slope(base, known[name], _scale(known, name), lambda value, of=name: build({of: value}))  # type: ignore[misc]
         if found is None:
-            raise ExportError(_refusal(known, name, caller))
+            raise ExportError(_refusal(known, name, caller, failures.get(name))) from failures.get(name)
         steps[name] = known[name] + 0.4 * found[0]
         for label in LABELS:
             slopes[label][i] = found[1][label]
@@ -148,7 +153,10 @@ def _slope(
     return None
 
 
-def _refusal(known: Parameters, name: str, caller: str) -> str:
+def _refusal(known: Parameters, name: str, caller: str, failure: MbsvibError | None) -> str:
+    if failure is not None:  # of what was tried last: a mass under gravity, whose springs would have to follow
+        return (f"{caller}: '{name}' cannot be tuned, as changed alone it gives no system: {failure} Leave it out, or "
+                f"export a file for each value, of a model that has all else that goes with it.")  # fmt: skip
     part = known.entry(name).part
     same = [other for other in known if other.startswith(f"{part}.") and known.entry(other).field in _AFFINE]
     others = same or [other for other in known if known.entry(other).field in ("mass", "stiffness", "damping")]
