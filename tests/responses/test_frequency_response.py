@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib import library
 from tests.modes.test_modes import oscillator, stiff_chain
 from tests.support.compare import assert_same_response, frequencies, linearized
 from tests.support.digits import mp
@@ -48,6 +49,13 @@ def test_static_compliance(model):
         found = system.frequency_response([0.0])[:, :, 0]
         assert not found.imag.any()
         assert_same_response(found[:, :, None].real, reference.static()[:, :, None], rtol=1e-10)
+
+
+def test_static_compliance_alone_where_modes_coincide():
+    system = library.stewart_isolator().linearize()
+    exact = system.Cq @ np.linalg.solve(system.K, system.B) + system.D
+    assert np.allclose(system.frequency_response([0.0])[:, :, 0], exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
+
 
 
 @pytest.mark.slow
