@@ -6,6 +6,8 @@ vc_curve   vibration criteria VC-A to VC-G
 actuated   actuators and sensors in the legs; ``.with_gains(law)`` closes loops
 force_feedback, velocity_feedback, skyhook, lqg, hinf, controller      laws
 collocation, root_locus, force_feedback_optimum      what a law can do
+passive    quantities for ``studies.optimize``, best values of springs, dampers, masses and places, Pareto fronts
+struts, ring      ideal legs J^T k J, and their ends as variables
 """
 
 from mbsvib.isolation.actuated import Active, actuated
@@ -23,14 +25,17 @@ from mbsvib.isolation.figures import Isolation, study
 from mbsvib.isolation.margins import Margins
 from mbsvib.isolation.noise import BaseNoise, Shaped, Table, shaped, table, white
 from mbsvib.isolation.octaves import vc_curve
+from mbsvib.isolation.pareto import Front
+from mbsvib.isolation.passive import Design, Passive, passive
 from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.sampled import SampledLoop
+from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
 
 __all__ = [
-    "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Isolation", "Margins", "Pair", "RootLocus",
-    "SampledLoop", "Shaped", "Table", "Vibration", "actuated", "collocation", "controller", "force_feedback",
-    "force_feedback_optimum", "hinf", "lqg", "root_locus", "shaped", "skyhook", "study", "table", "vc_curve",
-    "velocity_feedback", "white",
+    "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",
+    "Passive", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "actuated", "collocation",
+    "controller", "force_feedback", "force_feedback_optimum", "hinf", "lqg", "passive", "ring", "root_locus", "shaped",
+    "skyhook", "struts", "study", "table", "vc_curve", "velocity_feedback", "white",
 ]  # fmt: skip

@@ -148,8 +148,14 @@ def actuated(
         The isolated body.
     legs : sequence of str, optional
         Line springs or Maxwell elements that get actuators; default: all of them.
-    base, point, length, directions
-        As in ``study``.
+    base : str
+        What is shaken: the ground, or a body whose motion is prescribed.
+    point : array-like, shape (3,), optional
+        Reference point on base and body [m]; default: the body's centre of mass.
+    length : float, optional
+        Length [m] that makes rotations comparable.
+    directions : sequence of str, optional
+        In which the base is shaken.
 
     Returns
     -------

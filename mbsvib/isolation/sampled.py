@@ -108,6 +108,11 @@ class SampledLoop(ClosedLoop):
         realization : str
             Any.
 
+        Returns
+        -------
+        NoReturn
+            Nothing.
+
         Raises
         ------
         ResponseError

@@ -1,0 +1,96 @@
+"""Pareto fronts of passive designs: what isolation costs in compliance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.isolation.passive import Bounds, Design, Passive
+    from mbsvib.kinematics import Array
+    from mbsvib.studies import Constraint, Quantity
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Front:
+    """The best ``objective`` (n,) for each of n bounds on another quantity, ``price`` (n,), and the ``designs``."""
+
+    labels: tuple[str, str]
+    objective: Array
+    price: Array
+    bounds: Array
+    designs: tuple[Design, ...] = field(repr=False)
+
+    def table(self) -> dict[str, Any]:
+        """Return the front as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        names = list(self.designs[0].values)
+        rows = [(f"{p:.5g}", f"{x:.5g}", *(f"{design.values[name]:.5g}" for name in names),
+                 "" if design.success else "not optimal")
+                for p, x, design in zip(self.price, self.objective, self.designs, strict=True)]  # fmt: skip
+        columns = [(name, "right") for name in (*self.labels[::-1], *names, "")]
+        return {"title": f"Pareto front of {self.designs[0].model.name}", "columns": columns, "rows": rows, "notes": []}
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return f"Front({self.labels[0]} against {self.labels[1]}, {len(self.designs)} designs)"
+
+
+def front(
+    goal: Passive, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
+    constraints: tuple[Constraint, ...], words: Mapping[str, Any],
+) -> Front:  # fmt: skip
+    """Return the front: one search for each bound, from where the one before ended.
+
+    Parameters
+    ----------
+    goal : Passive
+        The mechanism.
+    variables, objective, against, bounds, constraints
+        As for ``Passive.front``.
+    words : mapping
+        What else ``studies.optimize`` is told.
+
+    Returns
+    -------
+    Front
+        Designs, in the order of the bounds.
+
+    Raises
+    ------
+    ModelError
+        If there are no bounds.
+    """
+    wanted = np.asarray(bounds, dtype=float)
+    if wanted.ndim != 1 or not len(wanted) or not np.isfinite(wanted).all():
+        raise check.refuse("front", "bounds", bounds, "one or more finite numbers")
+    others = dict(words)
+    designs: list[Design] = []
+    price = []
+    for bound in wanted.tolist():
+        limit = against <= bound
+        designs.append(goal.optimize(variables, objective, (*constraints, limit), **others))
+        others["start"] = dict(designs[-1].values)
+        reached = designs[-1].optimum.constraints[limit.label]
+        if len(reached) != 1:
+            raise ModelError(f"front: '{against.label}' has {len(reached)} numbers; expected one, as largest() makes.",
+                             field="against")  # fmt: skip
+        price.append(float(reached[0]))
+    return Front((objective.label, against.label), np.array([design.optimum.objective for design in designs]),
+                 np.array(price), wanted, tuple(designs))  # fmt: skip

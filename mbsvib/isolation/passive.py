@@ -1,0 +1,361 @@
+"""Passive design: springs, dampers, masses and places of an isolation, by exact gradients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError
+from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures
+from mbsvib.isolation.noise import base_noise
+from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
+from mbsvib.isolation.weighted import MeanSquares, Weighted
+from mbsvib.mechanism import GROUND
+from mbsvib.studies import Quantity, gain, optimize
+from mbsvib.studies.quantities import Leaf
+from mbsvib.studies.responses import Peak, band_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.isolation.noise import BaseNoise
+    from mbsvib.isolation.pareto import Front
+    from mbsvib.model import Model
+    from mbsvib.studies import Constraint, Optimum
+
+    Bounds = Mapping[str, tuple[float | None, float | None] | None]
+
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Design:
+    """A mechanism that was optimised: ``model`` with the values found, figures ``before`` and ``after``."""
+
+    model: Model
+    optimum: Optimum
+    before: Isolation
+    after: Isolation
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """The variables' values."""
+        return self.optimum.values
+
+    @property
+    def success(self) -> bool:
+        """Whether the constraints hold and no variable betters the objective."""
+        return self.optimum.success
+
+    def table(self) -> dict[str, Any]:
+        """Return variables, objective and figures as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        table = self.optimum.table()
+        both = zip(self.before.table()["rows"], self.after.table()["rows"], strict=True)
+        table["rows"] = [*table["rows"], *((name, old, new) for (name, old), (_, new) in both)]
+        table["title"] = f"Passive design of {self.model.name}"
+        return table
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return f"Design({self.optimum!r})"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Passive:
+    """Quantities of an isolation that ``optimize`` makes small or keeps within bounds, with their exact gradients."""
+
+    model: Model
+    scene: Scene = field(repr=False)
+
+    def peak(self, band: tuple[float, float] | None = None) -> Quantity:
+        """Return the peak of the Frobenius index of the transmissibility.
+
+        Parameters
+        ----------
+        band : (float, float), optional
+            First and last frequency [Hz]; default: around all modes.
+
+        Returns
+        -------
+        Quantity
+            max ||T||_F / sqrt(base directions).
+        """
+        return Peak(self._ports(self._shaken, "transmissibility"), band_of(band))
+
+    def index(self, frequencies: ArrayLike) -> Quantity:
+        """Return the Frobenius index at frequencies.
+
+        Parameters
+        ----------
+        frequencies : array-like, shape (n,)
+            Where [Hz].
+
+        Returns
+        -------
+        Quantity
+            ||T||_F / sqrt(base directions) at each.
+        """
+        f, ports = checked(frequencies), self._ports(self._shaken, "index")
+        return Leaf(f"index at {f[0]:g} to {f[-1]:g} Hz", lambda place: ports.size(place, 2.0 * np.pi * f))
+
+    def rms(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
+        """Return the root mean square acceleration of the body under base noise, rotations times the length.
+
+        Parameters
+        ----------
+        spectra : mapping of str to float, array-like or noise
+            Density of the base's acceleration by direction, as in ``Isolation.under``.
+        band : (float, float), optional
+            First and last frequency [Hz]; default: all.
+
+        Returns
+        -------
+        Quantity
+            One number [m/s^2].
+        """
+        squares = self._squares("rms acceleration", ACCELERATIONS, spectra, band)
+        result = (squares * self.scene.scale() ** 2).sum() ** 0.5
+        result.label = "rms acceleration [m/s^2]"
+        return result
+
+    def stroke(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
+        """Return the root mean square strokes of all legs under base noise.
+
+        Parameters
+        ----------
+        spectra : mapping of str to float, array-like or noise
+            Density of the base's acceleration by direction.
+        band : (float, float), optional
+            First and last frequency [Hz]; default: all.
+
+        Returns
+        -------
+        Quantity
+            One number for each of ``legs`` [m].
+        """
+        return self._each("rms stroke [m]", [leg.stroke for leg in self.scene.legs], spectra, band)
+
+    def force(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
+        """Return the root mean square forces in all legs and joints under base noise.
+
+        Parameters
+        ----------
+        spectra : mapping of str to float, array-like or noise
+            Density of the base's acceleration by direction.
+        band : (float, float), optional
+            First and last frequency [Hz]; default: all.
+
+        Returns
+        -------
+        Quantity
+            One number for each of ``legs`` [N].
+        """
+        return self._each("rms force [N]", [leg.force for leg in self.scene.legs], spectra, band)
+
+    def sag(self, direction: str = "z", load: float | None = None) -> Quantity:
+        """Return how far the body is displaced by a constant load, as its weight.
+
+        Parameters
+        ----------
+        direction : str
+            x, y or z.
+        load : float, optional
+            Force at the reference point [N]; default: the body's weight on earth, as heavy as it is now.
+
+        Returns
+        -------
+        Quantity
+            One number [m].
+
+        Raises
+        ------
+        ModelError
+            If the direction or the load is refused.
+        """
+        if direction not in DIRECTIONS[:3]:
+            raise check.refuse("sag", "direction", direction, "x, y or z")
+        weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
+        result = gain(DISPLACEMENTS[:3], f"load.{direction}", 0.0) * check.number(weight, "sag", "load")
+        result.label = f"sag along {direction} [m]"
+        return result
+
+    def compliance(self, frequency: float = 0.0) -> Quantity:
+        """Return the compliance of the body to forces and moments, their arm being the length.
+
+        Parameters
+        ----------
+        frequency : float
+            Where [Hz].
+
+        Returns
+        -------
+        Quantity
+            Frobenius norm over sqrt 6 [m/N].
+        """
+        scale = dict(zip(LOADS, self.scene.scale() / np.sqrt(6.0), strict=True))
+        ports = Weighted("compliance", dict(zip(DISPLACEMENTS, self.scene.scale(), strict=True)), scale)
+        return Leaf(f"compliance at {frequency:g} Hz [m/N]",
+                    lambda place: ports.size(place, np.array([2.0 * np.pi * frequency])))  # fmt: skip
+
+    @property
+    def legs(self) -> tuple[str, ...]:
+        """Names of what strokes and forces are told of."""
+        return tuple([leg.name for leg in self.scene.legs])
+
+    @cached_property
+    def before(self) -> Isolation:
+        """Figures of the model as it is."""
+        return figures(self.scene, self.scene.system)
+
+    def optimize(
+        self, variables: Bounds, objective: Quantity, constraints: Constraint | Iterable[Constraint] = (), **words: Any
+    ) -> Design:
+        """Return the mechanism at which a quantity is smallest.
+
+        Parameters
+        ----------
+        variables : mapping of str to (float, float) or None
+            Bounds of parameters, patterns or ties, as for ``studies.optimize``.
+        objective : Quantity
+            What is to be small: ``peak``, ``rms``, ...
+        constraints : Constraint or iterable of Constraint
+            What has to hold: ``stroke(...) <= 1e-3``.
+        **words
+            ``ties``, ``start``, ``method``, ``options`` of ``studies.optimize``.
+
+        Returns
+        -------
+        Design
+            Values, and figures before and after.
+
+        Raises
+        ------
+        ModelError
+            If a variable is unknown or its derivatives are not supported.
+        """
+        found = optimize(self.scene.model, variables, objective, constraints, **words)
+        changed = {name: value for name, value in found.model.parameters.items()
+                   if value != self.scene.model.parameters[name] and name in self.model.parameters}  # fmt: skip
+        model = self.model.with_values(changed)
+        made = scene(model, self.scene.body, self.scene.base, self.scene.point, self.scene.length, self.scene.moved)
+        return Design(model, found, self.before, figures(made, made.system, self.before.frequencies))
+
+    def front(
+        self, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
+        constraints: Iterable[Constraint] = (), **words: Any,
+    ) -> Front:  # fmt: skip
+        """Return the Pareto front of two quantities: the smallest objective for each bound of the other.
+
+        Parameters
+        ----------
+        variables : mapping of str to (float, float) or None
+            Bounds of parameters, patterns or ties.
+        objective : Quantity
+            What is to be small.
+        against : Quantity
+            What has a price, ``compliance()``; one number.
+        bounds : sequence of float
+            Largest values of it, one design each; ascending or descending, as each design starts at the one before.
+        constraints : iterable of Constraint
+            What else has to hold.
+        **words
+            ``ties``, ``start``, ``method``, ``options`` of ``studies.optimize``.
+
+        Returns
+        -------
+        Front
+            Designs, in the order of the bounds.
+
+        Raises
+        ------
+        ModelError
+            If there are no bounds, or a variable is refused.
+        """
+        from mbsvib.isolation.pareto import front
+
+        return front(self, variables, objective, against, bounds, tuple(constraints), words)
+
+    @property
+    def _shaken(self) -> dict[str, float]:
+        return dict(zip(self.scene.inputs, 1.0 / self.scene.scale(self.scene.moved), strict=True))
+
+    def _ports(self, inputs: Mapping[str, float], label: str) -> Weighted:
+        root = float(np.sqrt(len(self.scene.moved)))
+        return Weighted(label, dict(zip(ACCELERATIONS, self.scene.scale() / root, strict=True)), inputs)
+
+    def _each(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
+        if not outputs:
+            raise ModelError(f"passive: model '{self.model.name}' has no leg, spring or damper of which strokes and "
+                             f"forces could be told.", field="legs")  # fmt: skip
+        result = self._squares(label, outputs, spectra, band) ** 0.5
+        result.label = label
+        return result
+
+    def _squares(self, label: str, outputs: Sequence[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
+        noise, span = base_noise(spectra, self.scene.moved), band_of(band, lowest=0.0)
+        if span is not None or not noise.unbounded:
+            # over a band all are finite, and computed together
+            squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).wanted(outputs)
+        else:
+            squares = self._mean(outputs, noise, span)
+        return Leaf(label, lambda place: squares.at(place, outputs))
+
+    def _mean(self, outputs: Sequence[str], noise: BaseNoise, span: tuple[float, float] | None) -> MeanSquares:
+        return MeanSquares(outputs, [f"base.{direction}" for direction in noise.directions], noise, span)
+
+    @cached_property
+    def _shared(self) -> dict[Any, MeanSquares]:
+        return {}
+
+    def __repr__(self) -> str:
+        return f"Passive({self.model.name!r}: {self.scene.base} to {self.scene.body})"
+
+
+def passive(
+    model: Model, body: str, base: str = GROUND, *, point: ArrayLike | None = None, length: float | None = None,
+    directions: Sequence[str] | None = None,
+) -> Passive:  # fmt: skip
+    """Return what a passive design of an isolation is made of: quantities, and the search for the best values.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism; it stays as it is.
+    body : str
+        The isolated body.
+    base : str
+        What is shaken.
+    point : array-like, shape (3,), optional
+        Reference point [m], which stays where it is while masses and legs move; default: the body's centre of mass.
+    length : float, optional
+        Length [m] that makes rotations comparable.
+    directions : sequence of str, optional
+        In which the base is shaken.
+
+    Returns
+    -------
+    Passive
+        Quantities and ``optimize``.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown.
+    """
+    return Passive(model, scene(model, body, base, point, length, directions))

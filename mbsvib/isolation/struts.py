@@ -1,0 +1,160 @@
+"""Struts as ideal lines: stiffness J^T k J in closed form, and rings of strut ends as variables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.parts import Maxwell, Spring
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.kinematics import Array
+    from mbsvib.model import Model
+
+ENDS = ("start", "end")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Struts:
+    """Legs that push and pull along their lines and do nothing else: ``jacobian`` J (legs, 6) from the body's motion
+    at the reference point to their elongations, ``stiffness`` J^T k J (6, 6), ``length`` [m] for rotations.
+    """
+
+    legs: tuple[str, ...]
+    jacobian: Array
+    stiffness: Array
+    length: float
+
+    @property
+    def coupling(self) -> float:
+        """Largest off-diagonal entry over the geometric mean of its diagonal ones: 0 where all six motions decouple."""
+        size = np.sqrt(np.abs(np.diagonal(self.stiffness)))
+        relative = np.abs(self.stiffness) / np.maximum(np.outer(size, size), np.finfo(float).tiny)
+        return float((relative - np.diag(np.diagonal(relative))).max())
+
+    @property
+    def dexterity(self) -> float:
+        """Least over largest singular value of J, rotations at the length: 1 where all motions are held alike."""
+        scale = np.array([1.0, 1.0, 1.0, *[1.0 / self.length] * 3])
+        values = np.linalg.svd(self.jacobian * scale, compute_uv=False)
+        return float(values[-1] / values[0])
+
+    def __repr__(self) -> str:
+        return f"Struts({len(self.legs)} legs, coupling {self.coupling:.3g})"
+
+
+def struts(model: Model, body: str, legs: Sequence[str] | None = None, point: ArrayLike | None = None) -> Struts:
+    """Return the stiffness of ideal legs, K = J^T k J, with what joints, flexures and leg masses do left out.
+
+    J_i = (u_i, r_i x u_i), u the leg's line, r from the reference point to its end
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    body : str
+        The isolated body.
+    legs : sequence of str, optional
+        Line springs or Maxwell elements; default: all of them.
+    point : array-like, shape (3,), optional
+        Reference point [m]; default: the body's centre of mass.
+
+    Returns
+    -------
+    Struts
+        Jacobian and stiffness.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown.
+    """
+    if body not in model.bodies:
+        raise ModelError(f"struts: body = {body!r}; expected a body of model '{model.name}'."
+                         f"{nearest(str(body), model.bodies)}", element=str(body), field="body")  # fmt: skip
+    part = model.bodies[body]
+    origin = np.array(part.position if point is None else check.vector(point, "struts", "point"))
+    chosen = _lines(model, legs)
+    rows, k = [], []
+    for name in chosen:
+        leg = model.springs[name]
+        assert isinstance(leg, Spring | Maxwell)
+        line = np.array(leg.line)
+        rows.append(np.concatenate((line, np.cross(np.array(leg.end) - origin, line))))
+        k.append(leg.static_stiffness if isinstance(leg, Maxwell) else leg.stiffness)
+    jacobian = np.array(rows)
+    length = float(np.sqrt(0.5 * sum(part.inertia[:3]) / part.mass)) if part.mass > 0.0 else 1.0
+    return Struts(chosen, jacobian, jacobian.T @ (np.array(k)[:, None] * jacobian), length or 1.0)
+
+
+def ring(
+    model: Model, end: str, legs: Sequence[str] | None = None, centre: ArrayLike = (0, 0)
+) -> dict[str, dict[str, float]]:
+    """Return variables that move the ends of legs on a ring, as ties for ``optimize``: radius, height and spread.
+
+    The ``spread`` moves neighbours apart along the ring [m], every other end the other way: with the radius it gives
+    the ends any angle that keeps the symmetry. Legs have to be line springs without bodies of their own.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism; the axis of the ring is along z.
+    end : str
+        "start" or "end" of the legs.
+    legs : sequence of str, optional
+        Line springs or Maxwell elements, in order of their angle; default: all of them, sorted so.
+    centre : array-like, shape (2,)
+        x and y of the axis [m].
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Rates of parameters with ``END.radius``, ``END.height``, ``END.spread`` [m/m].
+
+    Raises
+    ------
+    ModelError
+        If a leg is unknown or its end is on the axis.
+    """
+    if end not in ENDS:
+        raise check.refuse("ring", "end", end, "'start' or 'end'")
+    chosen = list(_lines(model, legs))
+    middle = np.asarray(centre, dtype=float)
+    if middle.shape != (2,) or not np.isfinite(middle).all():
+        raise check.refuse("ring", "centre", centre, "x and y of the axis [m]")
+    away = {name: np.array(getattr(model.springs[name], end))[:2] - middle for name in chosen}
+    if legs is None:
+        chosen.sort(key=lambda name: float(np.arctan2(*away[name][::-1])))
+    result: dict[str, dict[str, float]] = {f"{end}.{what}": {} for what in ("radius", "height", "spread")}
+    for i, name in enumerate(chosen):
+        radius = float(np.linalg.norm(away[name]))
+        if radius == 0.0:
+            raise ModelError(f"ring: {end} of leg '{name}' is on the axis, and has no direction to move in; give "
+                             f"another centre.", element=name, field="centre")  # fmt: skip
+        out = away[name] / radius
+        along = np.array([-out[1], out[0]]) * (1.0 if i % 2 else -1.0)
+        for axis, outward, tangent in zip("xy", out.tolist(), along.tolist(), strict=True):
+            result[f"{end}.radius"][f"{name}.{end}.{axis}"] = outward
+            result[f"{end}.spread"][f"{name}.{end}.{axis}"] = tangent
+        result[f"{end}.height"][f"{name}.{end}.z"] = 1.0
+    return result
+
+
+def _lines(model: Model, legs: Sequence[str] | None) -> tuple[str, ...]:
+    lines = [name for name, part in model.springs.items() if isinstance(part, Spring | Maxwell)]
+    chosen = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
+    for name in chosen:
+        if name not in lines:
+            raise ModelError(f"struts: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."
+                             f"{nearest(str(name), lines)}", element=str(name), field="legs")  # fmt: skip
+    if not chosen:
+        raise ModelError(f"struts: model '{model.name}' has no line springs.", field="legs")
+    return chosen

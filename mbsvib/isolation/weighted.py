@@ -1,0 +1,139 @@
+"""Quantities of responses whose ports have weights, and of noise that is correlated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.modes.damped import Damped
+from mbsvib.responses.frequency_response import trusted
+from mbsvib.studies.responses import Ports, _nodes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.isolation.noise import BaseNoise
+    from mbsvib.studies.place import Place
+    from mbsvib.studies.quantities import Dual
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+
+class Weighted(Ports):
+    """Responses as one number, the Frobenius norm of weight of output x response x weight of input."""
+
+    def __init__(self, label: str, outputs: Mapping[str, float], inputs: Mapping[str, float]) -> None:
+        super().__init__(list(outputs), list(inputs))
+        self._label, self._left, self._right = label, dict(outputs), dict(inputs)
+
+    @property
+    def label(self) -> str:
+        """The response in words."""
+        return self._label
+
+    def _weights(self, system: System) -> Array:
+        outputs, inputs = self.of(system)
+        left, right = ([weight[name] for name in names] for weight, names in ((self._left, outputs),
+                                                                              (self._right, inputs)))  # fmt: skip
+        return np.outer(left, right)[:, :, None]
+
+    def magnitude(self, system: System, w: Array) -> Array:
+        """Return the norm at angular frequencies."""
+        g = self._weights(system) * response(system, w, *self.of(system))
+        return np.asarray(np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1))))
+
+    def size(self, place: Place, w: Array) -> Dual:
+        """Return the norm at angular frequencies, with derivatives."""
+        outputs, inputs = self.of(place.system)
+        weights = self._weights(place.system)
+        g, slope = weights * response(place.system, w, outputs, inputs), weights * _slope(place, w, outputs, inputs)
+        value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
+        change = (g.conj() * slope).real.sum(axis=(1, 2))
+        return place.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
+
+
+def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
+    """Return responses that are to be summed up, so that entries which symmetry makes zero need no digits.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    w : array, shape (n,)
+        Angular frequencies [rad/s].
+    outputs, inputs : sequence of str
+        Names.
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        G(i w), accurate in its norm.
+    """
+    entries = np.ix_([system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs])
+    modal = system._modal
+    if (
+        isinstance(modal, Damped)
+        and system._strong_dampers is None
+        and (modal.vectors is None or trusted(modal, modal.shapes.T @ system.B, w))
+    ):
+        result = system._modal_sum.at(np.asarray(1j * w, dtype=complex))[entries]
+        if np.isfinite(result).all():
+            return np.asarray(result)
+    return np.asarray(system.frequency_response(w)[entries])
+
+
+def _slope(place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
+    """Derivatives (variables, outputs, inputs, n)."""
+    if not place.rates:
+        return np.zeros((0, len(outputs), len(inputs), len(w)), dtype=complex)
+    return place.system.frequency_response_sensitivities(w, place.rates, list(inputs), list(outputs))
+
+
+class MeanSquares:
+    """Mean squares of outputs, each by itself, under noise that may be correlated; quantities share what is computed.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+        Names.
+    inputs : sequence of str
+        Where the noise enters, in its order.
+    noise : BaseNoise
+        Its densities.
+    band : (float, float) or None
+        First and last frequency [Hz].
+    """
+
+    def __init__(
+        self, outputs: Sequence[str], inputs: Sequence[str], noise: BaseNoise, band: tuple[float, float] | None
+    ) -> None:
+        self.outputs, self.inputs, self.noise, self.band = list(outputs), list(inputs), noise, band
+        self._last: tuple[System, Any, Array, Array] | None = None
+
+    def wanted(self, outputs: Sequence[str]) -> MeanSquares:
+        """Return the same mean squares, of these outputs too."""
+        self.outputs.extend(name for name in outputs if name not in self.outputs)
+        self._last = None
+        return self
+
+    def at(self, place: Place, chosen: Sequence[str]) -> Dual:
+        """Return the mean squares of some of the outputs, with derivatives."""
+        if self._last is None or self._last[0] is not place.system or self._last[1] is not place.rates:
+            self._last = (place.system, place.rates, *self._computed(place))
+        rows = [self.outputs.index(name) for name in chosen]
+        return place.dual(self._last[2][rows], self._last[3][rows])
+
+    def _computed(self, place: Place) -> tuple[Array, Array]:
+        f, weight = _nodes(place.system, Ports(self.outputs, self.inputs), self.noise, self.band)
+        w = 2.0 * np.pi * f
+        g = response(place.system, w, self.outputs, self.inputs)
+        slope = _slope(place, w, self.outputs, self.inputs)
+        # (G S) of each output, conjugated: the other half of the square
+        half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()
+        value = np.einsum("ojn,ojn->o", half, g).real
+        return value, 2.0 * np.einsum("ojn,pojn->po", half, slope, optimize=True).real.T

@@ -1,0 +1,186 @@
+"""Passive design: closed forms of best dampers, gradients against differences, fronts, struts as ideal lines."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, library
+from mbsvib.isolation.passive import GRAVITY
+from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, one_axis
+
+EDGE, K = 0.2, 1e6
+BAND = (2.0, 500.0)
+NOISE = {"x y": 1e-5, "rz": [(1.0, 1e-4), (600.0, 1e-5)]}
+
+
+def relaxation(ratio, c):
+    model = mv.Model("relaxing")
+    model.add_body("payload", MASS, (0.2, 0.2, 0.2), (0, 0, 0.3))
+    model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
+    k = MASS * OMEGA**2
+    model.add_spring("static", "ground", "payload", (0, 0, 0), (0, 0, 0.2), k)
+    model.add_body("node", 0.0, (0, 0, 0), (0, 0, 0.1))
+    model.add_joint("slide", "prismatic", "ground", "node", axis=(0, 0, 1))
+    model.add_spring("soft", "ground", "node", (0, 0, 0), (0, 0, 0.1), ratio * k)
+    model.add_spring("damper", "node", "payload", (0, 0, 0.1), (0, 0, 0.2), 0.0, c)
+    return model
+
+
+def geometry(model):
+    return isolation.ring(model, "start") | isolation.ring(model, "end")
+
+
+def test_best_damper_under_white_noise_is_half_of_critical():
+    # (1 + 4 zeta^2) / (2 zeta) is least at 1/2
+    goal = isolation.passive(one_axis(0.05), "payload", directions="z")
+    level = 1e-4
+    found = goal.optimize({"mount.damping": (1.0, 1e4)}, goal.rms({"z": level}))
+    assert found.success
+    assert found.values["mount.damping"] == pytest.approx(OMEGA * MASS, rel=1e-3)
+    assert found.optimum.objective**2 == pytest.approx(math.pi * FREQUENCY * level, rel=1e-6)
+    assert found.model.springs["mount"].damping == found.values["mount.damping"]
+    assert found.after.amplification < found.before.amplification
+    assert "amplification" in str(found)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 5.0])
+def test_best_relaxation_leg_in_closed_form(ratio):
+    # all dampers meet at one point, 1 + 2 / N high: the best one has its peak there (Ruzicka 1967)
+    goal = isolation.passive(relaxation(ratio, 100.0), "payload", directions="z")
+    found = goal.optimize({"damper.damping": (10.0, 1e5)}, goal.peak((0.5, 50.0)))
+    assert found.success
+    assert found.optimum.objective == pytest.approx(1 + 2 / ratio, rel=1e-6)
+    assert found.after.resonance == pytest.approx(FREQUENCY * math.sqrt(2 * (1 + ratio) / (2 + ratio)), rel=1e-3)
+
+
+def test_quantities_in_closed_form():
+    model = library.cubic_hexapod(edge=EDGE, stiffness=K, mass=10.0)
+    goal = isolation.passive(model, "platform")
+    system, length = goal.scene.system, goal.scene.length
+    assert goal.sag()(system) == pytest.approx(10.0 * GRAVITY / (2 * K), rel=1e-12)
+    assert goal.sag("x", 3.0)(system) == pytest.approx(3.0 / (2 * K), rel=1e-12)
+    soft = np.array([1 / 2, 1 / 2, 1 / 2, *(length**2 / (EDGE**2 * np.array([1 / 2, 1 / 2, 2])))]) / K
+    assert goal.compliance()(system) == pytest.approx(np.sqrt((soft**2).mean()), rel=1e-12)
+    study = isolation.study(model, "platform")
+    assert goal.peak()(system) == pytest.approx(study.amplification, rel=1e-8)
+    assert np.allclose(
+        goal.index([5.0, 90.0])(system), isolation.study(model, "platform", frequencies=[5.0, 90.0]).index
+    )
+    under = study.under(NOISE, band=BAND)
+    assert np.allclose(goal.stroke(NOISE, BAND)(system), list(under.stroke.values()), rtol=1e-9)
+    assert np.allclose(goal.force(NOISE, BAND)(system), list(under.force.values()), rtol=1e-9)
+    whole = np.sqrt(((under.acceleration * goal.scene.scale()) ** 2).sum())
+    assert goal.rms(NOISE, BAND)(system) == pytest.approx(whole, rel=1e-9)
+
+
+def test_gradients_against_differences():
+    model = library.cubic_hexapod(edge=EDGE, stiffness=K, damping=2000.0)
+    goal = isolation.passive(model, "platform")
+    names = ["leg2.k.stiffness", "leg2.k.damping", "platform.position.z", "platform.mass", "leg3.k.end.x"]
+    quantities = [goal.peak(BAND), goal.rms(NOISE, BAND), goal.stroke(NOISE, BAND), goal.sag(), goal.compliance(),
+                  goal.index([30.0, 80.0])]  # fmt: skip
+    values = goal.scene.model.parameters
+    steps = [1e-5 * (abs(values[name]) or 0.1) for name in names]
+    both = [[goal.scene.model.with_values({name: values[name] + sign * h}).linearize() for sign in (1, -1)]
+            for name, h in zip(names, steps, strict=True)]  # fmt: skip
+    for one in quantities:
+        exact = one.gradient(goal.scene.system, names)
+        differences = np.array([(np.atleast_1d(one(up)) - np.atleast_1d(one(down))) / (2 * h)
+                                for (up, down), h in zip(both, steps, strict=True)]).T  # fmt: skip
+        rounding = 1e-9 * np.abs(one(goal.scene.system)).max() / np.array(steps)
+        assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), one.label
+
+
+def test_noise_of_correlated_design_shares_its_panels():
+    goal = isolation.passive(library.cubic_hexapod(damping=500.0), "platform")
+    rms, stroke = goal.rms(NOISE, BAND), goal.stroke(NOISE, BAND)
+    system = goal.scene.system
+    alone = isolation.passive(library.cubic_hexapod(damping=500.0), "platform").stroke(NOISE, BAND)
+    assert rms(system) > 0
+    assert np.allclose(stroke(system), alone(system), rtol=1e-12)
+
+
+def test_eight_variables_in_two_seconds():
+    model = library.cubic_hexapod()
+    goal = isolation.passive(model, "platform")
+    variables = {"leg*.k.stiffness": (1e5, 1e7), "leg*.k.damping": (10.0, 1e4)}
+    variables |= dict.fromkeys(geometry(model), (-0.05, 0.05))
+    assert len(variables) == 8
+    start = time.process_time()
+    found = goal.optimize(variables, goal.rms({"x y z": 1e-5}, (1, 1000)), goal.sag() <= 2e-4, ties=geometry(model))
+    assert time.process_time() - start < 4.0  # 1.0 s
+    assert found.success
+    assert found.optimum.objective < 0.2 * found.optimum.began
+    assert found.optimum.constraints["sag along z [m] <= 0.0002"] <= 2e-4 * (1 + 1e-6)
+    # the best geometry is in the model that is given back, without the ports of the study
+    assert found.model.springs["leg1.k"].end != model.springs["leg1.k"].end
+    assert list(found.model.inputs) == list(model.inputs)
+    again = isolation.study(found.model, "platform", point=goal.scene.point, length=goal.scene.length)
+    assert again.amplification == pytest.approx(found.after.amplification, rel=1e-4)
+
+
+def test_front_of_isolation_against_compliance_in_closed_form():
+    # index at one frequency far above resonance: k / (m w^2 - k), so that k = 1 / bound is best
+    goal = isolation.passive(one_axis(0.0), "payload", directions="z")
+    f = 100.0
+    bounds = [2e-4, 1e-4, 5e-5]
+    front = goal.front({"mount.stiffness": (1e3, 1e6)}, goal.index([f]), goal.sag(load=1.0), bounds)
+    k = 1 / np.array(bounds)
+    assert np.allclose(front.price, bounds, rtol=1e-6)
+    assert np.allclose(front.objective, k / (MASS * (2 * np.pi * f) ** 2 - k), rtol=1e-6)
+    assert all(design.success for design in front.designs)
+    assert "Pareto front" in str(front)
+    with pytest.raises(mv.ModelError, match="finite numbers"):
+        goal.front({"mount.stiffness": (1e3, 1e6)}, goal.index([f]), goal.sag(), [])
+
+
+def test_struts_of_the_cubic_hexapod_decouple():
+    ideal = isolation.struts(library.cubic_hexapod(edge=EDGE, stiffness=K), "platform")
+    exact = K * np.array([2, 2, 2, EDGE**2 / 2, EDGE**2 / 2, 2 * EDGE**2])
+    assert np.allclose(ideal.stiffness, np.diag(exact), rtol=1e-12, atol=1e-9 * K)
+    assert ideal.coupling < 1e-12
+    assert not isolation.struts(library.cubic_hexapod(), "platform", point=(0, 0, 0.3)).coupling < 1e-2
+    assert 0 < ideal.dexterity < 1
+
+
+def test_struts_of_the_stewart_platform_are_its_static_stiffness():
+    ideal = isolation.struts(library.stewart(), "platform")
+    published = (2.8371955207e-8, 2.8371955207e-8, 2.0990463026e-8, 5.1862720981e-6, 5.1862720981e-6, 1.7072960141e-6)
+    assert np.allclose(np.linalg.inv(ideal.stiffness).diagonal(), published, rtol=1e-10)
+    # flexures in the joints stiffen it
+    soft = isolation.study(library.stewart_isolator(torsion_stiffness=20.0), "platform", frequencies=[0.0])
+    stiffer = np.linalg.inv(soft.compliance[:, :, 0].real)
+    assert (np.linalg.eigvalsh(stiffer - ideal.stiffness) > -1e-6 * np.abs(ideal.stiffness).max()).all()
+
+
+def test_ring_moves_ends_outwards():
+    model = library.cubic_hexapod()
+    ties = isolation.ring(model, "end")
+    assert list(ties) == ["end.radius", "end.height", "end.spread"]
+    moved = model.with_values({name: model.parameters[name] + 0.01 * rate for name, rate in ties["end.radius"].items()})
+    for leg in model.springs:
+        before, after = (np.hypot(*m.springs[leg].end[:2]) for m in (model, moved))
+        assert after == pytest.approx(before + 0.01, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda m, g: isolation.struts(m, "platfrom"), "Did you mean 'platform'"),
+        (lambda m, g: isolation.struts(m, "platform", ["leg9"]), "no line spring"),
+        (lambda m, g: isolation.ring(m, "middle"), "'start' or 'end'"),
+        (lambda m, g: isolation.ring(m, "end", centre=(1.0,)), "x and y"),
+        (lambda m, g: g.sag("rz"), "x, y or z"),
+        (lambda m, g: g.optimize({"leg1.k.stifness": (1, 2)}, g.peak()), "Did you mean"),
+        (lambda m, g: g.optimize({"leg1.k.stiffness": (1, 2)}, g.peak((3.0, 1.0))), "ascending"),
+        (lambda m, g: g.rms({"z": [(1, -1.0), (2, 1.0)]}), "density at 1 Hz is -1"),
+        (lambda m, g: g.index([]), "an empty range"),
+    ],
+)
+def test_mistakes_are_told(call, message):
+    model = library.cubic_hexapod()
+    with pytest.raises(mv.MbsvibError, match=message):
+        call(model, isolation.passive(model, "platform"))
