@@ -259,7 +259,7 @@ def system(
     relative = scene.relative()
     locked, coordinates, felt = scene.locked, scene.coordinates, len(scene.springs.owner)
     reduction = reduce(coordinates, scene.cuts, scene.closure(relative), independent)
-    check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
+    planar = check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
     kept = reduction.independent.tolist()
     names = tuple([coordinates.names[i] for i in kept])
     found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
@@ -298,7 +298,7 @@ def system(
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(
             scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
-            ports=(*model.inputs.values(), *model.outputs.values()), origin=origin,
+            ports=(*model.inputs.values(), *model.outputs.values()), origin=origin, planar=planar,
         ),
     )  # fmt: skip
 

@@ -30,7 +30,8 @@ class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
     without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
-    inputs, then the outputs themselves, ``origin`` the model as it was.
+    inputs, then the outputs themselves, ``origin`` the model as it was; ``planar`` says that loops are redundant as
+    planar ones are, in every pose.
     """
 
     topology: Topology
@@ -43,6 +44,7 @@ class Provenance:
     dropped: Dropped | None = None
     ports: tuple[Part, ...] = ()
     origin: Model | None = None
+    planar: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -173,6 +173,8 @@ def skipped(system: System) -> list[str]:
         result.append("no loop that locks anything: B'' was not formed")
     elif not any(group.redundant for group in system.provenance.reduction.groups):
         result.append("no redundant constraint: the poses nearby were not looked at")
+    elif system.provenance.planar:
+        result.append("planar loops that lose all freedoms they can: the poses nearby were not looked at")
     if not system.damping.any():
         result.append("no damper acts: C is zero and modes are real")
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):

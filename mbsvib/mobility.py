@@ -23,13 +23,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index, Twists
-    from mbsvib.loops import Cuts, Reduction
+    from mbsvib.loops import Cuts, LoopGroup, Reduction
     from mbsvib.topology import Topology
 
 # The pose is moved by STEP (rad, or loop sizes) to first order; loops then close to STEP^2, and a constraint that has
 # become independent shows as a pivot of the order of STEP. The limit lies between the two.
 STEP = 1e-4
 LIMIT = 1e-6
+# Axes that differ by less are parallel: what they differ by shows in no pivot near the limit.
+PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,7 @@ class Rod:
 
 def check_mobility(
     topology: Topology, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, position: Array
-) -> None:
+) -> bool:
     """Refuse a pose in which fewer constraints are independent than in the poses nearby.
 
     Parameters
@@ -64,6 +66,11 @@ def check_mobility(
     position : array, shape (bodies, 3)
         Centres of mass [m], world axes.
 
+    Returns
+    -------
+    bool
+        Whether planar loops spared a look at the poses nearby.
+
     Raises
     ------
     SingularPoseError
@@ -71,9 +78,12 @@ def check_mobility(
     """
     groups = [group for group in reduction.groups if group.redundant]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
-        return
-    phi = phi_nearby(topology, coordinates, cuts, reduction, position, _crossed(topology, cuts),
-                     _rods(topology, coordinates, cuts))  # fmt: skip
+        return False
+    crossing, rods = _crossed(topology, cuts), _rods(topology, coordinates, cuts)
+    # rows of the others are fixed in one body each
+    if not (crossing or rods) and _stays_planar(coordinates, cuts, groups):
+        return True
+    phi = phi_nearby(topology, coordinates, cuts, reduction, position, crossing, rods)
     for group in groups:
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
@@ -85,6 +95,30 @@ def check_mobility(
                 f"constraint rows are independent here, {rank} in the poses nearby, so the number of degrees of "
                 f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular one."
             )
+    return False
+
+
+def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> bool:
+    """Tell whether these loops move in parallel planes, and lose as many freedoms as their rows can take there: then
+    they do so in all poses nearby, as axes stay normal to the planes.
+    """
+    columns = groups[0].columns if len(groups) == 1 else np.concatenate([group.columns for group in groups])
+    if cuts.couplings is not None or not len(columns):
+        return False
+    angular, linear = coordinates.angular[:, columns], coordinates.linear[:, columns]
+    size = np.abs(angular).sum(axis=0)
+    normal = angular[:, size.argmax()]
+    length = np.sqrt(normal @ normal)
+    if not length:
+        return False
+    normal = normal / length
+    if np.abs(normal @ linear).max() > PARALLEL:
+        return False
+    if np.abs(angular - normal[:, None] * (normal @ angular)).max() > PARALLEL:
+        return False
+    along = cuts.rows.force - normal[:, None] * (normal @ cuts.rows.force)
+    acts = (np.abs(along).max(axis=0) > PARALLEL) | (np.abs(normal @ cuts.rows.moment) > PARALLEL)
+    return all(np.count_nonzero(acts[group.rows]) == group.rank for group in groups)
 
 
 def phi_nearby(

@@ -14,6 +14,7 @@ from mbsvib.modes import damped, undamped
 from mbsvib.modes import result as modal
 from mbsvib.responses import frequency_response
 from tests.stress.families import wide
+from tests.support import overconstrained
 from tests.support.compare import assert_same_eigenvalues
 from tests.support.random_models import planar, spatial
 
@@ -91,7 +92,7 @@ def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
 
 def test_redundant_rows_are_looked_at(monkeypatch):
     looked = counting(monkeypatch, mobility, "phi_nearby")
-    system = mv.library.ladder(2).linearize()
+    system = overconstrained.bennett()[0].linearize()
     assert looked
     assert "were not looked at" not in system.explain()
 
@@ -264,3 +265,17 @@ def test_outputs_that_are_not_asked_for_change_nothing(model):
         assert_array_equal(getattr(part, key), getattr(whole, key)[rows])
     assert_allclose(part.frequency_response(OMEGA), whole.frequency_response(OMEGA)[rows], rtol=1e-13,
                     atol=1e-15 * np.abs(whole.frequency_response(OMEGA)).max())  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_planar_loops_that_lose_all_they_can_are_not_moved(monkeypatch, seed):
+    """A pose nearby would say the same: as many constraints are independent there."""
+    model = planar(seed, bodies=5, loops=2)
+    calls = counting(monkeypatch, mobility, "phi_nearby")
+    system = model.linearize()
+    assert not calls
+    assert "planar loops that lose all freedoms they can: the poses nearby" in system.explain()
+    monkeypatch.setattr(mobility, "_stays_planar", lambda *_: False)
+    forced = model.linearize()
+    assert calls
+    assert_array_equal(system.K, forced.K)
