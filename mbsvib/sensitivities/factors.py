@@ -35,6 +35,8 @@ Rule = Callable[["Fields", Any, "tuple[Array, ...]"], "list[Terms]"]
 _TENSOR = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _WHOLE = tuple((i, j) for i in range(6) for j in range(i, 6))
 _WORLD = np.eye(3)
+# Fields of so many numbers are looked through for components that are zero, as planar mechanisms have many.
+LARGE = 12_000
 _DIAGONAL = tuple((i, i) for i in range(6))
 
 
@@ -233,10 +235,12 @@ def _line_end(found: Fields, k: Any, data: tuple[Array, ...], u: Field, sign: fl
 
 
 def _entries(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) -> list[Terms]:
-    """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it."""
-    half = d * (0.5 * factor)
-    whole = d * factor if len(pairs) > len(_DIAGONAL) or pairs is _TENSOR else half
-    return [[((half if i == j else whole)[:, i], d[:, j])] for i, j in pairs]
+    """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it; none of what does not move."""
+    moves = [True] * d.shape[1]
+    if d.size > LARGE:
+        moves = [bool(d[:, i].any()) for i in range(d.shape[1])]
+    half = [d[:, i] * (0.5 * factor) if moves[i] else None for i in range(d.shape[1])]
+    return [[] if (p := half[i]) is None or not moves[j] else [(p if i == j else 2.0 * p, d[:, j])] for i, j in pairs]
 
 
 def _crossed(force: Field, theta: Field) -> list[Terms]:

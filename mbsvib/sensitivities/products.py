@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.plans import Family, Plan
 
 # Numbers that one block of forms may hold, so that it stays in the cache.
-BLOCK = 40_000
+BLOCK = 80_000
 # Blocks of fewer numbers are not worth a look whether they are zero.
 SMALL = 2_000
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
@@ -52,7 +52,8 @@ def forms(families: Iterable[Family], left: Fields, right: Fields | None = None)
             number, data, rows = family.part(start, start + step)
             first = family.rule(left, number, data)
             second = None if right is None else family.rule(right, number, data)
-            acting = _acting(first, second) if size * len(rows) > SMALL else None
+            look = size * len(rows) > SMALL or not all(first) or not all(second or [True])
+            acting = _acting(first, second) if look else None
             if acting is None:
                 yield rows, family.stride, _block(first, second, len(rows))
                 continue
@@ -96,7 +97,7 @@ def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
     """Entries that are not zero for all parts, as planar mechanisms have many; None where all act."""
     other = first if second is None else second
     acting = [i for i, terms in enumerate(first)
-              if any((p.any() and a.any()) or (second is not None and q.any() and b.any())
+              if terms and other[i] and any((p.any() and a.any()) or (second is not None and q.any() and b.any())
                      for (p, q), (b, a) in zip(terms, other[i], strict=True))]  # fmt: skip
     return None if len(acting) == len(first) else acting
 
