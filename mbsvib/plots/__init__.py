@@ -8,6 +8,7 @@ from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
 from mbsvib.plots.energy import energy
 from mbsvib.plots.grid import time_grid
+from mbsvib.plots.isolation import front, isolation, root_locus
 from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
@@ -19,9 +20,12 @@ __all__ = [
     "bode",
     "campbell",
     "energy",
+    "front",
+    "isolation",
     "mechanism",
     "modes",
     "nyquist",
+    "root_locus",
     "singular_values",
     "step",
     "time_grid",

@@ -57,7 +57,6 @@ def test_static_compliance_alone_where_modes_coincide():
     assert np.allclose(system.frequency_response([0.0])[:, :, 0], exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
 
 
-
 @pytest.mark.slow
 @given(seeds(), st.integers(5, 8), st.integers(0, 3), st.booleans())
 def test_bigger_mechanisms(seed, bodies, loops, damped):
