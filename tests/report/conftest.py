@@ -10,7 +10,7 @@ import pytest
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 # Drawn in software: there is no graphics card in a test.
 WORDS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-LAUNCH, STEP = 20_000, 15_000  # milliseconds that the start and any step of a test may take
+LAUNCH, LOAD, STEP = 20_000, 40_000, 15_000  # milliseconds that starting, loading and any other step may take
 HANGS = 60  # seconds after which nothing of playwright is waited for, whatever it says itself
 
 
@@ -72,7 +72,7 @@ def look(browser, tmp_path_factory):
         page.on("pageerror", lambda error: page.trouble.append(str(error)))
         page.on("console", lambda message: page.trouble.append(message.text) if message.type == "error" else None)
         page.on("request", lambda request: page.asked.append(request.url))
-        page.goto(path.as_uri())
+        page.goto(path.as_uri(), timeout=LOAD)
         page.wait_for_function("document.body.dataset.ready === 'yes'")
         return page
 

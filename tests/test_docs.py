@@ -1,0 +1,102 @@
+"""The documentation keeps its word: its Python runs, prints what is shown, and pictures, links and names are there."""
+
+import re
+from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from typer.testing import CliRunner
+
+from mbsvib.cli._app import app
+
+DOCS = Path(__file__).parent.parent / "docs"
+PAGES = sorted((DOCS / "pages").rglob("*.md"))
+
+
+def _runner():
+    spec = spec_from_file_location("docs_run", DOCS / "run.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+RUNNER = _runner()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_pages_print_what_they_show_and_draw_their_pictures(page, tmp_path):
+    mpl.use("agg")
+    text = page.read_text(encoding="utf-8")
+    _, pairs = RUNNER.run(page, tmp_path)
+    for printed, shown in pairs:
+        assert RUNNER.same(printed, shown), printed
+    assert len(pairs) == text.count("```text")
+    for picture in re.findall(r"\]\([./]*pictures/([^)]+)\)", text):
+        assert (tmp_path / picture).stat().st_size > 2000, picture
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
+        assert "pictures/" in target or (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_table_of_contents():
+    config = (DOCS / "mkdocs.yml").read_text(encoding="utf-8")
+    assert sorted(re.findall(r": (\S+\.md)$", config, re.MULTILINE)) == sorted(
+        page.relative_to(DOCS / "pages").as_posix() for page in PAGES)  # fmt: skip
+
+
+def test_what_the_reference_names_exists():
+    whole = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    named = re.findall(r"^::: (\S+)$", whole, re.MULTILINE)
+    assert len(named) > 15
+    for name in named:
+        home, _, last = name.rpartition(".")
+        try:
+            import_module(name)
+        except ModuleNotFoundError:
+            assert hasattr(import_module(home), last), name
+
+
+def test_names_in_the_table_of_terms_exist():
+    """First column of the table: adders and methods of models, systems and modes, functions and exporters."""
+    import mbsvib as mv
+    import mbsvib_export as mx
+
+    text = (DOCS / "pages" / "coming_from.md").read_text(encoding="utf-8")
+    first = [line.split("|")[1] for line in text.splitlines() if line.startswith("| `")]
+    names = [name for cell in first for name in re.findall(r"`([a-zA-Z_]+)[`(]", cell)]
+    assert len(names) > 15
+    homes = (mv, mv.Model, mv.System, mv.Modes, mx)
+    for name in names:
+        assert any(hasattr(home, name) for home in homes), name
+
+
+def test_commands_work(tmp_path, monkeypatch):
+    pytest.importorskip("plotly", reason="plotly is not installed (extra 'report')")
+    monkeypatch.chdir(tmp_path)
+    for page in PAGES:
+        for block in re.findall(r"^```bash\n(.*?)^```$", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE):
+            for line in block.splitlines():
+                result = CliRunner().invoke(app, line.split()[1:], catch_exceptions=False)
+                assert result.exit_code == 0, line
+
+
+@pytest.mark.slow
+def test_the_site_is_built(tmp_path):
+    """With all warnings as errors: of links, of names in the reference, of docstrings."""
+    pytest.importorskip("mkdocstrings", reason="mkdocs is not installed (extra 'docs')")
+    import os
+    import subprocess
+    import sys
+
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", DOCS / "mkdocs.yml", "-d", tmp_path],
+        capture_output=True, text=True, timeout=300, env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert (tmp_path / "pictures" / "mechanism.png").exists()
+    assert "add_bushing" in (tmp_path / "reference" / "models" / "index.html").read_text(encoding="utf-8")
