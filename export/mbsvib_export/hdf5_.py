@@ -7,7 +7,9 @@
 from __future__ import annotations
 
 import os
+import zlib
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,12 +22,27 @@ from mbsvib_export.packages import need
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from mbsvib.system import System
     from mbsvib_export.neutral import SystemData
 
 _INSTALL = "mbsvib[hdf5]"
+HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
+
+
+def head(rest: bytes) -> bytes:
+    """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files.
+
+    Parameters
+    ----------
+    rest : bytes
+        The file without its head.
+
+    Returns
+    -------
+    bytes
+        The head, which HDF5 skips.
+    """
+    return f"mbsvib system in HDF5, crc32 {zlib.crc32(rest):08x}\n".encode().ljust(HEAD, b"\0")
 
 
 def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
@@ -55,12 +72,13 @@ def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realizati
     h5py = need("h5py", "to_hdf5", _INSTALL)
     arrays = arrays_of(system_data_of(system, realization, "to_hdf5"))
     stream = BytesIO()
-    with h5py.File(stream, "w") as file:
+    with h5py.File(stream, "w", userblock_size=HEAD) as file:
         for key, array in arrays.items():
             is_text = array.dtype.kind == "U"
             value = array.astype(object) if is_text else array
             file.create_dataset(key.replace(".", "/"), data=value, dtype=h5py.string_dtype() if is_text else None)
-    return write_whole(path, lambda target: target.write(stream.getvalue()))
+    rest = stream.getvalue()[HEAD:]
+    return write_whole(path, lambda target: target.write(head(rest) + rest))
 
 
 def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
@@ -83,7 +101,10 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
     """
     h5py = need("h5py", "from_hdf5", _INSTALL)
     try:
-        with open(path, "rb") as stream, h5py.File(stream, "r") as file:
+        raw = Path(path).read_bytes()
+        if raw[:HEAD] != head(raw[HEAD:]):
+            raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
+        with h5py.File(BytesIO(raw), "r") as file:
             found: dict[str, Any] = {}
 
             def take(key: str, item: Any) -> None:
@@ -97,8 +118,8 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
         return system_data_from(found)
     except ExportError as error:
         raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except FileNotFoundError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror}; expected a file of "
+    except OSError as error:
+        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
                           f"to_hdf5.") from error  # fmt: skip
     except Exception as error:  # h5py turns damage into errors of every kind
         raise ExportError(f"{os.fspath(path)}: no HDF5 file of to_hdf5, or a damaged one ({error}); write it "

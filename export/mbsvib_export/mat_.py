@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import os
 import re
+import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,8 +81,8 @@ def to_mat(
     stream = BytesIO()
     savemat(stream, content, format="5", long_field_names=True, oned_as="column")
     # scipy writes the time into the title; without it the same system gives the same bytes
-    title = b"MATLAB 5.0 MAT-file, written by mbsvib"
-    whole = title.ljust(TITLE) + stream.getvalue()[TITLE:]
+    rest = stream.getvalue()[TITLE:]
+    whole = _title(rest) + rest
     is_new = not os.path.lexists(path)
     result = write_whole(path, lambda file: file.write(whole))
     if loader:
@@ -117,7 +118,10 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     from scipy.io import loadmat
 
     try:
-        found = loadmat(os.fspath(path), appendmat=False, simplify_cells=False)
+        raw = Path(path).read_bytes()
+        if raw[:TITLE] != _title(raw[TITLE:]):
+            raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
+        found = loadmat(BytesIO(raw), simplify_cells=False)
         own = _fields(found["mbsvib"])
         check_version(_word(own["format"]), int(own["version"].item()))
         return _data(found, own, _fields(found["mech"]))
@@ -129,6 +133,11 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     except Exception as error:  # the reader of .mat files raises kinds of many modules
         raise ExportError(f"{os.fspath(path)}: no .mat file of to_mat, or a damaged one ({error}); write it "
                           f"again.") from error  # fmt: skip
+
+
+def _title(rest: bytes) -> bytes:
+    """The free text at the beginning, with a checksum: scipy's reader does not survive some damaged files."""
+    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(rest):08x}".encode().ljust(TITLE)
 
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,7 +98,8 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
     if not Path(path).is_file():
         raise ExportError(f"{where}: cannot be read: there is no such file; expected a file of to_op4.")
     try:
-        found = module.OP4(debug=False).read_op4(where)
+        with redirect_stdout(StringIO()):  # where it meets damage it prints what it sees
+            found = module.OP4(debug=False).read_op4(where)
         result = {OP4_NAMES[name]: _dense(value) for name, value in found.items() if name in OP4_NAMES}
         if not result or not all(np.isfinite(array).all() for array in result.values()):
             raise ExportError("it holds none of the matrices, or not finite numbers")

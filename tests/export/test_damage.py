@@ -1,0 +1,60 @@
+"""Damaged files are refused in words, and never end the process: cut short, or with bytes changed."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib_export.nastran_ import read_dmig, read_op4
+from tests.export.plants import slider
+from tests.export.test_json import assert_same
+
+KINDS = {
+    "mat": (mx.to_mat, mx.from_mat, "scipy"),
+    "h5": (mx.to_hdf5, mx.from_hdf5, "h5py"),
+    "uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0]), mx.from_uff, "pyuff"),
+    "text.uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0], binary=False), mx.from_uff, "pyuff"),
+    "pch": (mx.to_dmig, read_dmig, "numpy"),
+    "op4": (mx.to_op4, read_op4, "pyNastran"),
+}
+
+
+def damaged(raw, rng, k):
+    result = bytearray(raw)
+    if k % 2:
+        return bytes(result[: rng.integers(len(raw))])
+    for at in rng.integers(len(raw), size=3):
+        result[at] = rng.integers(256)
+    return bytes(result)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damage_is_refused_or_harmless(kind, tmp_path, capsys):
+    write, read, package = KINDS[kind]
+    pytest.importorskip(package)
+    path, rng, refused = tmp_path / f"x.{kind}", np.random.default_rng(0), 0
+    write(slider(), path)
+    raw = path.read_bytes()
+    for k in range(80):
+        path.write_bytes(damaged(raw, rng, k))
+        try:
+            found = read(path)
+        except mv.ExportError:
+            refused += 1
+            continue
+        if kind in ("mat", "h5"):
+            assert_same(found, slider())
+    assert refused > (40 if kind not in ("mat", "h5") else 78)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_changed_number_is_found(tmp_path):
+    system = slider()
+    pytest.importorskip("h5py")
+    for name, write, read in (("x.mat", mx.to_mat, mx.from_mat), ("x.h5", mx.to_hdf5, mx.from_hdf5)):
+        path = write(system, tmp_path / name)
+        raw = path.read_bytes()
+        at = raw.find(np.float64(1e4).tobytes())
+        path.write_bytes(raw[:at] + np.float64(2e4).tobytes() + raw[at + 8 :])
+        with pytest.raises(mv.ExportError, match=name):
+            read(path)
