@@ -110,6 +110,34 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
     return result
 
 
+def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
+    """Tell which variants have a value that a part refuses, or that batches do, so that the others can be taken.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Those of the model.
+    values : mapping of str to array, shape (n,)
+        Finite values by name or pattern.
+
+    Returns
+    -------
+    array, shape (n,)
+        True where a variant is refused.
+    """
+    given = {name: np.asarray(value, dtype=float) for name, value in resolved(parameters, values).items()}
+    result = np.zeros(len(next(iter(given.values()))), dtype=bool)
+    for name, whole in whole_fields(parameters, given).items():
+        part = parameters.parts[name]
+        for i in np.flatnonzero(_suspects(part, whole) & ~result).tolist():
+            try:
+                changed = variant(part, whole, i)
+                result[i] = isinstance(changed, Body) and changed.mass == 0.0
+            except ModelError:
+                result[i] = True
+    return result
+
+
 def _array(name: str, value: Any) -> Array:
     expected = f"a number or a vector of numbers [{unit(name)}]"
     try:

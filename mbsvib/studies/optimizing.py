@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 30
 FEASIBLE = 1e-6  # what a constraint may lack, in parts of its bound
+FLAT = 1e-9  # gradient, in parts of the objective, that is none
 OPTIMAL = 1e-4  # gradient that may be left over, in parts of its own size
 
 
@@ -172,13 +173,13 @@ def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
 
     here, (low, high) = search.at(z), search.bounds()
     gradient = here.f.slope[0]
-    size = max(float(np.linalg.norm(gradient)), search.steepest)
+    size = max(float(np.linalg.norm(gradient)), search.steepest, FLAT)
     unit_ = np.eye(len(z))
     near = here.g.value <= active
     columns = [here.g.slope[near], unit_[z <= low + active], -unit_[z >= high - active], here.h.slope]
     matrix = np.concatenate(columns).T
-    if not matrix.shape[1] or not size:
-        return float(np.linalg.norm(gradient)) / (size or 1.0)
+    if not matrix.shape[1]:
+        return float(np.linalg.norm(gradient)) / size
     scale = np.linalg.norm(matrix, axis=0)
     matrix = matrix / np.where(scale > 0.0, scale, 1.0)
     least = np.zeros(matrix.shape[1])

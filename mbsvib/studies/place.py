@@ -118,7 +118,7 @@ def checked(system: Any) -> System:
     """Return a system, or refuse what is none; sparse ones have no sensitivities."""
     if not isinstance(system, System):
         raise ModelError(f"quantities are those of a System, not of a {type(system).__name__}; models of more than 600 "
-                         f"coordinates have no sensitivities yet: linearize(method='dense').",
+                         f"coordinates are sparse, which have no sensitivities yet; try it on a smaller one.",
                          element="system")  # fmt: skip
     return system
 

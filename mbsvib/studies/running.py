@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib.batch.values import refused
 from mbsvib.errors import MbsvibError
 from mbsvib.studies.question import follow
 from mbsvib.system import System
@@ -55,8 +56,20 @@ class Task:
                 return [(number, {label: value[i] for label, value in found.items()})
                         for i, number in enumerate(numbers)]  # fmt: skip
         except REFUSED:
-            return self._halved(numbers, columns)
+            return self._sorted_out(numbers, columns)
         return [(number, self._asked(batch, i)) for i, number in enumerate(numbers)]
+
+    def _sorted_out(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
+        """A piece that is refused has points with values that no part may have: those go by themselves."""
+        if len(numbers) == 1:
+            return self._halved(numbers, columns)
+        odd = refused(self.model.parameters, self.design.values(columns))
+        if not odd.any():
+            return self._halved(numbers, columns)
+        few, many = np.flatnonzero(odd).tolist(), np.flatnonzero(~odd).tolist()
+        result = [(numbers[i], self._single({name: column[i] for name, column in columns.items()})) for i in few]
+        others = [numbers[i] for i in many]
+        return result + (self.run(others, {name: x[many] for name, x in columns.items()}) if others else [])
 
     def _halved(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
         """A piece that is refused has a point that is: look for it, and keep the others."""

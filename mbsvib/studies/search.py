@@ -124,6 +124,7 @@ class Search:
         for k, each in enumerate(self.largest):
             active = self._active[each]
             if active is None:
+                z[n + k] = max(z[n + k], float(each.true(place).value[0]) / self.unit[each])
                 continue
             where, size = each.tops(place)
             new = where[size > z[n + k] * self.unit[each] * (1.0 + EXCEEDS)]

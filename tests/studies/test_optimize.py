@@ -149,6 +149,17 @@ def test_damping_floor_holds():
     assert floor.constraints["all damping ratios [-] >= 0.02"].shape == (2,)
 
 
+def test_flat_objectives_and_unfinished_searches_are_told():
+    flat = st.optimize(two(), {"slow.mass": (0.5, 2.0)}, st.frequency(1))
+    assert flat.success
+    assert flat.optimality < 1e-6
+    started = st.optimize(absorber(), TUNED, st.peak("x", "F"), options={"maxiter": 1})
+    assert not started.success
+    assert "The solver says" in str(started)
+    assert started.violation == 0.0
+    assert st.peak("x", "F")(started.model.linearize()) == pytest.approx(started.objective, rel=1e-9)
+
+
 def test_peaks_are_bounded_as_constraints():
     model = absorber(45.0, 1.3)
     bound = 7.0 / STIFF

@@ -247,3 +247,17 @@ def test_record_is_readable_by_others(tmp_path):
     lines = [json.loads(line) for line in file.read_text().splitlines()]
     assert lines[0]["of"] == {"modes.frequencies": "modes.frequencies"}
     assert lines[3]["result"]["modes.frequencies"] == found["modes.frequencies"][lines[3]["point"]].tolist()
+
+
+def test_many_points_that_fail_do_not_hold_up_the_others(monkeypatch):
+    from mbsvib.studies.running import Task
+
+    asked = []
+    plain = Task.run
+    monkeypatch.setattr(Task, "run", lambda task, numbers, columns: asked.append(len(numbers)) or plain(
+        task, numbers, columns))  # fmt: skip
+    mass = np.linspace(-1.0, 3.0, 200)
+    found = sweep(stewart(), {"platform.mass": mass}, "modes.frequencies", workers=1)
+    assert sorted(found.errors) == np.flatnonzero(mass <= 0.0).tolist()
+    assert len(asked) < 20, "what may fail is told beforehand, and taken by itself"
+    assert np.isfinite(found["modes.frequencies"][mass > 0.0]).all()
