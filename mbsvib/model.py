@@ -15,9 +15,10 @@ from mbsvib.errors import ModelError, nearest
 from mbsvib.loads.adders import LoadedMechanism
 from mbsvib.massless.adders import RelaxingMechanism
 from mbsvib.mechanism import GROUND, check_name
-from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Gravity, Input, Joint, Load, Maxwell, Output, Spring
+from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.parts import ports as _ports
 from mbsvib.parts.coupler import Coupler, Gear, Rack, Worm
+from mbsvib.parts.load import Gravity
 from mbsvib.parts.rotor import Rotor
 from mbsvib.spin.adders import SpinningMechanism
 from mbsvib.superelements.adders import ReducedMechanism

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equilibrium import joints, springs
+from mbsvib.equilibrium import joints, rigid, springs
 from mbsvib.errors import ModelError
 from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
+from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.rotor import Rotor
 
@@ -93,6 +94,8 @@ def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
         return joints.words_at(part, pose)
     if isinstance(part, (Spring, Bushing, Maxwell)):
         return springs.words_at(part, pose, relaxed)
+    if isinstance(part, Composed):
+        return rigid.words_at(part, pose)  # type: ignore[arg-type]
     words: dict[str, Any] = part.words()
     if isinstance(part, Rotor):
         return words | {"axis": pose.turned(part.body, part.axis)}

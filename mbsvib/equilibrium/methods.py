@@ -31,7 +31,8 @@ class Posed:
         ----------
         values : mapping of str to float
             How far joint coordinates (``"knee.rz"``) move from where they are [m, rad]. The other coordinates stay
-            where they are, but for those that loops tie to these. Three free rotations are one rotation vector.
+            where they are, but for those that loops tie to these. Three free rotations are one rotation vector. Beams
+            and superelements go along as they are.
         relaxed : bool
             True: springs and bushings keep the forces that they have here, as if they were mounted in the new pose.
         cut : sequence of str, optional
@@ -49,9 +50,7 @@ class Posed:
         """
         from mbsvib.equilibrium.moved import moved
 
-        model = cast("Model", self)
-        model._refuse_composed("model.moved", "add it in the pose where it is wanted")
-        return moved(model, values, relaxed, cut)
+        return moved(cast("Model", self), values, relaxed, cut)
 
     @overload
     def equilibrium(
@@ -102,11 +101,14 @@ class Posed:
         from mbsvib.equilibrium.search import equilibrium
 
         model = cast("Model", self)
-        hint = "linearize takes the pose of a beam as the loaded one, and finds what its elements carry."
-        model._refuse_composed("model.equilibrium", hint)
-        if preload:
+        if not preload:
+            hint = ("linearize takes the pose of a beam as the loaded one; model.equilibrium(preload=...) finds what "
+                    "holds it there")  # fmt: skip
+            model._refuse_composed("model.equilibrium", hint)
+            found = equilibrium(model, snap, cut)
+        else:
             from mbsvib.equilibrium.preloads import preloaded
+            from mbsvib.equilibrium.rigid import held_as, stiffened
 
-            model = preloaded(model, preload)
-        found = equilibrium(model, snap, cut)
+            found = held_as(model, equilibrium(preloaded(stiffened(model), preload), snap, cut))
         return found if report else found.model

@@ -10,6 +10,7 @@ from mbsvib import _checks as check
 from mbsvib.equilibrium.carry import carried
 from mbsvib.equilibrium.motion import along_tree, close, stance
 from mbsvib.equilibrium.pose import start
+from mbsvib.equilibrium.rigid import stiffened
 from mbsvib.errors import ModelError, nearest
 from mbsvib.loops import reduce
 from mbsvib.topology import span
@@ -56,8 +57,9 @@ def moved(
         If a coordinate is unknown or tied to the others, or loops cannot be closed there.
     """
     given = {name: check.number(value, "moved", name) for name, value in dict(values).items()}
-    cut = _cut_elsewhere(model, given) if cut is None else tuple(cut)
-    here = stance(model, start(model), cut)
+    stiff = stiffened(model)
+    cut = _cut_elsewhere(stiff, given) if cut is None else tuple(cut)
+    here = stance(stiff, start(stiff), cut)
     target = np.zeros(len(here.coordinates.names))
     for name, value in given.items():
         if name not in here.coordinates.names:

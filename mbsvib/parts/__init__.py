@@ -7,11 +7,9 @@ compared and changed part by part.
 from mbsvib.parts.body import Body
 from mbsvib.parts.bushing import Bushing
 from mbsvib.parts.joint import Joint
-from mbsvib.parts.load import Gravity, Load
+from mbsvib.parts.load import Load
 from mbsvib.parts.maxwell import Maxwell
 from mbsvib.parts.ports import BaseMotion, ForceOutput, Input, Output
 from mbsvib.parts.spring import Spring
 
-__all__ = [
-    "BaseMotion", "Body", "Bushing", "ForceOutput", "Gravity", "Input", "Joint", "Load", "Maxwell", "Output", "Spring",
-]  # fmt: skip
+__all__ = ["BaseMotion", "Body", "Bushing", "ForceOutput", "Input", "Joint", "Load", "Maxwell", "Output", "Spring"]

@@ -1,0 +1,89 @@
+"""Beams and superelements that go along to another pose, and the preloads that hold them."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.superelements.craig_bampton import NODES, reduced
+
+G = 9.81
+
+
+def turn(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def arm(angle=0.0, gravity=None, **words):
+    """A flexible link between a hub on a motor and a gripper, built at an angle of the motor."""
+    axes = turn(angle)
+    model = mv.Model("arm", gravity=gravity)
+    model.add_body("hub", 1.5, (0.002, 0.003, 0.004), orientation=axes)
+    model.add_joint("motor", "revolute", "ground", "hub", (0, 0, 0), axis=(0, 1, 0))
+    model.add_bushing("k", "ground", "hub", (0, 0, 0), (0, 0, 0, 0, 50.0, 0))
+    model.add_body("grip", 0.3, (1e-3, 2e-3, 3e-3), axes @ [0.9, 0, 0.02], orientation=axes)
+    words = words or {"start": (0, 0, 0), "end": axes @ [0.9, 0, 0], "elements": 4}
+    model.add_beam("bar", "hub", "grip", {"type": "rectangle", "width": 0.01, "height": 0.03},
+                   {"E": 7e10, "nu": 0.33, "rho": 2700.0}, **words)  # fmt: skip
+    model.add_input("torque", "hub", "ry")
+    model.add_output("middle", "bar.2", (0, 0, 1.0))
+    model.add_output("jaw", "grip", (1.0, 0, 0), position=axes @ [1.0, 0, 0])
+    return model
+
+
+@pytest.mark.parametrize("angle", [0.4, -2.5])
+def test_a_flexible_arm_in_another_pose(angle):
+    """The same as one that is built there: its y axis, which followed from the horizontal, goes along."""
+    there, built = arm().moved({"motor.rz": angle}, relaxed=True), arm(angle, start=(0, 0, 0),
+                                                                       end=turn(angle) @ [0.9, 0, 0], elements=4,
+                                                                       y_axis=(0, 1, 0))  # fmt: skip
+    np.testing.assert_allclose(there.beams["bar"].end, built.beams["bar"].end, atol=1e-15)
+    found, expected = (model.linearize().frequency_response([3.0, 100.0]) for model in (there, built))
+    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    back = there.moved({"motor.rz": -angle}, relaxed=True)
+    np.testing.assert_allclose(back.beams["bar"].points, arm().beams["bar"].points, atol=1e-15)
+
+
+def test_the_torque_that_holds_an_arm_is_its_weights_moment():
+    angle, line = 0.3, 2700 * 0.01 * 0.03
+    with pytest.raises(mv.EquilibriumError, match=r"'motor\.rz'"):
+        arm(angle, (0, 0, -G)).linearize()
+    held = arm(angle, (0, 0, -G)).equilibrium(preload="k")
+    moment = (line * 0.9**2 / 2 + 0.3 * 0.9) * G * np.cos(angle) + 0.3 * G * 0.02 * np.sin(angle)
+    np.testing.assert_allclose(held.springs["k"].preload, (0, 0, 0, 0, -moment, 0), rtol=1e-13, atol=1e-13)
+    assert held.beams == arm(angle, (0, 0, -G)).beams
+    report = arm(0.0, (0, 0, -G)).moved({"motor.rz": angle}).equilibrium(preload=True, report=True)
+    np.testing.assert_allclose(report.model.linearize().modes().natural, held.linearize().modes().natural, rtol=1e-11)
+    with pytest.raises(mv.ModelError, match=r"beam 'bar': model\.equilibrium does not support a beam yet"):
+        held.equilibrium()
+
+
+def test_bent_lines_of_nodes():
+    """Elements in one plane go along; where each has a horizontal y axis of its own, nothing can say so elsewhere."""
+    plane = arm(nodes=[(0, 0, 0), (0.4, 0, 0.1), (0.6, 0, 0), (0.9, 0, 0)])
+    there = plane.moved({"motor.rz": 0.4}, relaxed=True)
+    np.testing.assert_allclose(there.beams["bar"].points, np.array(plane.beams["bar"].points) @ turn(0.4).T, atol=1e-15)
+    np.testing.assert_allclose(there.linearize().modes().natural, plane.linearize().modes().natural, rtol=1e-12)
+    space = arm(nodes=[(0, 0, 0), (0.4, 0.1, 0.1), (0.6, -0.1, 0.3), (0.9, 0, 0)])
+    with pytest.raises(mv.ModelError, match=r"beam 'bar': its elements have horizontal y axes"):
+        space.moved({"motor.rz": 0.4})
+
+
+def test_a_beam_that_would_have_to_bend():
+    model = arm()
+    model.add_joint("clamp", "fixed", "ground", "grip", (0.9, 0, 0))
+    with pytest.raises(mv.ModelError):
+        model.moved({"motor.rz": 0.4})
+
+
+def test_superelements_turn_their_axes():
+    model = mv.Model("swing")
+    model.add_body("hub", 1.5, (0.002, 0.003, 0.004))
+    model.add_joint("motor", "revolute", "ground", "hub", (0, 0, 0), axis=(0, 1, 0))
+    model.add_bushing("k", "ground", "hub", (0, 0, 0), (0, 0, 0, 0, 50.0, 0))
+    mass, stiffness = reduced(4)
+    nodes = {"left": NODES[0], "right": NODES[-1]}
+    model.add_superelement("flex", mass, None, stiffness, nodes=nodes, bodies={"left": "hub"})
+    there = model.moved({"motor.rz": 0.7}, relaxed=True)
+    np.testing.assert_allclose(there.linearize().modes().natural, model.linearize().modes().natural, rtol=1e-9)
+    np.testing.assert_allclose(dict(there.superelements["flex"].nodes)["right"], turn(0.7) @ NODES[-1], atol=1e-14)
