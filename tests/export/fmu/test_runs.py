@@ -54,6 +54,15 @@ def test_a_step_of_any_size_is_exact(chain, version, tmp_path):
         assert worst(run(file, tmp_path / "chain", u, h), truth) < 1e-12
 
 
+@pytest.mark.parametrize("realization", ["physical", "modal"])
+def test_400_states_step_exactly(realization, tmp_path):
+    system = library.chain(200).linearize()
+    file = mx.to_fmu(system, tmp_path / "chain.fmu", realization=realization)
+    u = steps_of(system, count=20)
+    truth = held(system.state_space(realization), 1e-3, u)
+    assert worst(run(file, tmp_path / "chain", u, 1e-3), truth) < 5e-12
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_slopes_of_inputs_make_steps_of_second_order_exact(chain, version, tmp_path):
     file = mx.to_fmu(chain, tmp_path / "chain.fmu", version)
