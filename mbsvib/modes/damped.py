@@ -360,12 +360,14 @@ def _with_forces(
 
 def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pair the eigenvalues: conjugates, a real one with 0 for each braked rigid mode, other real ones by shape."""
-    oscillating = np.nonzero(values.imag > 0.0)[0].tolist()  # LAPACK puts the conjugate right behind
+    turns = np.nonzero(values.imag != 0.0)[0].tolist()  # conjugates are neighbours, in either order after a correction
+    both = zip(turns[::2], turns[1::2], strict=True)
+    oscillating = [(i, j) if values[i].imag > 0.0 else (j, i) for i, j in both]
     real = np.nonzero(values.imag == 0.0)[0].tolist()
     share = np.linalg.norm(y[free:rigid, real], axis=0)
     braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free]]
     left = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
-    pairs = [(-1, i) for i in braked] + [(i, i + 1) for i in oscillating]
+    pairs = [(-1, i) for i in braked] + oscillating
     while left:
         slow = left.pop(0)
         mac = np.abs(y[:, left].real.T @ y[:, slow].real)

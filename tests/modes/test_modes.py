@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from mbsvib.modes.damped import _pair
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
 from tests.support.digits import mp
 from tests.support.exact import Exact
@@ -349,3 +350,13 @@ def test_the_body_that_moves_most():
     assert_allclose(modes.kinetic_energy["b0"], [1, 0], atol=1e-15)
     assert [name for name, _ in modes.strongest()] == ["b0", "b1"]
     assert [direction for _, direction in modes.strongest()] == ["x", "y"]
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_conjugates_pair_in_either_order(sign):
+    # corrections of coincident real eigenvalues leave conjugates in the order of their rounding
+    values = np.array([-1.0 + 2.0j, -1.0 - 2.0j, -5.0, -6.0, -3.0 + sign * 1e-14j, -3.0 - sign * 1e-14j])
+    first, second = _pair(values, np.eye(3, 6, dtype=complex) + 0.1, 0, 0)
+    assert (values[first].imag >= 0).all()
+    assert np.allclose(values[first[:2]], values[second[:2]].conj())
+    assert {first[2], second[2]} == {2, 3}
