@@ -15,7 +15,7 @@ from mbsvib.isolation.noise import base_noise
 from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism import GROUND
-from mbsvib.studies import Quantity, gain, optimize
+from mbsvib.studies import Quantity, optimize
 from mbsvib.studies.quantities import Leaf
 from mbsvib.studies.responses import Peak, band_of
 
@@ -191,9 +191,9 @@ class Passive:
         if direction not in DIRECTIONS[:3]:
             raise check.refuse("sag", "direction", direction, "x, y or z")
         weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
-        result = gain(DISPLACEMENTS[:3], f"load.{direction}", 0.0) * check.number(weight, "sag", "load")
-        result.label = f"sag along {direction} [m]"
-        return result
+        newton = abs(check.number(weight, "sag", "load"))
+        ports = Weighted("sag", dict.fromkeys(DISPLACEMENTS[:3], 1.0), {f"load.{direction}": newton})
+        return Leaf(f"sag along {direction} [m]", lambda place: ports.size(place, np.zeros(1)))
 
     def compliance(self, frequency: float = 0.0) -> Quantity:
         """Return the compliance of the body to forces and moments, their arm being the length.

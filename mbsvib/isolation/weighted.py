@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,12 +17,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.isolation.noise import BaseNoise
+    from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.studies.place import Place
     from mbsvib.studies.quantities import Dual
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
+
+DENSE = 60  # degrees of freedom up to which equations are solved whole at every frequency
+_KNOWN: WeakKeyDictionary[System, tuple[Any, MatrixDerivatives]] = WeakKeyDictionary()
 
 
 class Weighted(Ports):
@@ -51,7 +56,7 @@ class Weighted(Ports):
         """Return the norm at angular frequencies, with derivatives."""
         outputs, inputs = self.of(place.system)
         weights = self._weights(place.system)
-        g, slope = weights * response(place.system, w, outputs, inputs), weights * _slope(place, w, outputs, inputs)
+        g, slope = (weights * part for part in _with_slopes(place, w, outputs, inputs))
         value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
         change = (g.conj() * slope).real.sum(axis=(1, 2))
         return place.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
@@ -87,11 +92,41 @@ def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[
     return np.asarray(system.frequency_response(w)[entries])
 
 
-def _slope(place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-    """Derivatives (variables, outputs, inputs, n)."""
-    if not place.rates:
-        return np.zeros((0, len(outputs), len(inputs), len(w)), dtype=complex)
-    return place.system.frequency_response_sensitivities(w, place.rates, list(inputs), list(outputs))
+def _with_slopes(place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> tuple[Complex, Complex]:
+    """Responses (outputs, inputs, n) and their derivatives (variables, outputs, inputs, n).
+
+    dG = dH R + L dB - L dZ R + dD with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca, R = Z^-1 B, L = H Z^-1: the
+    matrices' derivatives, once, serve all frequencies.
+    """
+    system = place.system
+    if not place.rates or system.dof > DENSE:
+        value = response(system, w, outputs, inputs)
+        if not place.rates:
+            return value, np.zeros((0, *value.shape), dtype=complex)
+        return value, system.frequency_response_sensitivities(w, place.rates, list(inputs), list(outputs))
+    o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
+    d = _derivatives(system, place.rates)
+    s = np.asarray(1j * w[:, None, None], dtype=complex)
+    z = system.K + s * system.C + s * s * system.M
+    h = system.Cq[o] + s * system.Cv[o] + s * s * system.Ca[o]
+    right = np.linalg.solve(z, np.broadcast_to(system.B[:, i], (len(w), system.dof, len(i))))
+    left = np.linalg.solve(z.transpose(0, 2, 1), h.transpose(0, 2, 1)).transpose(0, 2, 1)
+    value = h @ right + system.D[np.ix_(o, i)]
+    slopes = []
+    for p in range(len(d.variables)):
+        change = np.asarray(left @ (d.B[p][:, i] - (d.K[p] + s * d.C[p] + s * s * d.M[p]) @ right), dtype=complex)
+        change += (d.Cq[p][o] + s * d.Cv[p][o] + s * s * d.Ca[p][o]) @ right + d.D[p][np.ix_(o, i)]
+        slopes.append(change.transpose(1, 2, 0))
+    return np.asarray(value.transpose(1, 2, 0)), np.array(slopes)
+
+
+def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> MatrixDerivatives:
+    """Derivatives of the matrices, kept as long as the system."""
+    found = _KNOWN.get(system)
+    if found is None or found[0] is not rates:
+        found = rates, system.matrix_derivatives(rates)
+        _KNOWN[system] = found
+    return found[1]
 
 
 class MeanSquares:
@@ -130,9 +165,7 @@ class MeanSquares:
 
     def _computed(self, place: Place) -> tuple[Array, Array]:
         f, weight = _nodes(place.system, Ports(self.outputs, self.inputs), self.noise, self.band)
-        w = 2.0 * np.pi * f
-        g = response(place.system, w, self.outputs, self.inputs)
-        slope = _slope(place, w, self.outputs, self.inputs)
+        g, slope = _with_slopes(place, 2.0 * np.pi * f, self.outputs, self.inputs)
         # (G S) of each output, conjugated: the other half of the square
         half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()
         value = np.einsum("ojn,ojn->o", half, g).real
