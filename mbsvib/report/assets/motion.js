@@ -86,17 +86,30 @@ const VIEWS = {"3-D": {eye: {x: 1.12, y: -1.29, z: 0.72}, up: {x: 0, y: 0, z: 1}
                x: {eye: {x: 1.9, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}, y: {eye: {x: 0, y: -1.9, z: 0}, up: {x: 0, y: 0, z: 1}},
                z: {eye: {x: 0, y: 0, z: 1.9}, up: {x: 0, y: 1, z: 0}}};
 
+// How far any mode goes along each axis, as a share of the amplitude.
+const farthest = [0, 0, 0];
+for (let mode = 0; mode < modesOf.shown; mode++) {
+  const [re, im] = shapeOf(mode);
+  for (let i = 0; i < re.length; i++) farthest[i % 3] = Math.max(farthest[i % 3], Math.hypot(re[i], im[i]));
+}
+
+// Ranges that no motion leaves, as lines end there, and proportions that fit the view, be the mechanism flat, long or tall.
 function room() {
-  return [0, 1, 2].map((axis) => {
+  const amplitude = Number(by("amplitude").value), ranges = [0, 1, 2].map((axis) => {
     let low = Infinity, high = -Infinity;
     for (let i = axis; i < scene.points.length; i += 3) { low = Math.min(low, scene.points[i]); high = Math.max(high, scene.points[i]); }
-    const middle = 0.5 * (low + high), half = Math.max(0.5 * (high - low) + 0.06 * scene.size, 0.14 * scene.size);
+    if (low > high) low = high = 0;
+    const middle = 0.5 * (low + high), more = Math.max(0.05, 1.02 * amplitude * farthest[axis] + 0.02) * scene.size;
+    const half = Math.max(0.5 * (high - low) + more, 0.12 * scene.size);
     return [middle - half, middle + half];
   });
+  const [x, y, z] = ranges.map(([low, high]) => high - low);
+  const scale = Math.min(2 / Math.hypot(x, y, z), 1.25 / z);
+  return {ranges, ratio: {x: scale * x, y: scale * y, z: scale * z}};
 }
 
 const view = by("view");
-const ranges = room();
+const {ranges, ratio} = room();
 const axis3 = (name, i) => ({title: {text: `${name} [m]`, font: {size: 12, color: SOFT}}, range: ranges[i], autorange: false,
   showbackground: false, gridcolor: "#e9edf1", zeroline: false, showspikes: false, nticks: 5, tickfont: {size: 10.5, color: SOFT},
   linecolor: "#d4dae0"});
@@ -109,9 +122,7 @@ Plotly.newPlot(view, traces.map(({trace, numbers, style}) => {
   return made;
 }), layout({margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "turned", scene: {xaxis: axis3("x", 0), yaxis: axis3("y", 1),
   zaxis: axis3("z", 2), aspectmode: "manual",
-  // of one size on the screen, be it flat, long or neither
-  aspectratio: Object.fromEntries(["x", "y", "z"].map((name, i) => [name, 2 * (ranges[i][1] - ranges[i][0]) / Math.hypot(...ranges.map(([low, high]) => high - low))])),
-  dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
+  aspectratio: ratio, dragmode: "orbit", camera: {...VIEWS["3-D"], projection: {type: "perspective"}}}}), CONFIG);
 
 // The camera as it is right now: a drawing in the middle of a turn must not take the view back to where the turn began.
 function keepCamera() {
@@ -181,7 +192,7 @@ function tell(mode) {
   place.textContent = "";
   make("h3", `Mode ${mode + 1}${row.natural > 0 ? `, ${shown(row.natural)} Hz` : ", rigid"}`, place);
   const list = make("dl", null, place), item = (what, value) => { make("dt", what, list); make("dd", value, list); };
-  item("eigenvalues", im ? `${shown(re)} ± ${shown(Math.abs(im))} j 1/s` : re === re2 ? `${shown(re)} 1/s, twice` : `${shown(re)} and ${shown(re2)} 1/s`);
+  item("eigenvalues", im ? `${shown(re, 5)} ± ${shown(Math.abs(im))} j 1/s` : re === re2 ? `${shown(re)} 1/s, twice` : `${shown(re)} and ${shown(re2)} 1/s`);
   if (im) item("period", seconds(2 * Math.PI / Math.abs(im)));
   if (re < 0) item("falls to 1/e in", seconds(-1 / re));
   if (re < 0 && im) item("Q", shown(0.5 / row.ratio, 4));
@@ -232,6 +243,11 @@ by("play").onclick = () => { if (state.mode < 0) choose(0); play(!state.playing)
 by("previous").onclick = () => step(-1);
 by("next").onclick = () => step(1);
 by("amplitude").oninput = () => { if (!state.playing) draw(); };
+by("amplitude").onchange = () => {
+  const {ranges, ratio} = room();
+  keepCamera();
+  Plotly.relayout(view, {"scene.xaxis.range": ranges[0], "scene.yaxis.range": ranges[1], "scene.zaxis.range": ranges[2], "scene.aspectratio": ratio});
+};
 for (const [name, camera] of Object.entries(VIEWS)) {
   make("button", name, by("views")).onclick = () => Plotly.relayout(view, {"scene.camera": {...camera, center: {x: 0, y: 0, z: 0}, projection: {type: "perspective"}}});
 }
