@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.studies.modal import Modal
 from mbsvib.studies.place import Place, check_variables, checked, station
 from mbsvib.studies.quantities import Constraint, Dual, Largest, Quantity
 from mbsvib.tracking import Reference, reference, step
@@ -61,6 +62,7 @@ class Search:
         self._place: tuple[Array, Place] | None = None
         self._value: Value | None = None
         inner = [each for part in (objective, *(c.quantity for c in constraints)) for each in part.inner()]
+        self._follows = any(isinstance(each, Modal) for each in inner)
         self.largest = tuple(dict.fromkeys(each for each in inner if isinstance(each, Largest)))
         start = self.place(np.zeros(len(scales.start)))
         check_variables(start.system, self._rates)
@@ -86,13 +88,16 @@ class Search:
             raise
 
     def place(self, x: Array) -> Place:
-        """Return the place at the unknowns of variables, its modes followed from the nearest one that was looked at."""
+        """Return the place at the unknowns of variables, its modes followed from the nearest one that was looked at, if
+        any are asked for.
+        """
         if self._place is None or not np.array_equal(self._place[0], x):
             self.evaluations += 1
             p = self.scales.values(x)
             values = dict(zip(self.design.variables, p.tolist(), strict=True))
             found = Place(self.system(x), self._rates, values, self.scales.rates(p), {})
-            self._place = x.copy(), replace(found, order=self._followed(x, found))
+            order = self._followed(x, found) if self._follows else None
+            self._place = x.copy(), replace(found, order=order)
         return self._place[1]
 
     def at(self, z: Array) -> Value:
