@@ -256,14 +256,10 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         changed: dict[str, Any] = parts_with(self.parameters, values)
         falls = changed.get("gravity")
         model = Model(self.name, falls.acceleration if isinstance(falls, Gravity) else self.gravity)
-        model._bodies = {name: changed.get(name, part) for name, part in self._bodies.items()}
-        model._joints = {name: changed.get(name, part) for name, part in self._joints.items()}
-        model._springs = {name: changed.get(name, part) for name, part in self._springs.items()}
+        for kind in ("_bodies", "_joints", "_springs", "_couplers", "_rotors", "_loads"):
+            setattr(model, kind, {name: changed.get(name, part) for name, part in getattr(self, kind).items()})
         for name, part in self._composed.items():
             model._compose(changed.get(name, part))
-        model._couplers = {name: changed.get(name, part) for name, part in self._couplers.items()}
-        model._rotors = {name: changed.get(name, part) for name, part in self._rotors.items()}
-        model._loads = {name: changed.get(name, part) for name, part in self._loads.items()}
         model._inputs, model._outputs = dict(self._inputs), dict(self._outputs)
         return model
 

@@ -18,7 +18,7 @@ from mbsvib.loops import pivoted_qr
 from mbsvib.massless.null_motion import EPS, unfelt
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 PREFERENCE = 1e-2
 # The inverse condition of N^T K N, brought to a unit diagonal, below which springs of both signs cancel.
 CANCELS = 1e-13
+# Bodies that a motion moves by less than this share of what it moves most are none of those it is said to move.
+NOTHING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +45,9 @@ class Condensation:
 
 
 def condense(
-    null: Array, found: Mapping[str, Any], unit: Array, names: tuple[str, ...], pinned: NDArray[np.bool_]
-) -> Condensation:
+    null: Array, found: Mapping[str, Any], unit: Array, names: tuple[str, ...], pinned: NDArray[np.bool_],
+    bodies: tuple[str, ...] = (),
+) -> Condensation:  # fmt: skip
     """Return the static condensation of motions that feel neither mass nor damper.
 
     T = [1; -X_d^-1 X_i],  X = (N^T K N)^-1 N^T K,  S = N (N^T K N)^-1 N^T B
@@ -61,6 +64,8 @@ def condense(
         Names of the coordinates.
     pinned : array, shape (m,)
         Coordinates that the user wants to keep.
+    bodies : tuple of str
+        Names of the bodies, for refusals.
 
     Returns
     -------
@@ -72,7 +77,7 @@ def condense(
     ModelError
         If no spring holds one of the motions, or a pinned coordinate cannot be kept.
     """
-    _check_held(null, found, unit, names)
+    _check_held(null, found, unit, names, bodies)
     follows, forces = _solved(null, found, names)
     # own coordinates of the motions first: the others then keep their meaning beside a force that acts on a node too
     weight = np.where((null != 0.0).any(axis=1), 1.0, PREFERENCE) * np.where(pinned, PREFERENCE**2, 1.0)
@@ -94,22 +99,32 @@ def condense(
     return Condensation(transform, null @ forces, kept, dependent)
 
 
-def _check_held(null: Array, found: Mapping[str, Any], unit: Array, names: tuple[str, ...]) -> None:
+def _check_held(
+    null: Array, found: Mapping[str, Any], unit: Array, names: tuple[str, ...], bodies: tuple[str, ...]
+) -> None:
     """Refuse motions without mass and damper that no spring feels either."""
     parts = [found["elastic_rows"][found["stiffness"] != 0.0]]
     if found.get("circulatory") is not None:
         parts.append(found["circulatory"])
     loose = unfelt(parts, null, unit)[0]
     if loose.shape[1]:
-        raise unheld(loose[:, 0], unit, names, "no spring or damper holds it")
+        moves = np.abs(found["body_motion"] @ loose[:, 0]).max(axis=1)
+        light = [name for name, size in zip(bodies, moves.tolist(), strict=False) if size > NOTHING * moves.max()]
+        raise unheld(loose[:, 0], unit, names, "no spring or damper holds it", light)
 
 
-def unheld(motion: Array, unit: Array, names: tuple[str, ...], why: str) -> ModelError:
-    """Return the error that names the coordinate which has most of a massless motion that nothing holds."""
+def unheld(
+    motion: Array, unit: Array, names: tuple[str, ...], why: str, bodies: Sequence[str] = ()
+) -> ModelError:
+    """Return the error that names the coordinate which has most of a massless motion that nothing holds, and bodies."""
     name = names[int(np.argmax(np.abs(motion) / unit))]
+    whose = ""
+    if bodies:
+        more = f" and {len(bodies) - 1} more" if len(bodies) > 1 else ""
+        whose = f" of body '{bodies[0]}'{more}"
     return ModelError(
-        f"coordinate '{name}': the mass matrix is singular, this motion (alone or with others) moves no mass, and "
-        f"{why}. Give the bodies it moves an inertia, hold it by a spring or damper, or lock it in its joint.",
+        f"coordinate '{name}'{whose}: the mass matrix is singular, this motion (alone or with others) moves no mass, "
+        f"and {why}. Give the bodies it moves an inertia, hold it by a spring or damper, or lock it in its joint.",
         element=name,
     )  # fmt: skip
 

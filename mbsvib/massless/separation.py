@@ -106,7 +106,7 @@ def separate(
     if static.shape[1]:
         static = cleaned(static, scale.unit, RANK_FACTOR * scale.noise)
         pins = np.array([name in (independent or ()) for name in names])
-        condensation = condense(static, found, scale.unit, names, pins)
+        condensation = condense(static, found, scale.unit, names, pins, scene.topology.bodies)
         _check_proper(condensation.response, found, outputs, inputs, ("Cv", "Ca"))
         found = _condensed(found, condensation)
     kept = everything if condensation is None else condensation.kept

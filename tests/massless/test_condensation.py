@@ -138,3 +138,12 @@ def test_batches_refuse_by_name():
     model = along_z({"b": 1.0}, {"k1": ("ground", "b", 1, 0)})
     with pytest.raises(mv.ModelError, match=r"variant 1.*Massless bodies"):
         model.linearize(values={"b.mass": [1.0, 0.0]})
+
+
+def test_a_massless_body_that_nothing_holds_is_named():
+    model = mv.Model("loose")
+    model.add_body("a", 1.0, (1, 1, 1))
+    model.add_body("flag", 0.0, (0, 0, 0), position=(1, 0, 0))
+    model.add_joint("pin", "revolute", "a", "flag", (1, 0, 0), axis=(0, 0, 1))
+    with pytest.raises(mv.ModelError, match=r"coordinate 'pin\.rz' of body 'flag': the mass matrix is singular"):
+        model.linearize()
