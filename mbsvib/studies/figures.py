@@ -145,11 +145,13 @@ def tolerances(data: Tolerances, label: str | None = None) -> Figure:
             axes.set_visible(False)
         for axes, i in zip(panels.flat, which, strict=False):
             sampled = data.sampled[np.isfinite(data.sampled[:, i]), i]
-            both = np.concatenate((sampled, data.linear[:, i]))
+            linear = data.linear[np.isfinite(data.linear[:, i]), i]
+            both = np.concatenate((sampled, linear))
             low, high = np.quantile(both, (0.0005, 0.9995))
             edges = np.linspace(low, high, BINS + 1)
             axes.hist(sampled, bins=edges, color=style.COLOURS[5], label="samples")
-            axes.hist(data.linear[:, i], bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
+            if len(linear):
+                axes.hist(linear, bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
             axes.axvline(data.nominal[i], color=style.INK, linewidth=0.9, linestyle="--", label="nominal")
             name, _, unit = data.labels[i].partition(" [")
             axes.set_xlabel(f"{name} [{unit or '-]'}")

@@ -66,7 +66,11 @@ def first_order(
     ModelError
         If a derivative does not exist.
     """
-    duals = [each.at(place) for each in quantities.values()]
+    try:
+        duals = [each.at(place) for each in quantities.values()]
+    except ModelError as error:
+        error.add_note("tolerances(..., derivatives=False) does without derivatives, by random samples only.")
+        raise
     width = len(sizes)
     slope = np.concatenate([np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals])
     names = list(place.rates)
@@ -89,6 +93,31 @@ def first_order(
     total = variance.sum(axis=1, keepdims=True)
     shares = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0.0)
     return FirstOrder(nominal, counts, root, worst, shares, linear, parted)
+
+
+def no_order(place: Place, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
+    """Return the nominal values alone, all that derivatives would say not a number.
+
+    Parameters
+    ----------
+    place : Place
+        The system as it is.
+    quantities : mapping of str to Quantity
+        What is looked at.
+    off : array, shape (n, variables)
+        How far variables are off in each sample.
+
+    Returns
+    -------
+    FirstOrder
+        Nominal values.
+    """
+    values = [np.atleast_1d(np.asarray(each(place.system), dtype=float)) for each in quantities.values()]
+    nominal = np.concatenate(values)
+    none = np.full(len(nominal), np.nan)
+    shares, linear = np.full((len(nominal), off.shape[1]), np.nan), np.full((len(off), len(nominal)), np.nan)
+    counts = tuple([len(each) for each in values])
+    return FirstOrder(nominal, counts, none, none, shares, linear, np.zeros(len(nominal), dtype=bool))
 
 
 def _parting(

@@ -13,7 +13,7 @@ from mbsvib import _checks as check
 from mbsvib.batch import Batch
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.studies.design import design
-from mbsvib.studies.first_order import first_order
+from mbsvib.studies.first_order import first_order, no_order
 from mbsvib.studies.measures import damping_ratio, frequency
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.place import Place, checked
@@ -140,10 +140,11 @@ class Tolerances:
         names = list(self.tolerance)
         rows = []
         for i, label in enumerate(self.labels):
+            known = bool(np.isfinite(self.first[i]))
             most = int(self.shares[i].argmax())
-            rows.append((label, *(f"{x:.5g}" for x in (self.nominal[i], self.mean[i], self.std[i], self.first[i],
-                                                       self.worst[i])), names[most],
-                         f"{100.0 * self.shares[i, most]:.0f}"))  # fmt: skip
+            rows.append((label, *(f"{x:.5g}" for x in (self.nominal[i], self.mean[i], self.std[i])),
+                         *(f"{x:.5g}" if known else "-" for x in (self.first[i], self.worst[i])),
+                         *((names[most], f"{100.0 * self.shares[i, most]:.0f}") if known else "--")))  # fmt: skip
         heads = ("nominal", "mean", "std", "std, 1st order", "worst, 1st order", "most by", "share [%]")
         columns = [("", "left"), *((head, "left" if head == "most by" else "right") for head in heads)]
         notes = [f"{counted(len(names), 'variable')}, {counted(len(self.sampled), 'sample')}, "
@@ -182,7 +183,8 @@ class Tolerances:
 def tolerances(
     model: Model, tolerances: Mapping[str, Any], of: Quantity | Mapping[str, Quantity] | None = None, *,
     samples: int = 10_000, distribution: str = "normal", seed: int | None = 0, ties: Ties | None = None,
-    workers: int | None = None, file: str | PathLike[str] | None = None, progress: Progress = None,
+    derivatives: bool = True, workers: int | None = None, file: str | PathLike[str] | None = None,
+    progress: Progress = None,
 ) -> Tolerances:  # fmt: skip
     """Return what scatter of parameters does to quantities, to first order and by random samples.
 
@@ -205,6 +207,9 @@ def tolerances(
         Of the random numbers; None: others each time.
     ties : mapping of str to mapping of str to float, optional
         Linear maps: {variable: {parameter or pattern: rate}}.
+    derivatives : bool
+        False: random samples only, for models whose derivatives are not supported; what is of first order is then not a
+        number.
     workers : int, optional
         How many processes.
     file : str or path-like, optional
@@ -232,7 +237,10 @@ def tolerances(
     place = Place(system, chosen.rates(model), centre, np.ones(len(width)), {})
     columns = drawn(centre, width, samples, distribution, seed)
     off = np.array([columns[name] - centre[name] for name in width]).T
-    found = first_order(place, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
+    if derivatives:
+        found = first_order(place, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
+    else:
+        found = no_order(place, quantities, off)
     ask = _Ask(quantities, {label: each.of(system.modes()) for label, each in quantities.items()
                             if isinstance(each, Modal)})  # fmt: skip
     swept = sweep(model, columns, {" ".join(quantities): ask}, how="paired", ties=used or None, batched=ask.batched,

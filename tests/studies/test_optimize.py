@@ -81,6 +81,18 @@ def test_mean_square_is_that_of_the_closed_form():
     assert st.rms("x", {"F": 3.0})(model.linearize()) == pytest.approx(np.sqrt(3.0 / (4 * 0.004 * 800.0)), rel=1e-12)
 
 
+@pytest.mark.parametrize("spectrum", [1e-6, [(1.0, 1e-8), (10.0, 1e-6), (100.0, 1e-7)]])
+def test_root_mean_squares_are_those_of_isolation_studies(spectrum):
+    model = mv.Model("payload")
+    model.add_body("payload", 12.0, (0.2, 0.2, 0.3), position=(0, 0, 0.3))
+    model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
+    model.add_spring("leg", "ground", "payload", start=(0, 0, 0), end=(0, 0, 0.2), stiffness=2e4, damping=30.0)
+    model.add_base_motion("floor", "z")
+    model.add_output("a", "payload", "z", quantity="acceleration")
+    expected = mv.isolation.study(model, "payload").under({"z": spectrum}).acceleration[2]
+    assert st.rms("a", {"floor": spectrum})(model.linearize()) == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("method", ["SLSQP", "ipopt"])
 def test_best_absorber_has_two_peaks_of_one_height(method):
     if method == "ipopt":

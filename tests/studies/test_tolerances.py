@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import mbsvib as mv
 from mbsvib import studies as st
 from mbsvib.errors import ModelError
 from mbsvib.library import stewart
@@ -115,6 +116,19 @@ def test_table_and_figures():
         assert all(axes.get_xlabel().endswith("]") for axes in shown)
     with pytest.raises(ModelError, match="Did you mean 'frequency 2"):
         found.plot("frequency 2")
+
+
+def test_models_without_derivatives_are_sampled():
+    model = mv.Model("pendulum", gravity=(0, 0, -9.81))
+    model.add_body("bob", 1.0, (0.01, 0.01, 0.01), position=(0, 0, -0.5))
+    model.add_joint("pivot", "revolute", "ground", "bob", position=(0, 0, 0), axis=(0, 1, 0))
+    found = st.tolerances(model, {"bob.position.z": 0.01}, st.frequency(), samples=100, derivatives=False)
+    length = -found.sweep["bob.position.z"]
+    expected = np.sqrt(9.81 * length / (0.01 + length**2)) / (2 * np.pi)
+    assert np.allclose(found.sampled[:, 0], expected, rtol=1e-12)
+    assert np.isnan(found.first).all()
+    assert "-" in str(found).split()
+    assert found.plot().axes[0].get_xlabel() == "frequency [Hz]"
 
 
 BAD = [
