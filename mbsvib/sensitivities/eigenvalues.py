@@ -6,6 +6,7 @@ eigenvalues coincide, those of this form in their common subspace are the direct
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,6 +74,8 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     x = motions(chosen.network, widened.right[:, None])
     y = x if found.left is None else motions(chosen.network, found.left[:, None])
     gram = _gram(x, y, 2.0 * widened.lead)
+    if chosen.network.limits:
+        gram = _whole_gram(system, widened, widened.right, found.left)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = -1.0 / gram
     resting = np.flatnonzero(found.lead == 0.0)
@@ -89,6 +92,9 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     if len(pairs.groups) and left is not None:
         first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
         cross = _gram(x.take(second), y.take(first), found.lead[first] + found.lead[second])
+        if chosen.network.limits:
+            twice = replace(found, lead=0.5 * (found.lead[first] + found.lead[second]))
+            cross = _whole_gram(system, twice, found.right[:, second], np.asarray(found.left)[:, first])
         form = chosen.variables.chain(_complex(table(chosen, left.take(first), right.take(second)), chosen))
         _part(result, found, pairs, (gram, cross), form)
     elif len(pairs.groups):
@@ -112,6 +118,12 @@ def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
     if x.viscous is not None:
         result += (y.relative[-len(x.viscous) :] * x.viscous).sum(axis=(0, 1))[0]
     return result
+
+
+def _whole_gram(system: System, found: Spectrum, right: Field, left: Field | None) -> Complex:
+    """Return y^T (2 lambda M + C) x with all that there is in M and C."""
+    y = right if left is None else left
+    return np.asarray((y * (2.0 * found.lead * (system.M @ right) + system.C @ right)).sum(axis=0), dtype=complex)
 
 
 def _fields(network: Network, motion: Motions, values: Complex, scale: Complex) -> Fields:

@@ -273,22 +273,24 @@ def check_complete(system: System, network: Network) -> None:
     Raises
     ------
     ModelError
-        If the work of one motion is not that of the system's matrices, or they are not symmetric.
+        If the work of one motion is not that of the system's factors.
     """
     some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
     moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
     motion = motions(network, some)
     own = motion.relative[len(network.joints) :]
-    complete = system.gyroscopic is None and system.circulatory is None
+    # rows of geometric stiffness, behind those of the springs, belong to parameters that are refused one by one
+    strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
+    complete = True
     for work, terms in (
         ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2),
-        ((own * motion.elastic).sum(), system.stiffness * strained[:, 0] ** 2),
-        (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained[:, 0] ** 2),
+        ((own * motion.elastic).sum(), system.stiffness * strained**2),
+        (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained**2),
     ):
         complete &= bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
     if not complete:
         raise ModelError(
-            f"sensitivities of '{system.name}': it has forces beyond those of rigid bodies and spring-dampers (loads, "
-            f"spin, beams), whose derivatives are not supported yet. Compare variants by model.with_values instead.",
+            f"sensitivities of '{system.name}': it has forces beyond those of rigid bodies and spring-dampers, "
+            f"whose derivatives are not supported yet. Compare variants by model.with_values instead.",
             element=system.name,
         )  # fmt: skip

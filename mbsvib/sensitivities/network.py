@@ -15,10 +15,11 @@ from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
 from mbsvib.beams.refusal import refuse_composed
-from mbsvib.couplers.refusal import refuse_coupled
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
+from mbsvib.parts.coupler import Coupling
+from mbsvib.sensitivities.limits import limits
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array, Index, Twists
     from mbsvib.parts._part import Part
+    from mbsvib.sensitivities.limits import Limit
     from mbsvib.sensitivities.plans import Plan
     from mbsvib.system import System
 
@@ -59,7 +61,7 @@ class Network:
     body of each spring-damper and of each joint. ``tree`` lists body and parent (ground: b) from ground outwards; joint
     j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
-    that are not zero.
+    that are not zero. ``limits`` say which parameters have no derivatives.
     """
 
     parts: tuple[Part, ...]
@@ -85,6 +87,7 @@ class Network:
     origin: Array
     displacements: Array
     moves: Index
+    limits: tuple[Limit, ...]
 
     @cached_property
     def damped(self) -> bool:
@@ -121,7 +124,6 @@ def network(system: System) -> Network:
     _refuse_dropped(system)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
-    refuse_coupled(parts, "sensitivities", "compare variants by linearize(values=...)")
     springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     coordinates = twists(topology, list(bodies))
@@ -144,7 +146,7 @@ def network(system: System) -> Network:
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         None if ties is None else _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
-        displacements, np.flatnonzero(displacements.any(axis=1)),
+        displacements, np.flatnonzero(displacements.any(axis=1)), limits(system),
     )  # fmt: skip
 
 
@@ -234,8 +236,8 @@ def _constraints(
 ) -> Constraints | None:
     topology, reduction = system.provenance.topology, system.provenance.reduction
     cuts = cut_rows(topology, bodies, number)
-    if cuts is None or not cuts.names:
-        return None
+    if cuts is None or not cuts.names or any(isinstance(part, Coupling) for part in system.provenance.parts):
+        return None  # with couplers no parameter is allowed that asks for forces in joints
     behind, sign = _coordinates(system)
     free = np.zeros(len(coordinates.names), dtype=bool)
     free[reduction.independent] = True

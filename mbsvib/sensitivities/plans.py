@@ -99,6 +99,12 @@ def plan(network: Network, asked: Variables) -> Plan:
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
     groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
     for place, parameter in enumerate(asked.parameters):
+        for limit in network.limits:
+            known = parts.get(parameter.part)
+            # the tension of a spring with a free length comes from its stiffness
+            pulls = parameter.field == "stiffness" and known and getattr(known[2], "free_length", None) is not None
+            if known is None or pulls or (known[0], parameter.field) not in limit.fields:
+                raise limit.refuse(parameter)
         if parameter.part not in parts or parameter.field in ("preload", "free_length"):
             raise ModelError(
                 f"sensitivities to '{parameter.name}' are not supported yet. Compare variants by model.with_values, or "

@@ -14,6 +14,7 @@ import numpy as np
 from mbsvib.errors import ModelError
 from mbsvib.modes.damped import Damped
 from mbsvib.parts import Body
+from mbsvib.sensitivities.limits import limits
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
@@ -85,7 +86,7 @@ def states(system: System, inputs: list[int], outputs: list[int]) -> States:
 
 
 def refuse_general(system: System) -> ModelError:
-    """Return the refusal of a system with motions without mass, which names one.
+    """Return the refusal of a system with motions without mass, or with spin, which names what does it.
 
     Parameters
     ----------
@@ -98,10 +99,10 @@ def refuse_general(system: System) -> ModelError:
         To be raised.
     """
     light = [part.name for part in system.provenance.parts if isinstance(part, Body) and part.mass == 0.0]
-    who = light[0] if light else system.name
+    who = light[0] if light else limits(system)[0].who if limits(system) else system.name
     return ModelError(
-        f"sensitivities: '{who}' has motions without mass, which are supported for eigenvalues, matrices and frequency "
-        f"responses only. Give it mass, or compare variants by model.with_values.", element=who,
+        f"sensitivities: '{who}' makes motions without mass or matrices without symmetry, for which there are those of "
+        f"eigenvalues, matrices and frequency responses only. Compare variants by model.with_values.", element=who,
     )  # fmt: skip
 
 

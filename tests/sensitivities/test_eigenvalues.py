@@ -116,7 +116,7 @@ def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):
     rng = np.random.default_rng(seed)

@@ -74,7 +74,7 @@ def test_unknown_names_are_refused_with_the_nearest():
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.one_of(seeds().map(lambda seed: spatial(seed, bodies=3, loops=seed % 3)),
                  seeds().map(lambda seed: planar(seed, bodies=3, loops=1))), seeds())  # fmt: skip
 def test_differences_of_random_mechanisms(model, seed):

@@ -83,7 +83,7 @@ def aligned(shapes, mass, start):
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):
     model = spatial(seed, bodies=3, loops=seed % 2, ports=False)
