@@ -66,6 +66,8 @@ def to_casadi(
 
     xdot = A x + B u,  y = C x + D u;  with parameters M(p) q'' + C(p) q' + K(p) q = B(p) u, solved for q''
 
+    ``model.step.generate("step.c")`` writes a function as C code without CasADi in it.
+
     Parameters
     ----------
     system : System, StateSpace or SystemData

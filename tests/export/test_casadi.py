@@ -1,5 +1,7 @@
 """Functions of CasADi: values, derivatives to parameters, and steps against the toolbox's own at other values."""
 
+import shutil
+import subprocess
 import sys
 
 import numpy as np
@@ -139,3 +141,21 @@ def test_files_go_on_to_casadi(tmp_path):
     x = casadi.MX.sym("x", 12)
     found = casadi.Function("A", [x], [casadi.jacobian(made.rates(x, np.zeros(15), np.zeros(0))[0], x)])(0).full()
     assert same_bits(found + 0.0, system.state_space().A + 0.0)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_c_code_steps_as_casadi_does(tmp_path, monkeypatch):
+    made = mx.to_casadi(slider(), 1e-3, ["k.stiffness", "mass.mass"])
+    monkeypatch.chdir(tmp_path)
+    made.step.generate("step.c")
+    subprocess.run(["gcc", "-shared", "-fPIC", "step.c", "-o", "step.so", "-lm"], check=True)
+    found = casadi.external("step", str(tmp_path / "step.so"))([0.1, 0.2], 1.0, 1.1 * made.values)[0]
+    close(found, made.step([0.1, 0.2], 1.0, 1.1 * made.values)[0].full().ravel(), 1e-14)
+
+
+def test_batches_and_sparse_systems_are_refused_with_the_way_to_one():
+    batch = library.stewart().linearize(values={"leg1.k.stiffness": [1e7, 2e7]})
+    with pytest.raises(mv.ExportError, match=r"batch of 2 variants; export them one by one, to_casadi\(batch\[i\]\)"):
+        mx.to_casadi(batch)
+    with pytest.raises(mv.ExportError, match=r"held sparse; export some of its modes, to_casadi\("):
+        mx.to_casadi(library.chain(3).linearize(method="sparse"), parameters="*.mass")
