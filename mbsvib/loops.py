@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -149,7 +150,7 @@ def reduce(
 
     Source: Jiang, Chen & Luo (2011), cut-joint constraint matrix B''.
     """
-    pinned = _pinned(coordinates, independent)
+    pinned = _pinned(coordinates, independent) if independent else None
     n = len(coordinates.names)
     if cuts is None:
         return Reduction(np.arange(n), None, ())
@@ -213,7 +214,7 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
 
 
 def _solve(
-    coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask
+    coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask | None
 ) -> tuple[LoopGroup, Index, Index, Array]:
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
     cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
@@ -223,18 +224,19 @@ def _solve(
     if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding
         length = 1.0
     scale = np.where(coordinates.turns[columns], 1.0, length)
-    scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
+    scale *= _preference(len(columns))
     a = scaled(phi[rows[:, None], columns], cuts, rows, scale, length)
-    held = np.nonzero(pinned[columns])[0]
-    candidate = np.nonzero(~pinned[columns])[0] if len(held) else np.arange(len(columns))
-    qr, order, tau = pivoted_qr(a[:, candidate] if len(held) else a)
+    held = candidate = None
+    if pinned is not None and pinned[columns].any():
+        held, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
+    qr, order, tau = pivoted_qr(a if candidate is None else a[:, candidate])
     pivots = np.abs(qr.diagonal())
     # positions are rounded relative to the origin, entries of Phi therefore relative to origin distance / loop size
     noise = EPS * max(a.shape) * max(1.0, distance / length)
     largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
     rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
     right = qr[:rank, rank:]
-    if len(held):
+    if held is not None:
         product = a[:, held]
         if len(tau):
             product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, product, 64 * len(held))[0]
@@ -247,10 +249,20 @@ def _solve(
         _redundant(a, rank, rows, cuts),
     )  # fmt: skip
     _check_gap(group)
-    dependent, others = candidate[order[:rank]], np.concatenate((candidate[order[rank:]], held))
+    dependent, others = order[:rank], order[rank:]
+    if candidate is not None and held is not None:
+        dependent, others = candidate[dependent], np.concatenate((candidate[others], held))
     block = lapack.dtrtrs(qr[:rank, :rank], right)[0] if rank and len(others) else np.zeros((rank, len(others)))
     block *= -scale[dependent, None] / scale[others]
     return group, columns[dependent], columns[others], block
+
+
+@lru_cache
+def _preference(n: int) -> Array:
+    """Weights by which the first of n equals is taken."""
+    result: Array = 1.0 - TIE_BREAK / max(1, n) * np.arange(float(n))
+    result.setflags(write=False)
+    return result
 
 
 def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
@@ -270,8 +282,7 @@ def _redundant(a: Array, rank: int, rows: Index, cuts: Cuts) -> tuple[str, ...]:
     """Name the rows that the others imply: those that a pivoted QR of the transpose takes last."""
     if rank == len(rows):
         return ()
-    weight = 1.0 - TIE_BREAK * np.arange(len(rows)) / len(rows)
-    _, order, _ = pivoted_qr((a * weight[:, None]).T)
+    _, order, _ = pivoted_qr((a * _preference(len(rows))[:, None]).T)
     return tuple(cuts.names[rows[k]] for k in sorted(order[rank:].tolist()))
 
 
