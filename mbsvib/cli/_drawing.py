@@ -1,4 +1,4 @@
-"""Commands that draw: bode and step."""
+"""Commands that draw: bode, step, draw and animate."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from mbsvib.cli import _shell as shell
-from mbsvib.cli._lookup import InputOption, ModelArgument, OutputOption, ports, system_of
+from mbsvib.cli._lookup import InputOption, ModelArgument, OutputOption, model_of, ports, system_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".png", ".pdf", ".svg")
+MOTIONS = (".gif", ".mp4", ".html")
+ViewOption = Annotated[str, typer.Option("--view", metavar="VIEW", help="From where: 3-D, x, y or z.")]
 FileOption = Annotated[
     Path | None, typer.Option("--file", "-f", metavar="FILE", help=f"Where to: {', '.join(FORMATS)}.")
 ]
@@ -51,6 +53,33 @@ def step(
     from mbsvib import plots
 
     _deliver(plots.step(system, sources, results, until), file, f"{system.name}-step.png", remark)
+
+
+def draw(model: ModelArgument, view: ViewOption = "3-D", file: FileOption = None) -> None:
+    """Draw the mechanism into a file (default: NAME-mechanism.png)."""
+    _check_format(file)
+    source = model_of(model)
+    from mbsvib import plots
+
+    _deliver(plots.mechanism(source, view), file, f"{source.name}-mechanism.png", "")
+
+
+def animate(
+    model: ModelArgument,
+    mode: Annotated[int, typer.Option("--mode", "-m", metavar="N", help="The mode's number in the table.")] = 1,
+    view: ViewOption = "3-D",
+    file: Annotated[
+        Path | None, typer.Option("--file", "-f", metavar="FILE", help="Where to: .gif, .mp4 or .html.")
+    ] = None,
+) -> None:
+    """Write a mode in motion into a file (default: NAME-modeN.gif)."""
+    if file is not None and file.suffix.lower() not in MOTIONS:
+        raise shell.UsageProblem(f"'{file}': motions end in {', '.join(MOTIONS)}.")
+    system = system_of(model)
+    path = file if file is not None else Path(f"{system.name}-mode{mode}.gif".replace("/", "_"))
+    motion = system.modes().animate(mode, path, view=view)
+    shell.say(motion.title)
+    shell.say(f"Written: {shell.shown(path)}")
 
 
 def write_figure(figure: Figure, path: Path) -> Path:

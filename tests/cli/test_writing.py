@@ -119,3 +119,14 @@ def test_report_is_one_page_with_the_names_asked_for(run, tmp_path):
     refused = run("report slider.yaml -o page.pdf")
     assert refused.exit_code == 2
     assert "reports end in .html" in refused.stderr
+
+
+def test_the_mechanism_and_its_modes_are_drawn(run, tmp_path):
+    assert run("draw slider.yaml --view y").stdout == "Written: slider-mechanism.png\n"
+    assert (tmp_path / "slider-mechanism.png").read_bytes().startswith(PNG)
+    result = run("animate slider.yaml")
+    assert result.stdout.splitlines()[0].startswith("Mode 1: 7.9577 Hz, damping")
+    assert (tmp_path / "slider-mode1.gif").read_bytes().startswith(b"GIF89a")
+    refused = run("animate slider.yaml -m 2")
+    assert "from 1 to 1" in refused.stderr
+    assert run("animate slider.yaml -f mode.avi").exit_code == 2
