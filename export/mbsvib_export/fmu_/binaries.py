@@ -172,7 +172,7 @@ def binary(name: str) -> bytes:
     return content
 
 
-def build(name: str, folder: Path) -> Path:
+def build(name: str, folder: Path, portable: bool = False) -> Path:
     """Compile the binary for a platform.
 
     Parameters
@@ -181,6 +181,8 @@ def build(name: str, folder: Path) -> Path:
         One of ``PLATFORMS``.
     folder : Path
         Where it goes.
+    portable : bool
+        By zig for old systems too, though this machine has a compiler for itself.
 
     Returns
     -------
@@ -195,7 +197,7 @@ def build(name: str, folder: Path) -> Path:
     goal = PLATFORMS[name]
     result = folder / f"{_NAME}{goal.suffix}"
     sources = sorted(path.name for path in SOURCE.glob("*.c"))
-    command = [*_compiler(goal), *_FLAGS, *sources, "-o", str(result.resolve())]
+    command = [*_compiler(goal, portable), *_FLAGS, *sources, "-o", str(result.resolve())]
     if "darwin" in name:  # else the place of the build is in the file
         command += [f"-Wl,-install_name,@rpath/{result.name}"]
     elif "linux" in name:
@@ -208,9 +210,9 @@ def build(name: str, folder: Path) -> Path:
     return result
 
 
-def _compiler(goal: Platform) -> list[str]:
+def _compiler(goal: Platform, portable: bool) -> list[str]:
     """The compiler of this machine for itself, zig for the others."""
-    if goal.name == this_platform():
+    if goal.name == this_platform() and not portable:
         own = next((found for word in ("gcc", "clang", "cc") if (found := shutil.which(word))), None)
         if own:
             return [own]

@@ -5,7 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 #ifdef _WIN32
-#include <windows.h>
+#include <wchar.h>
+/* of windows.h, whose names are ours too */
+__declspec(dllimport) int __stdcall MultiByteToWideChar(unsigned, unsigned long, const char *, int, wchar_t *, int);
+#define CP_UTF8 65001
 #endif
 
 #define LIMIT 1000000                  /* of every number of names; sizes stay below 2^62 */
