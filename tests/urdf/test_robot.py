@@ -139,6 +139,18 @@ def test_the_arm_of_the_examples():
     assert model.linearize().dof == 6
 
 
+def test_gears_carry_the_weight():
+    """The moment of what hangs on a joint, by hand."""
+    model = mv.load_urdf(ARM, pose={"lift": 0.6, "elbow": 1.2}, stiffness=1e4, gravity=(0, 0, -9.81))
+    held = model.equilibrium(preload="*.k")
+    bodies = [*model.bodies.values()]
+    for name, outward in (("lift", bodies[1:]), ("elbow", bodies[2:]), ("wrist_1", bodies[3:])):
+        x = model.joints[name].position[0]
+        moment = sum(9.81 * body.mass * (body.position[0] - x) for body in outward)  # of the weights, about y
+        assert held.springs[f"{name}.k"].preload[5] == pytest.approx(-moment, rel=1e-9)
+    assert held.linearize().dof == 6
+
+
 @pytest.mark.parametrize(("words", "told"), [
     (link("a") + link("b"), "expected one link that no joint carries"),
     (link("a") + link("a"), "'a' is there twice"),
