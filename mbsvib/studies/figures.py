@@ -59,7 +59,8 @@ def sweep(data: Sweep, label: str | None = None) -> Figure:
             axes.set_xlabel(_said(varied[0], data))
             axes.set_ylabel(_said(name, data))
         elif len(varied) == 2 and len(data.shape) > 1:
-            _map(figure, axes, data, varied, flat[:, 0], _said(name, data))
+            said = _said(name, data)
+            _map(figure, axes, data, varied, flat[:, 0], said if flat.shape[1] == 1 else f"entry 1 of {said}")
         else:
             histograms(axes, flat)
             axes.set_xlabel(_said(name, data))

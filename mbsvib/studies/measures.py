@@ -32,7 +32,8 @@ def frequency(mode: int | Iterable[int] | None = None) -> Quantity:
     ----------
     mode : int or iterable of int, optional
         Number of a mode in ``modes()``, from 0, or several. Default: all but rigid-body modes. In a search it is the
-        number where that starts: modes are followed by their shapes.
+        number where that starts: modes are followed by their shapes. Where modes coincide, the derivative to each
+        variable is that along its own branch.
 
     Returns
     -------

@@ -11,7 +11,7 @@ from mbsvib import _checks as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -37,7 +37,8 @@ class Dual:
 
     def through(self, function: Callable[[Array], Array], rate: Callable[[Array], Array]) -> Dual:
         """Return a function of each number, by its derivative."""
-        return Dual(function(self.value), rate(self.value)[:, None] * self.slope)
+        with np.errstate(divide="ignore", invalid="ignore"):  # what is not finite is refused by who asked
+            return Dual(function(self.value), rate(self.value)[:, None] * self.slope)
 
 
 class Quantity:
@@ -322,12 +323,14 @@ def _stacked(quantities: tuple[Any, ...]) -> Quantity:
     if len(parts) == 1:
         return parts[0]
 
-    def stack(*duals: Dual) -> Dual:
-        width = max(dual.slope.shape[1] for dual in duals)
-        slopes = [np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]
-        return Dual(np.concatenate([dual.value for dual in duals]), np.concatenate(slopes))
+    return Quantity(", ".join(part.label for part in parts), parts, lambda *duals: stacked(duals))
 
-    return Quantity(", ".join(part.label for part in parts), parts, stack)
+
+def stacked(duals: Sequence[Dual]) -> Dual:
+    """Return all numbers behind each other; constants have derivatives (k, 1), whatever the others have."""
+    width = next((dual.slope.shape[1] for dual in duals if dual.slope.shape[1] != 1), 1)
+    slopes = [np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]
+    return Dual(np.concatenate([dual.value for dual in duals]), np.concatenate(slopes))
 
 
 def _joined(sign: str, one: Quantity, other: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:

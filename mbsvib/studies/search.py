@@ -15,7 +15,7 @@ import numpy as np
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.place import Place, check_variables, checked, station
-from mbsvib.studies.quantities import Constraint, Dual, Largest, Quantity
+from mbsvib.studies.quantities import Constraint, Dual, Largest, Quantity, stacked
 from mbsvib.tracking import Reference, reference, step
 
 if TYPE_CHECKING:
@@ -73,6 +73,8 @@ class Search:
         self.start = np.concatenate((np.zeros(len(scales.start)), [true[each] / self.unit[each] for each in true]))
         self._size = abs(float(self._one(objective.at(start)).value[0])) or 1.0
         found = [constraint.quantity.at(start).value for constraint in constraints]
+        if not np.isfinite([self._size, *true.values(), *(number for value in found for number in value)]).all():
+            raise _not_finite(start)
         self._sizes = [max([abs(b) for b in (c.low, c.high) if b is not None]) or float(np.abs(value).max()) or 1.0
                        for c, value in zip(constraints, found, strict=True)]  # fmt: skip
         self._check_directions(start)
@@ -113,9 +115,7 @@ class Search:
         parts = [Dual(dual.value, np.broadcast_to(dual.slope, (len(dual.value), place.width)) * chain)
                  for dual in (Dual(f.value / self._size, f.slope / self._size), _stacked(g), _stacked(h))]  # fmt: skip
         if not all(np.isfinite(numbers).all() for dual in parts for numbers in (dual.value, dual.slope)):
-            raise ModelError(f"optimize: objective, constraints or their derivatives are not finite at "
-                             f"{_said(place.values)}; give bounds that keep away from there.",
-                             field="variables")  # fmt: skip
+            raise _not_finite(place)
         self.steepest = max(self.steepest, float(np.linalg.norm(parts[0].slope[0])))
         self._value = Value(z.copy(), *parts)
         return self._value
@@ -204,11 +204,12 @@ class Search:
 
 
 def _stacked(duals: list[Dual]) -> Dual:
-    if not duals:
-        return Dual(np.zeros(0), np.zeros((0, 1)))
-    width = max(dual.slope.shape[1] for dual in duals)
-    return Dual(np.concatenate([dual.value for dual in duals]),
-                np.concatenate([np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]))  # fmt: skip
+    return stacked(duals) if duals else Dual(np.zeros(0), np.zeros((0, 1)))
+
+
+def _not_finite(place: Place) -> ModelError:
+    return ModelError(f"optimize: objective, constraints or their derivatives are not finite at {_said(place.values)}; "
+                      f"give bounds that keep away from there, or another start.", field="variables")  # fmt: skip
 
 
 def _at(dual: Dual, unknown: int) -> Array:
