@@ -10,7 +10,9 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
+from mbsvib.isolation.summed import response as summed
 from mbsvib.mechanism import GROUND
+from mbsvib.system import System
 
 if TYPE_CHECKING:
     import os
@@ -94,10 +96,12 @@ class Isolation:
         return np.asarray(f[[bool(near > 100.0 * beside) for near, beside in grows]] if len(f) else f)
 
     def _index_at(self, frequencies: ArrayLike) -> Array:
+        w = 2.0 * np.pi * np.asarray(frequencies, dtype=float)
+        if isinstance(self.linear, System):
+            return _frobenius(self._scaled(summed(self.linear, w, ACCELERATIONS, self.scene.inputs)))
         into = [self.linear.inputs.index(name) for name in self.scene.inputs]
         out = [self.linear.outputs.index(name) for name in ACCELERATIONS]
-        response = self.linear.frequency_response(2.0 * np.pi * np.asarray(frequencies, dtype=float))
-        return _frobenius(self._scaled(response[np.ix_(out, into)]))
+        return _frobenius(self._scaled(self.linear.frequency_response(w)[np.ix_(out, into)]))
 
     @cached_property
     def _peak(self) -> tuple[float, float]:

@@ -7,8 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mbsvib.modes.damped import Damped
-from mbsvib.responses.frequency_response import trusted
+from mbsvib.isolation.summed import DENSE, response, solved
 from mbsvib.studies.responses import Ports, _nodes
 
 if TYPE_CHECKING:
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
 
-DENSE = 60  # degrees of freedom up to which equations are solved whole at every frequency
 _KNOWN: WeakKeyDictionary[System, tuple[Any, MatrixDerivatives]] = WeakKeyDictionary()
 
 
@@ -62,36 +60,6 @@ class Weighted(Ports):
         return place.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
 
 
-def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-    """Return responses that are to be summed up, so that entries which symmetry makes zero need no digits.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    w : array, shape (n,)
-        Angular frequencies [rad/s].
-    outputs, inputs : sequence of str
-        Names.
-
-    Returns
-    -------
-    array, shape (outputs, inputs, n)
-        G(i w), accurate in its norm.
-    """
-    entries = np.ix_([system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs])
-    modal = system._modal
-    if (
-        isinstance(modal, Damped)
-        and system._strong_dampers is None
-        and (modal.vectors is None or trusted(modal, modal.shapes.T @ system.B, w))
-    ):
-        result = system._modal_sum.at(np.asarray(1j * w, dtype=complex))[entries]
-        if np.isfinite(result).all():
-            return np.asarray(result)
-    return np.asarray(system.frequency_response(w)[entries])
-
-
 def _with_slopes(place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> tuple[Complex, Complex]:
     """Responses (outputs, inputs, n) and their derivatives (variables, outputs, inputs, n).
 
@@ -107,17 +75,13 @@ def _with_slopes(place: Place, w: Array, outputs: Sequence[str], inputs: Sequenc
     o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
     d = _derivatives(system, place.rates)
     s = np.asarray(1j * w[:, None, None], dtype=complex)
-    z = system.K + s * system.C + s * s * system.M
-    h = system.Cq[o] + s * system.Cv[o] + s * s * system.Ca[o]
-    right = np.linalg.solve(z, np.broadcast_to(system.B[:, i], (len(w), system.dof, len(i))))
-    left = np.linalg.solve(z.transpose(0, 2, 1), h.transpose(0, 2, 1)).transpose(0, 2, 1)
-    value = h @ right + system.D[np.ix_(o, i)]
+    value, right, left = solved(system, w, o, i)
     slopes = []
     for p in range(len(d.variables)):
         change = np.asarray(left @ (d.B[p][:, i] - (d.K[p] + s * d.C[p] + s * s * d.M[p]) @ right), dtype=complex)
         change += (d.Cq[p][o] + s * d.Cv[p][o] + s * s * d.Ca[p][o]) @ right + d.D[p][np.ix_(o, i)]
         slopes.append(change.transpose(1, 2, 0))
-    return np.asarray(value.transpose(1, 2, 0)), np.array(slopes)
+    return value, np.array(slopes)
 
 
 def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> MatrixDerivatives:
