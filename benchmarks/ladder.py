@@ -1,0 +1,118 @@
+"""Every rung of the ladder of undamped modes: run time against error, on chains that ask for more and more.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/ladder.py [--bodies 30] [--repeat 15] [--out benchmarks/images/ladder.png]
+
+Stiffness of the chains spans 0 to 16 decades and mass two thirds of that. ``eigh`` is scipy's on M and K; the rungs
+are eigenproblem, singular values and Jacobi, each with its frequencies taken from the factors, and each with the rungs
+below it in its time. Errors are the largest relative ones of any frequency, against 80 digits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg as la
+from rich.console import Console
+from rich.table import Table
+
+from mbsvib.modes.undamped import _Scene, by_factors, by_jacobi, by_products, refined
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from tests.stress import reference  # noqa: E402
+from tests.stress.families import wide  # noqa: E402
+from tests.support.digits import mp  # noqa: E402
+
+DECADES = (0, 4, 8, 12, 16)
+SEED = 1
+
+
+def bare(system):
+    return np.sqrt(np.abs(la.eigh(system.K, system.M, eigvals_only=True)))
+
+
+def products(system):
+    scene = _Scene(system)
+    return refined(scene, by_products(scene)[0], "products", 0.0)
+
+
+def factors(system):
+    return refined(_Scene(system), by_factors(_Scene(system), products(system).shapes), "factors", 0.0)
+
+
+def jacobi(system):
+    return refined(_Scene(system), by_jacobi(_Scene(system), products(system).shapes), "jacobi", 0.0)
+
+
+METHODS = {"eigh": bare, "products": products, "factors": factors, "jacobi": jacobi}
+
+
+def measure(decades, bodies, repeat):
+    """Return {method: (CPU time [ms], largest error, largest error promised)} on one chain."""
+    model = wide(SEED, bodies, far=0, stiffness_span=float(decades), mass_span=decades * 2 / 3)
+    system = model.linearize()
+    exact = reference.squares(reference.exact(model))
+    result = {}
+    for name, method in METHODS.items():
+        times = []
+        for _ in range(repeat):
+            start = time.process_time_ns()
+            found = method(system)
+            times.append(1e-6 * (time.process_time_ns() - start))
+        omega = found if name == "eigh" else found.omega
+        with mp.workdps(reference.DIGITS):
+            errors = [abs(mp.mpf(float(a)) / mp.sqrt(b) - 1) for a, b in zip(omega, exact, strict=True)]
+        promised = None if name == "eigh" else float(found.errors.max())
+        result[name] = statistics.median(times), float(max(errors)), promised
+    return result
+
+
+def figure(results, bodies, path):
+    """Draw the work-precision diagram; hollow is what is promised."""
+    from matplotlib.figure import Figure
+
+    drawing = Figure(figsize=(7, 4.2), layout="constrained")
+    axes = drawing.subplots()
+    for decades, mark in zip(results, "osD^v", strict=True):
+        for k, name in enumerate(METHODS):
+            milliseconds, error, promised = results[decades][name]
+            axes.loglog(milliseconds, error, mark, color=f"C{k}", markersize=8)
+            if promised is not None:
+                axes.loglog(milliseconds, promised, mark, color=f"C{k}", markersize=8, fillstyle="none")
+    for k, name in enumerate(METHODS):
+        axes.plot([], [], "s", color=f"C{k}", label=name)
+    for decades, mark in zip(results, "osD^v", strict=True):
+        axes.plot([], [], mark, color="0.5", label=f"{decades} decades")
+    axes.set(xlabel="CPU time [ms]", ylabel="largest relative error of a frequency", title=f"Chains of {bodies} bodies")
+    axes.grid(alpha=0.3)
+    drawing.legend(fontsize="small", loc="outside right center")
+    drawing.savefig(path, dpi=110)
+
+
+def main():
+    """Measure, print and draw."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bodies", type=int, default=30)
+    parser.add_argument("--repeat", type=int, default=15)
+    parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "images" / "ladder.png")
+    arguments = parser.parse_args()
+    results = {decades: measure(decades, arguments.bodies, arguments.repeat) for decades in DECADES}
+    table = Table(title=f"Undamped modes, chains of {arguments.bodies} bodies")
+    for header in ("decades of stiffness", "method", "CPU ms", "error", "promised"):
+        table.add_column(header, justify="right")
+    for decades, methods in results.items():
+        for name, (milliseconds, error, promised) in methods.items():
+            table.add_row(str(decades), name, f"{milliseconds:.3f}", f"{error:.0e}",
+                          "" if promised is None else f"{promised:.0e}")  # fmt: skip
+    Console(width=100).print(table)
+    figure(results, arguments.bodies, arguments.out)
+
+
+if __name__ == "__main__":
+    main()
