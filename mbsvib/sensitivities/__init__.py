@@ -11,6 +11,8 @@ loads         inputs and outputs as connections of the network
 responses     derivatives of frequency responses
 matrices      derivatives of the matrices, whole and as factors
 shapes        derivatives of frequencies, damping ratios and mode shapes
+flexible      beams: material, section and damping
+limits        which parameters have no derivatives under load, with couplers, spin or beams
 states        first-order equations and their derivatives
 transients    derivatives of time responses
 norms         H2 and Hinf norms with their derivatives

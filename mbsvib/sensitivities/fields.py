@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.beams.beam import Beam
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -282,12 +283,13 @@ def check_complete(system: System, network: Network) -> None:
     # rows of geometric stiffness, behind those of the springs, belong to parameters that are refused one by one
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
     complete = True
-    for work, terms in (
-        ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2),
-        ((own * motion.elastic).sum(), system.stiffness * strained**2),
-        (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained**2),
+    beams = any(isinstance(part, Beam) for part in network.parts)  # their masses and dampers join more than two bodies
+    for work, terms, whole in (
+        ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2, not beams),
+        ((own * motion.elastic).sum(), system.stiffness * strained**2, True),
+        (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained**2, not beams),
     ):
-        complete &= bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
+        complete &= not whole or bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
     if not complete:
         raise ModelError(
             f"sensitivities of '{system.name}': it has forces beyond those of rigid bodies and spring-dampers, "

@@ -1,4 +1,4 @@
-"""Which parameters have derivatives in mechanisms with loads, couplers or spin.
+"""Which parameters have derivatives in mechanisms with loads, couplers, spin or beams.
 
 There, too, stiffness, damping and inertia enter by the motions alone: the pose balances as before, as preloads are
 forces at the pose. Where things are moves the equilibrium, the forces in joints and the geometric stiffness, whose
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mbsvib.beams.beam import Beam
 from mbsvib.errors import ModelError
 from mbsvib.parts import Load
 from mbsvib.parts.coupler import Coupling
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 _STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
 _MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
+GEOMETRY = frozenset({"start", "end", "length"})
 _SAID = {_STIFFNESS: "stiffness", _DAMPING: "damping", _MASS: "mass", _INERTIA: "inertia"}
 
 
@@ -61,6 +63,12 @@ def limits(system: System) -> tuple[Limit, ...]:
     """
     parts, came = system.provenance.parts, system.provenance
     result = []
+    beam = next((part for part in parts if isinstance(part, Beam)), None)
+    if beam is not None:
+        fields = {_STIFFNESS, _DAMPING, _MASS, _INERTIA}
+        fields |= {("beam", field) for part in parts if isinstance(part, Beam) for field, _, _ in part.numbers()
+                   if field not in GEOMETRY and field != "damping_ratio"}  # fmt: skip
+        result.append(Limit(beam.name, f"beam '{beam.name}' is made of elements", frozenset(fields)))
     coupler = next((part for part in parts if isinstance(part, Coupling)), None)
     if coupler is not None:
         kind = type(coupler).__name__.lower()
@@ -69,8 +77,8 @@ def limits(system: System) -> tuple[Limit, ...]:
     if came.statics is not None:
         who = _loading(parts, system.name)
         falls = any(isinstance(part, Gravity) for part in parts)
-        fields = (_STIFFNESS, _DAMPING, _INERTIA) if falls else (_STIFFNESS, _DAMPING, _INERTIA, _MASS)
-        result.append(Limit(who, f"'{who}' loads the mechanism", frozenset(fields)))
+        allowed = (_STIFFNESS, _DAMPING, _INERTIA) if falls else (_STIFFNESS, _DAMPING, _INERTIA, _MASS)
+        result.append(Limit(who, f"'{who}' loads the mechanism", frozenset(allowed)))
     rotor = next((part for part in parts if isinstance(part, Rotor)), None)
     if rotor is not None or system.gyroscopic is not None:
         who = system.name if rotor is None else rotor.name

@@ -14,11 +14,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
+from mbsvib.beams.beam import Beam
 from mbsvib.beams.refusal import refuse_composed
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.parts.coupler import Coupling
+from mbsvib.sensitivities.flexible import pieces
 from mbsvib.sensitivities.limits import limits
 from mbsvib.topology import FLOATS
 
@@ -119,12 +121,18 @@ def network(system: System) -> Network:
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
-    refuse_composed(parts, "sensitivities", "compare variants by model.with_values(...)")
+    refuse_composed([part for part in parts if not isinstance(part, Beam) or part.damping_ratio], "sensitivities",
+                    "compare variants by model.with_values(...)")  # fmt: skip
     _refuse_nodes(parts)
     _refuse_dropped(system)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
     springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
+    if any(isinstance(part, Beam) for part in parts):
+        nodes, elements = pieces(parts)
+        known = {body.name: body for body in (*bodies, *nodes)}
+        bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
+        springs += tuple(elements)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     coordinates = twists(topology, list(bodies))
     point = np.array([*(_point(joint, bodies, number) for joint in joints),

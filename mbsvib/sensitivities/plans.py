@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.beams.beam import Beam
 from mbsvib.errors import ModelError
 from mbsvib.parts import Joint
 from mbsvib.sensitivities.factors import constants, rule
+from mbsvib.sensitivities.flexible import beam_rule
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,6 +99,7 @@ def plan(network: Network, asked: Variables) -> Plan:
     for kind, shift, members in (("body", 0, network.bodies), ("joint", 0, network.joints),
                                  ("spring", joints, network.springs)):  # fmt: skip
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
+    parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
     groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
     for place, parameter in enumerate(asked.parameters):
         for limit in network.limits:
@@ -114,13 +117,18 @@ def plan(network: Network, asked: Variables) -> Plan:
         index = parameter.index
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
         rod = isinstance(part, Joint) and part.end is not None
-        key = (kind, parameter.field, type(part), len(index), rod)
+        key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), rod)
         groups.setdefault(key, []).append((place, number, slot))
     return Plan(network, asked, tuple(_family(network, key, members) for key, members in groups.items()))
 
 
 def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:
     kind, field, _, depth, _ = key
+    if kind == "beam":
+        place, index, _ = members[0]
+        beam: Any = network.parts[index]
+        only = np.zeros(1, dtype=np.intp)
+        return Family(kind, field, only, beam_rule(network, beam, field), (), np.array([[place]]), 0)
     table = np.array(members, dtype=np.intp)
     number, inverse = np.unique(table[:, 1], return_inverse=True)
     known: Any = network.bodies if kind == "body" else network.joints + network.springs

@@ -9,6 +9,8 @@ def step_of(parameters, name):
     if ".inertia." in name:
         part = name.rsplit(".", 1)[0]
         return 1e-4 * max(parameters[f"{part}.{entry}"] for entry in ("xx", "yy", "zz"))
+    if name.endswith((".radius", ".wall", ".beta")):
+        return 1e-3 * value
     return 1e-4 * (abs(value) if abs(value) > 1.0 else 1.0)
 
 

@@ -1,0 +1,63 @@
+"""Sensitivities to material, section and damping of beams: closed forms, and differences of the whole computation."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.sensitivities.differences import assert_derivative, difference, eigenvalues, step_of
+
+TUBE = {"type": "tube", "radius": 0.02, "wall": 0.004}
+METAL = {"E": 7e10, "nu": 0.33, "rho": 2700.0}
+
+
+def frame(shear, **damping):
+    """A slanted beam with a rigid body off its end, which a bushing holds."""
+    model = mv.Model("frame")
+    model.add_body("tip", 2.0, (0.02, 0.03, 0.04), position=(1.0, 0.1, 0.05))
+    model.add_beam("rod", "ground", "tip", start=(0, 0, 0), end=(0.9, 0.1, 0), section=TUBE, material=METAL,
+                   elements=2, shear=shear, **damping)  # fmt: skip
+    model.add_bushing("mount", "ground", "tip", (1, 0.1, 0.05), (1e4, 2e4, 3e4, 10, 20, 30),
+                      damping=(30, 20, 10, 0, 0, 0))  # fmt: skip
+    model.add_input("push", "tip", "y")
+    model.add_output("way", "tip", "z")
+    return model
+
+
+def test_frequencies_of_a_cantilever_go_with_the_root_of_stiffness_over_density():
+    model = mv.Model("cantilever")
+    model.add_beam("rod", "ground", None, start=(0, 0, 0), end=(1, 0, 0), section=TUBE, material=METAL, elements=3)
+    system = model.linearize()
+    found, f = system.mode_sensitivities(["rod.E", "rod.rho"]), system.modes().frequencies
+    bending = np.abs(found.frequencies[0] * METAL["E"] / f - 0.5) < 1e-9
+    assert bending.all()  # G goes with E where nu is given
+    assert found.frequencies[1] == pytest.approx(-0.5 * f / METAL["rho"], rel=1e-9)
+
+
+@pytest.mark.parametrize("shear", [False, True])
+def test_differences(shear):
+    model = frame(shear, alpha=2.0, beta=1e-5)
+    system = model.linearize()
+    names = ["rod.E", "rod.nu", "rod.rho", "rod.radius", "rod.wall", "rod.alpha", "rod.beta", "mount.stiffness.y",
+             "tip.mass", "tip.inertia.xx"]  # fmt: skip
+    found, matrices = system.eigenvalue_sensitivities(names), system.matrix_derivatives(names)
+    w = np.array([0.0, 50.0, 900.0])
+    responses = system.frequency_response_sensitivities(w, names)
+    values = system.modes().eigenvalues
+    for k, name in enumerate(names):
+        step = step_of(system.parameters, name)
+        *three, at, g = difference(model, system, name, lambda s: [s.M, s.C, s.K, eigenvalues(s),
+                                                                   s.frequency_response(w)])  # fmt: skip
+        assert_derivative(found[k], at, values, step, 1e-7)
+        assert np.abs(responses[k] - g).max() <= 1e-7 * np.abs(g).max() + 1e-12 * np.abs(g).max() / min(step, 1.0)
+        for key, expected in zip("MCK", three, strict=True):
+            size = np.abs(getattr(system, key)).max() / step
+            assert np.abs(getattr(matrices, key)[k] - expected).max() <= 1e-8 * np.abs(expected).max() + 1e-12 * size
+
+
+def test_places_and_modal_damping_are_refused_by_name():
+    with pytest.raises(mv.ModelError, match=r"beam 'rod' is made of elements, where 'rod\.end\.x' has no"):
+        frame(False).linearize().eigenvalue_sensitivities("rod.end.x")
+    with pytest.raises(mv.ModelError, match=r"beam 'rod' is made of elements, where 'mount\.position\.x' has no"):
+        frame(False).linearize().eigenvalue_sensitivities("mount.position.x")
+    with pytest.raises(mv.ModelError, match=r"beam 'rod': sensitivities"):
+        frame(False, damping_ratio=0.01).linearize().eigenvalue_sensitivities("rod.E")
