@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mbsvib_export.casadi_objectives import to_casadi_eigenvalues, to_casadi_response
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
-    from mbsvib_export.cosimulation import CosimulationCheck, MasterCheck, check_cosimulation
+    from mbsvib_export.cosimulation import CosimulationCheck, MasterCheck, check_cosimulation, to_ssp
     from mbsvib_export.fmu_ import FmuFile, to_fmu
     from mbsvib_export.hdf5_ import from_hdf5, to_hdf5
     from mbsvib_export.json_ import from_json, json_schema, to_json
@@ -66,6 +66,7 @@ __all__ = [
     "to_npz_batch",
     "to_op4",
     "to_scipy",
+    "to_ssp",
     "to_transfer_function",
     "to_uff",
     "with_names",
@@ -106,6 +107,7 @@ _HOMES = {
     "to_npz_batch": "batch_",
     "to_op4": "nastran_",
     "to_scipy": "scipy_",
+    "to_ssp": "cosimulation",
     "to_transfer_function": "transfer_",
     "to_uff": "uff_",
     "with_names": "naming",

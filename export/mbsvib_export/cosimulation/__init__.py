@@ -7,9 +7,11 @@ running      the same masters with the units themselves
 stability    spectral radius against step
 result       what came out, as a table and a figure
 check        all of it in one call
+archive      both units and their connections in one file, SSP
 """
 
+from mbsvib_export.cosimulation.archive import to_ssp
 from mbsvib_export.cosimulation.check import check_cosimulation
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
 
-__all__ = ["CosimulationCheck", "MasterCheck", "check_cosimulation"]
+__all__ = ["CosimulationCheck", "MasterCheck", "check_cosimulation", "to_ssp"]

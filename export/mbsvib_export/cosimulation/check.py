@@ -83,7 +83,7 @@ def check_cosimulation(
     count = _STEPS if duration is None else max(round(_positive("duration", duration) / h), 1)
     with ExitStack() as stack:
         folder = stack.enter_context(TemporaryDirectory(prefix="mbsvib-"))
-        units = [stack.enter_context(open_unit(_file(each, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
+        units = [stack.enter_context(open_unit(as_file(each, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
                  for word, each in (("plant", plant), ("controller", controller))]  # fmt: skip
         found = connect(units[0], units[1], connections)
         methods, remarks = _able(masters, units)
@@ -114,12 +114,13 @@ def _positive(name: str, value: float) -> float:
     return found
 
 
-def _file(source: Any, path: Path) -> Path:
+def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
+    """Return the path of a unit, which is written there if the source is none."""
     if isinstance(source, (str, os.PathLike)):
         return Path(source)
     from mbsvib_export.fmu_ import to_fmu
 
-    return to_fmu(source, path).path
+    return to_fmu(source, path, version).path
 
 
 def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:

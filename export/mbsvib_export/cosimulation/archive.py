@@ -1,0 +1,154 @@
+"""Plant and controller, connected, in one file: an archive of SSP 1.0 (System Structure and Parameterization)."""
+
+from __future__ import annotations
+
+import zipfile
+from contextlib import ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import IO, TYPE_CHECKING, Any
+
+from mbsvib.errors import ExportError
+from mbsvib_export.cosimulation.check import as_file
+from mbsvib_export.cosimulation.connections import CONTROLLER, PLANT, Connections, connect
+from mbsvib_export.cosimulation.unit import open_unit
+from mbsvib_export.fmu_.names import unique_names
+from mbsvib_export.fmu_.variables import attributes
+from mbsvib_export.whole_file import write_whole
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator, Mapping
+
+    from mbsvib_export.cosimulation.unit import UnitFile
+
+_SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
+_EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+def to_ssp(
+    plant: Any, controller: Any, path: str | os.PathLike[str], *, connections: Mapping[str, str | None] | None = None,
+    version: str = "2.0", name: str = "loop", outer: bool = True,
+) -> Path:  # fmt: skip
+    """Write a plant and its controller as one archive that tools for co-simulation open: units and connections.
+
+    Inputs that are not connected are inputs of the whole, all outputs of both are outputs of it.
+
+    Parameters
+    ----------
+    plant, controller : path, System, StateSpace, SystemData or control.StateSpace
+        As for ``check_cosimulation``: units, or what is exported as such.
+    path : str or path
+        The file, ``"loop.ssp"``.
+    connections : mapping of str to str, optional
+        As for ``check_cosimulation``: output by input where names differ.
+    version : str
+        FMI "2.0" or "3.0" of what is exported here.
+    name : str
+        What the whole is called.
+    outer : bool
+        False: the whole has no inputs and outputs of its own, for tools that know none (Ecos).
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ExportError
+        If a unit cannot be read, units or names do not fit, or the file cannot be written.
+    """
+    goal = Path(path)
+    if goal.suffix.lower() != ".ssp":
+        raise ExportError(f"to_ssp: path = '{goal}'; expected a name that ends in .ssp, by which importers know it.")
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
+        units = {side: stack.enter_context(open_unit(as_file(each, folder / f"{side}.fmu", version), "to_ssp"))
+                 for side, each in ((PLANT, plant), (CONTROLLER, controller))}  # fmt: skip
+        found = connect(units[PLANT], units[CONTROLLER], connections)
+        described = "\n".join(_description(name, units, found, outer)) + "\n"
+
+        def write(stream: IO[bytes]) -> None:
+            with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+                for place, content in (
+                    ("SystemStructure.ssd", described.encode()),
+                    *((f"resources/{side}.fmu", unit.path.read_bytes()) for side, unit in units.items()),
+                ):
+                    archive.writestr(zipfile.ZipInfo(place, (2020, 1, 1, 0, 0, 0)), content)
+
+        return write_whole(goal, write)
+
+
+def _description(name: str, units: dict[str, UnitFile], found: Connections, wanted: bool) -> Iterator[str]:
+    signals = _signals(units)
+    free = {(PLANT, "input", i) for i in found.plant_free} | {(CONTROLLER, "input", i) for i in found.controller_free}
+    outer = [key for key in signals if wanted and (key in free or key[1] == "output")]
+    # a name of the whole is that of the signal, but where both units have one
+    names = dict(zip(outer, unique_names({"signal": [signals[key][0] for key in outer]})["signal"], strict=True))
+    yield '<?xml version="1.0" encoding="UTF-8"?>'
+    yield (f'<ssd:SystemStructureDescription xmlns:ssd="{_SPACE}Description" xmlns:ssc="{_SPACE}Common"'
+           f'{attributes(version="1.0", name=name)}>')  # fmt: skip
+    yield f"<ssd:System{attributes(name=name)}>"
+    if outer:
+        yield from _connectors((names[key], key[1], signals[key][1]) for key in outer)
+    yield "<ssd:Elements>"
+    for side in units:
+        place = attributes(name=side, type="application/x-fmu-sharedlibrary", source=f"resources/{side}.fmu")
+        yield f"<ssd:Component{place}>"
+        yield from _connectors((each, key[1], unit) for key, (each, unit) in signals.items() if key[0] == side)
+        yield "</ssd:Component>"
+    yield "</ssd:Elements>"
+    yield "<ssd:Connections>"
+
+    def raw(side: str, kind: str, number: int) -> str:
+        return signals[side, kind, number][0]
+
+    for i, o in zip(found.plant_into, found.controller_out, strict=True):
+        yield _connection(CONTROLLER, raw(CONTROLLER, "output", o), PLANT, raw(PLANT, "input", i))
+    for i, o in zip(found.controller_into, found.plant_out, strict=True):
+        yield _connection(PLANT, raw(PLANT, "output", o), CONTROLLER, raw(CONTROLLER, "input", i))
+    for key in outer:
+        inner = raw(*key)
+        yield (_connection(None, names[key], key[0], inner) if key[1] == "input"
+               else _connection(key[0], inner, None, names[key]))  # fmt: skip
+    yield "</ssd:Connections></ssd:System>"
+    yield from _units(units)
+    yield '<ssd:DefaultExperiment startTime="0" stopTime="1"/>'
+    yield "</ssd:SystemStructureDescription>"
+
+
+def _signals(units: dict[str, UnitFile]) -> dict[tuple[str, str, int], tuple[str, str | None]]:
+    """Name in the file and unit of each signal, by side, kind and number."""
+    result = {}
+    for side, unit in units.items():
+        known = {each.valueReference: each.name for each in unit.description.modelVariables}
+        for kind, listed in (("input", unit.inputs), ("output", unit.outputs)):
+            for i, each in enumerate(listed):
+                result[side, kind, i] = (known[each.reference], each.unit or None)
+    return result
+
+
+def _connectors(listed: Iterator[tuple[str, str, str | None]]) -> Iterator[str]:
+    yield "<ssd:Connectors>"
+    for name, kind, unit in listed:
+        yield f"<ssd:Connector{attributes(name=name, kind=kind)}><ssc:Real{attributes(unit=unit)}/></ssd:Connector>"
+    yield "</ssd:Connectors>"
+
+
+def _connection(start: str | None, source: str, end: str | None, goal: str) -> str:
+    return "<ssd:Connection" + attributes(
+        startElement=start, startConnector=source, endElement=end, endConnector=goal
+    ) + "/>"  # fmt: skip
+
+
+def _units(units: dict[str, UnitFile]) -> Iterator[str]:
+    found = {each.unit: each.base for unit in units.values() for each in (*unit.inputs, *unit.outputs)
+             if each.unit and each.base is not None}  # fmt: skip
+    if found:
+        yield "<ssd:Units>"
+        for unit, base in sorted(found.items()):
+            exponents = {key: int(value) for key, value in zip(_EXPONENTS, base, strict=False) if value}
+            yield (f"<ssc:Unit{attributes(name=unit)}><ssc:BaseUnit{attributes(**exponents)}"
+                   f"{attributes(factor=base[8], offset=base[9])}/></ssc:Unit>")  # fmt: skip
+        yield "</ssd:Units>"

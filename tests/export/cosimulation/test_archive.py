@@ -1,0 +1,86 @@
+"""Archives of plant and controller, run by fmpy and by Ecos."""
+
+import zipfile
+
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import read_ssd
+
+import mbsvib as mv
+import mbsvib_export as mx
+from tests.export.cosimulation.loops import controller, plant, speed_feedback
+from tests.export.fmu.test_importers import ecos
+
+H, COUNT = 1e-3, 100
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_the_description_is_valid_and_whole(version, tmp_path):
+    path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp", version=version)
+    system = read_ssd(str(path)).system  # fmpy holds it against the schema of the standard
+    assert [each.name for each in system.elements] == ["plant", "controller"]
+    assert {(each.name, each.kind) for each in system.connectors} == {
+        ("d", "input"), ("y", "output"), ("z", "output"), ("F", "output"),
+    }  # fmt: skip
+    assert len(system.connections) == 6
+    with zipfile.ZipFile(path) as archive:
+        assert archive.namelist() == ["SystemStructure.ssd", "resources/plant.fmu", "resources/controller.fmu"]
+        (tmp_path / "plant.fmu").write_bytes(archive.read("resources/plant.fmu"))
+    assert mx.check_export(tmp_path / "plant.fmu", plant()).passed
+
+
+def truth():
+    """The loop with a unit disturbance, by the check of co-simulation's own numpy master."""
+    from mbsvib_export.cosimulation.masters import Loop, discretised
+
+    space, law = plant().state_space(), speed_feedback()
+    blocks = [discretised(*(np.asarray(getattr(each, label)) for label in "ABCD"), H) for each in (space, law)]
+    actuate, measure, free = np.array([[1.0], [0.0]]), np.array([[1.0, 0.0]]), np.array([[0.0], [1.0]])
+    loop = Loop(*blocks, actuate, measure, free, np.zeros((1, 1)), H)
+    z, rows = loop.start(np.zeros(3), np.ones(1), False), []
+    for _ in range(COUNT):
+        z = loop.step("jacobi", z, np.ones(1))
+        rows.append(z[3:5])
+    return np.array(rows)
+
+
+def test_ecos_runs_it(tmp_path):
+    package = ecos()
+    path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp", outer=False)
+    found = []
+    with package.EcosSimulation(ssp_path=str(path), step_size=H) as simulation:
+        simulation.init()
+        simulation.set_real("plant::d", 1.0)
+        for _ in range(COUNT):
+            simulation.step()
+            found.append([simulation.get_real("plant::y"), simulation.get_real("plant::z")])
+    assert np.abs(found - truth()).max(axis=0) == pytest.approx(0, abs=1e-12)
+
+
+def test_fmpy_runs_it(tmp_path):
+    """Its master sets an input only where somebody asks for one, so this one is a function of time."""
+    path = mx.to_ssp(plant(), speed_feedback(), tmp_path / "loop.ssp")
+    result = simulate_ssp(str(path), stop_time=COUNT * H, step_size=H, input={"d": lambda t: 1.0})
+    exact = truth()
+    size = np.abs(exact).max(axis=0)
+    last = np.array([result[name][-1] for name in ("y", "z")])
+    assert (np.abs(last - exact[-1]) < 0.05 * size).all()  # another order of calls, the same loop
+
+
+def test_units_have_one_name_each(tmp_path):
+    """Both have an output z: the whole calls the second one something else."""
+    law = controller(-1.0, outputs=("z",))
+    path = mx.to_ssp(plant(), law, tmp_path / "loop.ssp", connections={"F": "z"}, name="a & b")
+    system = read_ssd(str(path)).system
+    assert system.name == "a & b"
+    assert {"z", "z (signal)"} < {each.name for each in system.connectors}
+
+
+def test_refusals_leave_nothing(tmp_path):
+    for path, words in ((tmp_path / "loop.zip", "ends in .ssp"), (tmp_path / "none" / "loop.ssp", "cannot be written")):
+        with pytest.raises(mv.ExportError, match=words):
+            mx.to_ssp(plant(), speed_feedback(), path)
+    with pytest.raises(mv.ExportError, match="no connection"):
+        mx.to_ssp(plant(), controller(-1.0, outputs=("u",)), tmp_path / "loop.ssp")
+    assert list(tmp_path.iterdir()) == []
