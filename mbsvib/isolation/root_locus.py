@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -81,6 +81,35 @@ class RootLocus:
         ratio = np.where(self.stable, ratio, -np.inf)
         at = int(ratio.argmax())
         return float(self.gains[at]), float(ratio[at])
+
+    def table(self) -> dict[str, Any]:
+        """Return what each mode reaches, and what closed forms promise a mode that keeps its shape.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes, as arguments of ``mbsvib.tables.text`` and ``show``.
+        """
+        rows = []
+        zeros = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
+        for mode, column in enumerate(self.modes.tolist()):
+            pole = float(np.abs(self.poles[0, column]))
+            gain, ratio = self.best(mode)
+            # as many zeros as modes interlace with them one by one
+            zero = float(zeros[mode]) if len(zeros) == len(self.modes) else 0.0
+            promised = f"{50.0 * (pole - zero) / zero:.4g}" if 0.0 < pole / 3.0 < zero < pole else ""
+            seen = f"{zero / (2.0 * np.pi):.6g}" if zero else ""
+            rows.append(
+                (mode + 1, f"{pole / (2.0 * np.pi):.6g}", seen, f"{gain:.4g}", f"{100.0 * ratio:.4g}", promised)
+            )
+        headers = ("mode", "pole [Hz]", "zero [Hz]", "best gain", "damping ratio [%]", "(pole - zero) / (2 zero) [%]")
+        columns = [(header, "right") for header in headers]
+        return {"title": f"Root locus: {self.name}", "columns": columns, "rows": rows, "notes": []}
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"RootLocus({self.name!r}: {len(self.gains)} gains, {self.poles.shape[1]} poles)"

@@ -39,7 +39,8 @@ def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[
     array, shape (outputs, inputs, n)
         G(i w), accurate in its norm.
     """
-    entries = np.ix_([system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs])
+    o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
+    entries = np.ix_(o, i)
     modal = system._modal
     if (
         isinstance(modal, Damped)
@@ -51,7 +52,7 @@ def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[
             return np.asarray(result)
     if system.dof > DENSE:
         return np.asarray(system.frequency_response(w)[entries])
-    return solved(system, w, *(list(part.reshape(-1)) for part in entries))[0]
+    return solved(system, w, o, i)[0]
 
 
 def solved(system: System, w: Array, o: list[int], i: list[int]) -> tuple[Complex, Complex, Complex]:

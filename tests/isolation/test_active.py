@@ -41,6 +41,23 @@ def test_most_damping_of_force_feedback_in_closed_form():
         isolation.force_feedback_optimum(1.0, 2.0)
 
 
+def test_decentralised_force_feedback_reaches_the_closed_form_in_every_mode():
+    # a bushing as isotropic as the legs leaves shapes as they are, so that each mode is a strut of its own
+    model = library.cubic_hexapod(edge=0.2, stiffness=1e6, damping=0.0)
+    soft = 0.3 * np.array([2e6, 2e6, 2e6, 2e4, 2e4, 8e4])
+    model.add_bushing("beside", "ground", "platform", model.bodies["platform"].position, stiffness=soft)
+    plant = isolation.actuated(model, "platform")
+    pole = np.abs(plant.system.poles())[::2]
+    zero = pole * np.sqrt(0.3 / 1.3)
+    pairs = [isolation.force_feedback_optimum(*each) for each in zip(pole, zero, strict=True)]
+    gains = np.unique([0.0, *(gain for gain, _ in pairs)])
+    locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), gains)
+    for mode, (gain, ratio) in enumerate(pairs):
+        assert locus.best(mode) == pytest.approx((gain, ratio), rel=1e-6)
+    assert "54.08" in str(locus)
+    assert np.allclose(np.sort(locus.zeros.imag)[6:], np.sort(zero), rtol=1e-12)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_velocity_feedback_is_a_damper_and_skyhook_one_to_the_sky(turned):
     plant, gain = strut(turned=turned), 800.0
