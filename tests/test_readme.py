@@ -72,6 +72,13 @@ def test_the_lamp_hangs_as_shown(names):
         names["raised"].linearize()
 
 
+def test_the_isolation_is_as_shown(names):
+    found = names["design"].optimum
+    assert found.success
+    assert f"{found.began:.3f} m/s^2 before, {found.objective:.3f} m/s^2 after\n" in blocks("text")
+    assert names["loop"].stable
+
+
 def test_the_studies_end_as_shown(names):
     best, off = names["best"], names["off"]
     shown = f"{best.objective:.4f} instead of {best.began:.4f}\n{off.first.round(2)}\n"
