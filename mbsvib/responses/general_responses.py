@@ -31,6 +31,7 @@ EPS = float(np.finfo(float).eps)
 CANCELLED = 32.0  # as in modal_sum: products that must cancel do so to this many roundings of their terms
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 BACKWARD = 5e-14  # the sum over modes solves the equations to this residual
+GIVES_WAY = 1e3  # a spring so many times as stiff as what is left where its damper gives way costs digits
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 
 
@@ -298,6 +299,69 @@ def solved(system: System, state: EnergyState, s: Complex) -> Complex:
         powers = part[:, None, None]
         value = outputs[0] @ eta + powers * (outputs[1] @ eta + powers * (outputs[2] @ eta))
         result[:, :, start : start + batch] = value.transpose(1, 2, 0) + system.D[:, :, None]
+    return result
+
+
+def cancels(system: System, state: EnergyState) -> bool:
+    """Tell whether most of a stiffness is that of springs in series with dampers, which then hold next to nothing.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    state : EnergyState
+        The same in energy coordinates, in which dampers hold massless motions.
+
+    Returns
+    -------
+    bool
+        Whether more than three digits are lost as they give way; only known of symmetric equations.
+    """
+    p = len(state.scale)
+    if not state.massless or system.gyroscopic is not None or system.circulatory is not None:
+        return False
+    own, joined = state.coupling[p:, p:], state.coupling[p:, :p]
+    taken = np.einsum("kp,kp->p", joined, np.linalg.lstsq(own, joined, rcond=None)[0])
+    return bool((GIVES_WAY * np.abs(state.square - taken) < taken).any())
+
+
+def refined_solutions(system: System, state: EnergyState, w: Array) -> Complex:
+    """Return the transfer matrix by solutions that are corrected from the factors to twice the digits.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion, symmetric.
+    state : EnergyState
+        The same in energy coordinates.
+    w : array, shape (n,)
+        Angular frequencies [rad/s], none negative.
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        Transfer matrix; not a number where the equations are singular.
+    """
+    from mbsvib.responses.refined import Factors, refined
+
+    result: Complex = np.empty((*system.D.shape, len(w)), dtype=complex)
+    size = max(1, BATCH_BYTES // (64 * len(state.basis) * (len(state.basis) + len(system.elastic_rows))))
+    outputs = [(order, rows) for order, rows in enumerate((system.Cq, system.Cv, system.Ca)) if rows.any()]
+    for start in range(0, len(w), size):
+        part = w[start : start + size]
+        matrix = _matrix(state, 1j * part)
+
+        def solve(load: Complex, matrix: Complex = matrix) -> Complex:
+            right = np.ascontiguousarray(load.transpose(2, 0, 1))
+            try:
+                eta = np.linalg.solve(matrix, right)
+            except np.linalg.LinAlgError:
+                eta = np.stack([_one(a, b) for a, b in zip(matrix, right, strict=True)])
+            return np.ascontiguousarray(eta.transpose(1, 2, 0))
+
+        load = np.broadcast_to(system.B[:, :, None], (*system.B.shape, len(part))).astype(complex)
+        found = refined(Factors.of(system, part), state.basis, load, (outputs, system.D), solve)
+        result[:, :, start : start + size] = found.value
     return result
 
 

@@ -178,3 +178,37 @@ def test_six_directions_by_a_massless_body_between_two_bushings():
     found = system.frequency_response(OMEGA)
     assert_allclose(np.einsum("iiw->wi", found), expected, rtol=1e-11)
     assert np.abs(found - np.einsum("wi,ij->ijw", expected, np.eye(6))).max() < 1e-12
+
+
+@pytest.mark.parametrize("k1", [1e3, 1e6, 1e9, 1e13])
+def test_elements_in_three_directions_and_stiff_ones(k1):
+    """x = F / (m s^2 + k0 + k1 c s / (k1 + c s)) along each, however stiff the springs that dampers let give way."""
+    model = mv.Model("corner")
+    model.add_body("part", 3.0, (0.1, 0.2, 0.3))
+    model.add_joint("guide", None, "ground", "part", (0, 0, 0), free=("x", "y", "z"))
+    for i, line in enumerate(np.eye(3), start=1):
+        name = "xyz"[i - 1]
+        model.add_maxwell(f"e{name}", "ground", "part", -line, (0, 0, 0), i * k1, 20.0 * i, static_stiffness=100.0 * i)
+        model.add_input(f"F{name}", "part", name)
+        model.add_output(name, "part", name)
+        model.add_force_output(f"{name}.force", f"e{name}")
+    system = model.linearize()
+    assert system.massless == 3
+    omega = np.array([0.1, 3.0, 5.77, 6.5, 50.0, 1e3])
+    found = system.frequency_response(omega)
+    for i, name in enumerate("xyz"):
+        s = 1j * omega
+        holds = (i + 1) * (100.0 + k1 * 20.0 * s / (k1 + 20.0 * s))
+        expected = 1.0 / (3.0 * s**2 + holds)
+        np.testing.assert_allclose(found[system.outputs.index(name), i], expected, rtol=1e-13)
+        np.testing.assert_allclose(found[system.outputs.index(f"{name}.force"), i], holds * expected, rtol=1e-13)
+        assert np.abs(np.delete(found[system.outputs.index(name)], i, axis=0)).max() < 1e-20
+
+
+def test_a_damper_that_gives_way_holds_nothing_at_rest():
+    system = isolator(static=0.0, stiffness=1e9).linearize()
+    with pytest.raises(mv.MbsvibError, match=r"0 rad/s is a pole"):
+        system.frequency_response([0.0, 1.0])
+    s = 0.5j
+    found = system.frequency_response([0.5])[system.outputs.index("x"), system.inputs.index("F"), 0]
+    assert found == pytest.approx(1.0 / (7.0 * s**2 + 1e9 * 5.0 * s / (1e9 + 5.0 * s)), rel=1e-14)
