@@ -96,6 +96,18 @@ def test_the_picture_is_the_shape_of_the_mode(page, stewart):
         np.testing.assert_allclose(drawn, expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("direct", [True, False])
+def test_points_go_to_what_draws_them_either_way(page, direct):
+    """Straight, and the library's own way, which is there for other versions of it."""
+    page.evaluate(f"play(false); choose(2); direct = {str(direct).lower()}; state.phase = 1.0; draw()")
+    page.wait_for_timeout(200)
+    assert page.evaluate("direct") is direct
+    drawn = page.evaluate("view._fullData.map((trace) => Array.from(trace.x).filter((value) => value !== null))[2]")
+    moved = page.evaluate("traces[2].numbers.filter((i) => i >= 0).map((i) => moved()[3 * i])")
+    np.testing.assert_allclose(drawn, moved, atol=1e-12)
+    page.evaluate("direct = true")
+
+
 def test_the_picture_is_turned_by_the_mouse_and_stays_so_when_it_moves(page):
     page.click("#views button:first-child")
     page.evaluate("play(false); choose(0)")

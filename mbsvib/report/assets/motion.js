@@ -133,17 +133,31 @@ function keepCamera() {
   view._fullLayout.scene.camera = {...view._fullLayout.scene.camera, ...camera};
 }
 
+// Where the library lets us, points go straight to what draws them: a third of the time of its own way, which lays the
+// whole figure out anew.
+function straight(i, [x, y, z]) {
+  const inner = view._fullLayout.scene._scene, full = view._fullData[i], drawn = inner.traces[full.uid];
+  for (const trace of [view.data[i], full]) Object.assign(trace, {x, y, z});
+  drawn.update(full);
+}
+
+let direct = true;
 function draw() {
-  const at = moved(), change = {x: [], y: [], z: []}, changed = [];
-  traces.forEach(({still, numbers}, i) => {
-    if (still || !numbers.length) return;
-    const [x, y, z] = columns(numbers, at);
-    change.x.push(x); change.y.push(y); change.z.push(z);
-    changed.push(i);
-  });
-  keepCamera();
+  const at = moved(), changed = [...traces.keys()].filter((i) => !traces[i].still && traces[i].numbers.length);
+  const places = changed.map((i) => columns(traces[i].numbers, at));
   state.drawn += 1;
-  return changed.length ? Plotly.restyle(view, change, changed) : Promise.resolve();
+  if (direct) {
+    try {
+      changed.forEach((i, k) => straight(i, places[k]));
+      view._fullLayout.scene._scene.glplot.redraw();
+      return Promise.resolve();
+    } catch (error) {
+      direct = false;  // another version of the library
+    }
+  }
+  keepCamera();
+  return changed.length ? Plotly.restyle(view, {x: places.map((p) => p[0]), y: places.map((p) => p[1]), z: places.map((p) => p[2])}, changed)
+    : Promise.resolve();
 }
 
 async function show(layer, wanted) {
