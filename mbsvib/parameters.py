@@ -166,7 +166,10 @@ class Parameters(Mapping[str, float]):
             return [self.entry(pattern).name]
         found = [name for name in self._entries if fnmatchcase(name, pattern)]
         if not found:
-            self.entry(pattern)
+            raise UnknownParameterError(
+                f"there is no parameter '{pattern}': the pattern picks none of {len(self)}.{nearest(pattern, self._entries)} "
+                f"{_hint(pattern, self._parts)}", element=pattern,
+            )  # fmt: skip
         return found
 
     def __getitem__(self, name: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from mbsvib.kinematics import Array, Index
     from mbsvib.parameters import Parameter, Parameters
 
@@ -73,11 +72,17 @@ def variables(known: Parameters, asked: str | Iterable[str] | Mapping[str, Mappi
         entries = tuple(known.entry(name) for name in known)
         every = np.arange(len(entries))
         return Variables(tuple(known), entries, every, every, np.ones(len(entries)))
+    if not isinstance(asked, (str, Iterable)):
+        raise ModelError(f"sensitivities: parameters = {asked!r}; expected names, patterns, or a mapping of variables "
+                         f"to {{parameter: rate}}.", element="parameters")  # fmt: skip
     names = [asked] if isinstance(asked, str) else list(asked)
     maps = asked if isinstance(asked, Mapping) else {name: {name: 1.0} for name in names}
     place: dict[str, int] = {}
     terms: list[tuple[int, int, float]] = []
     for i, name in enumerate(names):
+        if not isinstance(maps[name], Mapping) or not maps[name]:
+            raise ModelError(f"variable '{name}': {maps[name]!r}; expected the parameters that it moves, one or more, "
+                             f"{{name or pattern: rate}}.", element=str(name))  # fmt: skip
         for pattern, rate in maps[name].items():
             rate = check.number(rate, f"variable '{name}'", pattern, "a finite rate")
             for found in known.matching(pattern):
