@@ -167,8 +167,8 @@ class Parameters(Mapping[str, float]):
         found = [name for name in self._entries if fnmatchcase(name, pattern)]
         if not found:
             raise UnknownParameterError(
-                f"there is no parameter '{pattern}': the pattern picks none of {len(self)}.{nearest(pattern, self._entries)} "
-                f"{_hint(pattern, self._parts)}", element=pattern,
+                f"there is no parameter '{pattern}': the pattern picks none of {len(self)}."
+                f"{nearest(pattern, self._entries)} {_hint(pattern, self._parts)}", element=pattern,
             )  # fmt: skip
         return found
 
