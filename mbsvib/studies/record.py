@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mbsvib.model import Model
     from mbsvib.studies.points import Points
-    from mbsvib.studies.question import Answer, Question
+    from mbsvib.studies.question import Question
     from mbsvib.studies.running import Outcome
 
 VERSION = 1
@@ -151,8 +151,3 @@ def _decoded(value: Any) -> Any:
         result.real, result.imag = value["real"], value["imag"]
         return result
     return np.asarray(value)
-
-
-def answers(known: Mapping[int, Outcome]) -> dict[int, Answer]:
-    """Return those of the outcomes that are no errors."""
-    return {point: outcome for point, outcome in known.items() if not isinstance(outcome, str)}

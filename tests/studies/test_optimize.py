@@ -257,6 +257,22 @@ def test_quantities_that_do_not_exist_are_told():
         st.peak("x", "F")(absorber(damping=0.0).linearize())
     with pytest.raises(ResponseError, match="not damped"):
         st.rms("x", {"F": 1.0})(absorber(damping=0.0).linearize())
+    with pytest.raises(ResponseError, match="is not stable"):
+        st.rms("x", {"F": 1.0})(absorber(damping=-0.5).linearize())
+    free = absorber().replace("k1", stiffness=0.0, damping=1.0).linearize()
+    with pytest.raises(ResponseError, match="rigid-body mode"):
+        st.rms("x", {"F": 1.0})(free)
+    assert st.rms("x", {"F": 1.0}, (0.1, 10.0))(free) > 0.0
+    through = absorber()
+    through.add_output("a", "main", "z", quantity="acceleration")
+    with pytest.raises(ResponseError, match="at all frequencies"):
+        st.rms("a", {"F": 1.0})(through.linearize())
+    with pytest.raises(ModelError, match="names of ports"):
+        st.peak([], "F")
+    with pytest.raises(ResponseError, match="add_output"):
+        st.gain(None, None, 1.0)(two().linearize())
+    with pytest.raises(ResponseError, match="two frequencies"):
+        st.peak("x", "F", 3.0)
     with pytest.raises(ResponseError, match="two finite frequencies"):
         st.peak("x", "F", (3.0, 1.0))
     with pytest.raises(ResponseError, match="a density for each input"):

@@ -136,6 +136,7 @@ BAD = [
     ({"leg*.stiffness": 1.0}, {}, "no parameter 'leg"),
     ({"axle.mass": 1.0}, {}, "no parameter 'axle.mass'"),
     ({"slow.mass": "2"}, {}, "such as '2 %'"),
+    ({"slow.mass": "two %"}, {}, "such as '2 %'"),
     ({"slow.mass": -1.0}, {}, "more than 0"),
     ({"slow.mass": np.nan}, {}, "how far"),
     ({"slow.position.x": "2 %"}, {}, "of 0 is nothing"),
