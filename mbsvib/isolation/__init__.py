@@ -7,6 +7,7 @@ actuated   actuators and sensors in the legs; ``.with_gains(law)`` closes loops
 force_feedback, velocity_feedback, skyhook, lqg, hinf, controller      laws
 collocation, root_locus, force_feedback_optimum      what a law can do
 passive    quantities for ``studies.optimize``, best values of springs, dampers, masses and places, Pareto fronts
+unfolded   relaxation legs as springs, dampers and nodes, whose derivatives are known
 struts, ring      ideal legs J^T k J, and their ends as variables
 """
 
@@ -31,11 +32,12 @@ from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.synthesis import hinf, lqg
+from mbsvib.isolation.unfolded import unfolded
 from mbsvib.isolation.vibration import Vibration
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",
     "Passive", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "actuated", "collocation",
     "controller", "force_feedback", "force_feedback_optimum", "hinf", "lqg", "passive", "ring", "root_locus", "shaped",
-    "skyhook", "struts", "study", "table", "vc_curve", "velocity_feedback", "white",
+    "skyhook", "struts", "study", "table", "unfolded", "vc_curve", "velocity_feedback", "white",
 ]  # fmt: skip

@@ -333,6 +333,8 @@ def passive(
 ) -> Passive:  # fmt: skip
     """Return what a passive design of an isolation is made of: quantities, and the search for the best values.
 
+    Derivatives to parameters of Maxwell elements are those of the parts that ``unfolded`` makes of them.
+
     Parameters
     ----------
     model : Model

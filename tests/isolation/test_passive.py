@@ -21,11 +21,7 @@ def relaxation(ratio, c):
     model.add_body("payload", MASS, (0.2, 0.2, 0.2), (0, 0, 0.3))
     model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
     k = MASS * OMEGA**2
-    model.add_spring("static", "ground", "payload", (0, 0, 0), (0, 0, 0.2), k)
-    model.add_body("node", 0.0, (0, 0, 0), (0, 0, 0.1))
-    model.add_joint("slide", "prismatic", "ground", "node", axis=(0, 0, 1))
-    model.add_spring("soft", "ground", "node", (0, 0, 0), (0, 0, 0.1), ratio * k)
-    model.add_spring("damper", "node", "payload", (0, 0, 0.1), (0, 0, 0.2), 0.0, c)
+    model.add_maxwell("leg", "ground", "payload", (0, 0, 0), (0, 0, 0.2), ratio * k, c, k)
     return model
 
 
@@ -49,11 +45,36 @@ def test_best_damper_under_white_noise_is_half_of_critical():
 @pytest.mark.parametrize("ratio", [2.0, 5.0])
 def test_best_relaxation_leg_in_closed_form(ratio):
     # all dampers meet at one point, 1 + 2 / N high: the best one has its peak there (Ruzicka 1967)
-    goal = isolation.passive(relaxation(ratio, 100.0), "payload", directions="z")
-    found = goal.optimize({"damper.damping": (10.0, 1e5)}, goal.peak((0.5, 50.0)))
+    goal = isolation.passive(isolation.unfolded(relaxation(ratio, 100.0)), "payload", directions="z")
+    found = goal.optimize({"leg.damper.damping": (10.0, 1e5)}, goal.peak((0.5, 50.0)))
     assert found.success
     assert found.optimum.objective == pytest.approx(1 + 2 / ratio, rel=1e-6)
     assert found.after.resonance == pytest.approx(FREQUENCY * math.sqrt(2 * (1 + ratio) / (2 + ratio)), rel=1e-3)
+
+
+def relaxing_hexapod():
+    model = library.cubic_hexapod(damping=0.0)
+    legs = list(model.springs.values())
+    model._springs.clear()
+    for leg in legs:
+        model.add_maxwell(leg.name, leg.first, leg.second, leg.start, leg.end, 3e6, 2000.0, 1e6)
+    return model
+
+
+def test_unfolded_relaxation_legs_move_alike():
+    model = relaxing_hexapod()
+    f = np.geomspace(1.0, 1e3, 40)
+    folded, unfolded = (isolation.study(m, "platform", frequencies=f) for m in (model, isolation.unfolded(model)))
+    size = np.abs(folded.transmissibility).max(axis=(0, 1))
+    assert (np.abs(folded.transmissibility - unfolded.transmissibility) <= 1e-10 * size).all()
+    assert np.allclose(folded.compliance_values, unfolded.compliance_values, rtol=1e-10)
+    goal = isolation.passive(isolation.unfolded(model), "platform")
+    found = goal.optimize({"leg*.k.damper.damping": (100.0, 1e5)}, goal.peak((10.0, 1000.0)))
+    assert found.success
+    assert found.optimum.objective < found.optimum.began
+    model.add_force_output("force", "leg1.k")
+    with pytest.raises(mv.ModelError, match=r"'force' names the Maxwell element 'leg1\.k'"):
+        isolation.unfolded(model)
 
 
 def test_quantities_in_closed_form():
