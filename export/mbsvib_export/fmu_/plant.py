@@ -100,13 +100,17 @@ def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
         plant = tunable_plant(source, realization, tunable)
     else:
         plant = _of_space(state_space_of(source, realization, "to_fmu"))
-    for label in ("A", "B", "C", "D"):
-        if not np.isfinite(getattr(plant, label)).all():
-            raise ExportError(f"to_fmu: {label} of '{plant.name}' holds NaN or infinity; expected finite numbers.")
     return plant
 
 
+def _check_finite(name: str, **matrices: Array) -> None:
+    for label, matrix in matrices.items():
+        if not np.isfinite(matrix).all():
+            raise ExportError(f"to_fmu: {label} of '{name}' holds NaN or infinity; expected finite numbers.")
+
+
 def _of_space(space: StateSpace) -> Plant:
+    _check_finite(space.name, A=space.A, B=space.B, C=space.C, D=space.D)
     return Plant(
         space.name, space.realization, space.A, space.B, space.C, space.D, space.states, space.state_units,
         space.inputs, space.input_units, space.outputs, space.output_units, nominal_values(space.A, space.B),
@@ -125,6 +129,7 @@ def _controller(source: Any, tunable: tuple[str, ...]) -> Plant:
         raise ExportError(f"to_fmu: '{name}' is discrete in time (dt = {source.dt}); expected one in continuous time. "
                           f"Design it in continuous time, or give control.d2c or an equivalent of it.")  # fmt: skip
     a, b, c, d = (np.array(getattr(source, label), dtype=float) for label in "ABCD")
+    _check_finite(name, A=a, B=b, C=c, D=d)
     inputs, outputs, states = (tuple(map(_plain, getattr(source, f"{kind}_labels")))
                                for kind in ("input", "output", "state"))  # fmt: skip
     return Plant(

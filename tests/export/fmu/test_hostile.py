@@ -57,10 +57,10 @@ def survived(program, folder, rounds, seeds):
 def test_spoilt_files_and_calls_in_any_order(quick_folder):
     if not compilers():
         pytest.skip("no gcc or clang here")
-    program, ran = compiled(compilers()[0], ("-O1",), quick_folder)
+    program, ran = compiled(compilers()[0], ("-O0",), quick_folder)
     assert ran.returncode == 0, ran.stderr
     # most are refused; enough get through for what comes behind the reader to be tried
-    assert 0.1 < survived(program, quick_folder, 1000, (1,)) / 2000 < 0.6
+    assert 0.1 < survived(program, quick_folder, 500, (1,)) / 1000 < 0.6
 
 
 @pytest.mark.slow
