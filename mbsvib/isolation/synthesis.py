@@ -108,7 +108,7 @@ def hinf(
         import slycot  # type: ignore[import-not-found]  # noqa: F401
     except ImportError as error:
         raise ExportError("hinf: python-control needs slycot for H-infinity synthesis; install it by 'pip install "
-                          "slycot' (or conda), or use lqg, which does without.") from error  # fmt: skip
+                          "mbsvib[slycot]', or use lqg, which does without.") from error  # fmt: skip
     for name, value in (("effort", effort), ("noise", noise)):
         if not 0.0 < value < np.inf:
             raise ResponseError(f"hinf: {name} = {value!r}; expected a positive number.")

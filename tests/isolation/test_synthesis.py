@@ -67,7 +67,7 @@ def test_what_is_refused():
 
 def test_hinf_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "slycot", None)
-    with pytest.raises(mv.ExportError, match="pip install slycot"):
+    with pytest.raises(mv.ExportError, match=r"pip install mbsvib\[slycot\]"):
         isolation.hinf(plant(), ["leg.rate"], 1.0)
 
 
