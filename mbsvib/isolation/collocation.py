@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.isolation.summed import response
 from mbsvib.parts import Spring
 from mbsvib.responses.transmission_zeros import numbers
 
@@ -175,7 +176,7 @@ def _damped(system: System) -> System:
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:
     """Whether the force times the rate that belongs to the sensor is never negative, or never positive."""
     omega = system.frequency_grid(system.inputs[i], system.outputs[j])
-    g = system.frequency_response(omega)[j, i]
+    g = response(system, omega, system.outputs[j : j + 1], system.inputs[i : i + 1])[0, 0]
     # displacement, velocity, acceleration: to a velocity; a force in the leg is integrated, as by force feedback
     power = -1 if force else 1 - order
     rate = g * (1j * omega) ** power
