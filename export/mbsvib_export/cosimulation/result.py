@@ -92,7 +92,7 @@ class CosimulationCheck:
             rows.append((
                 each.method, *(f"{error:.1e}" for error in each.errors),
                 "-" if np.isnan(each.order) else f"{each.order:.2f}", f"{each.difference:.1e}",
-                f"> {self.step * 1000:.2g} s" if np.isinf(largest) else f"{largest:.3g} s",
+                f"> {self.step * 100:.2g} s" if np.isinf(largest) else f"{largest:.3g} s",
                 "0 %" if np.isinf(largest) else "-" if not largest else f"{100 * self.step / largest:.0f} %",
                 "yes" if each.passed else "NO, unstable" if not each.stable else "NO",
             ))  # fmt: skip

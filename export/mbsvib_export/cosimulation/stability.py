@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-7  # eigenvalues of rigid-body motions come in pairs, which rounding takes apart
 _FEW = 60  # numbers in z up to which steps are tried close to each other, so that no unstable range is jumped over
-_MOST, _LEAST, _DIGITS = 1e3, 1e-6, 10  # of the step where the search begins; halvings of the last range
+_MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step where the search begins; halvings of the last range
 
 
 def radius(loop: Loop, method: str) -> float:
@@ -61,7 +61,7 @@ def largest_stable_step(make: Callable[[float], Loop], method: str, step: float,
     Returns
     -------
     float
-        Step [s], to 0.1 %; infinity if 1000 steps in one are still stable, 0 if a millionth of one is not.
+        Step [s], to 0.1 %; infinity if 100 steps in one are still stable, 0 if a millionth of one is not.
     """
 
     def stable(h: float) -> bool:
