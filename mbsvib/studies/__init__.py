@@ -7,14 +7,15 @@ record            answers in a file as they come
 sweeps, results   ``sweep`` and what it returns
 tracks            ``track``: modes that keep their names over a sweep
 scatter, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
-quantities        numbers of a system with their gradients, and what is made of them
+quantities, extremes   numbers of a system with their gradients, and what is made of them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
 place, scales, search, solvers, optimizing   ``optimize`` and what it returns
 """
 
+from mbsvib.studies.extremes import largest, smallest
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
 from mbsvib.studies.optimizing import Optimum, optimize
-from mbsvib.studies.quantities import Constraint, Quantity, largest, smallest
+from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.scatter import Tolerances, tolerances

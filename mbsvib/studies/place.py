@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.modes import Modes
-    from mbsvib.studies.quantities import Largest
+    from mbsvib.studies.extremes import Largest
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

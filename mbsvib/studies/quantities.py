@@ -191,36 +191,6 @@ class Leaf(Quantity):
         return self._rule(place)
 
 
-class Largest(Quantity):
-    """The largest of many numbers: a search bounds all of them at once, as the largest alone has kinks.
-
-    ``members`` are the numbers; where there are infinitely many, those at the points of ``active``, of which there are
-    ``seeds`` to begin with and ``tops`` where the numbers are largest.
-    """
-
-    def at(self, place: Place) -> Dual:
-        """Return the largest, or the number that stands for it in a search."""
-        return place.level(self) or self.true(place)
-
-    def true(self, place: Place) -> Dual:
-        """Return the largest itself."""
-        found = self.members(place, None)
-        which = [int(found.value.argmax())]
-        return Dual(found.value[which], found.slope[which])
-
-    def members(self, place: Place, active: Array | None) -> Dual:
-        """Return the numbers."""
-        return self.parts[0].at(place)
-
-    def seeds(self, place: Place) -> Array | None:
-        """Return the points to begin with; None where numbers are finitely many."""
-        return None
-
-    def tops(self, place: Place) -> tuple[Array, Array]:
-        """Return points at which numbers are largest, and these numbers."""
-        return np.zeros(0), np.zeros(0)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Constraint:
     """A quantity no less than ``low`` and no more than ``high``; None: no such bound. Equal: it has that value."""
@@ -278,52 +248,6 @@ def quantity(value: Any) -> Quantity:
         raise check.refuse("quantity", "value", value, "a quantity or finite numbers")
     label = f"{fixed[0]:g}" if len(fixed) == 1 else check.shown(fixed)
     return Quantity(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
-
-
-def largest(*quantities: Any) -> Quantity:
-    """Return the largest of all numbers of some quantities.
-
-    Parameters
-    ----------
-    *quantities : Quantity
-        What to look at; ``minimax`` objectives and bounds of it are solved without kinks.
-
-    Returns
-    -------
-    Quantity
-        One number.
-    """
-    every = _stacked(quantities)
-    return Largest(f"largest of {every.label}", (every,), lambda a: a)
-
-
-def smallest(*quantities: Any) -> Quantity:
-    """Return the smallest of all numbers of some quantities.
-
-    Parameters
-    ----------
-    *quantities : Quantity
-        What to look at.
-
-    Returns
-    -------
-    Quantity
-        One number, as large as its constraints let it be where its negative is minimised.
-    """
-    every = _stacked(quantities)
-    result = -Largest(f"largest of {(-every).label}", (-every,), lambda a: a)
-    result.label = f"smallest of {every.label}"
-    return result
-
-
-def _stacked(quantities: tuple[Any, ...]) -> Quantity:
-    parts = tuple([quantity(each) for each in quantities])
-    if not parts:
-        raise check.refuse("largest", "quantities", quantities, "at least one quantity")
-    if len(parts) == 1:
-        return parts[0]
-
-    return Quantity(", ".join(part.label for part in parts), parts, lambda *duals: stacked(duals))
 
 
 def stacked(duals: Sequence[Dual]) -> Dual:

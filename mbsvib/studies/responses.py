@@ -10,7 +10,8 @@ import numpy as np
 from mbsvib import _checks as check
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses.frequency_grid import placed, span
-from mbsvib.studies.quantities import Dual, Largest, Leaf
+from mbsvib.studies.extremes import Largest
+from mbsvib.studies.quantities import Dual, Leaf
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.place import Place, check_variables, checked, station
-from mbsvib.studies.quantities import Constraint, Dual, Largest, Quantity, stacked
+from mbsvib.studies.quantities import Constraint, Dual, Quantity, stacked
 from mbsvib.tracking import Reference, reference, step
 
 if TYPE_CHECKING:

@@ -1,0 +1,93 @@
+"""The largest and the smallest of many numbers, without their kinks where a search bounds all of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.studies.quantities import Dual, Quantity, quantity, stacked
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.studies.place import Place
+
+    Array = NDArray[np.float64]
+
+
+class Largest(Quantity):
+    """The largest of many numbers: a search bounds all of them at once, as the largest alone has kinks.
+
+    ``members`` are the numbers; where there are infinitely many, those at the points of ``active``, of which there are
+    ``seeds`` to begin with and ``tops`` where the numbers are largest.
+    """
+
+    def at(self, place: Place) -> Dual:
+        """Return the largest, or the number that stands for it in a search."""
+        return place.level(self) or self.true(place)
+
+    def true(self, place: Place) -> Dual:
+        """Return the largest itself."""
+        found = self.members(place, None)
+        which = [int(found.value.argmax())]
+        return Dual(found.value[which], found.slope[which])
+
+    def members(self, place: Place, active: Array | None) -> Dual:
+        """Return the numbers."""
+        return self.parts[0].at(place)
+
+    def seeds(self, place: Place) -> Array | None:
+        """Return the points to begin with; None where numbers are finitely many."""
+        return None
+
+    def tops(self, place: Place) -> tuple[Array, Array]:
+        """Return points at which numbers are largest, and these numbers."""
+        return np.zeros(0), np.zeros(0)
+
+
+def largest(*quantities: Any) -> Quantity:
+    """Return the largest of all numbers of some quantities.
+
+    Parameters
+    ----------
+    *quantities : Quantity
+        What to look at; ``minimax`` objectives and bounds of it are solved without kinks.
+
+    Returns
+    -------
+    Quantity
+        One number.
+    """
+    every = _stacked(quantities)
+    return Largest(f"largest of {every.label}", (every,), lambda a: a)
+
+
+def smallest(*quantities: Any) -> Quantity:
+    """Return the smallest of all numbers of some quantities.
+
+    Parameters
+    ----------
+    *quantities : Quantity
+        What to look at.
+
+    Returns
+    -------
+    Quantity
+        One number, as large as its constraints let it be where its negative is minimised.
+    """
+    every = _stacked(quantities)
+    result = -Largest(f"largest of {(-every).label}", (-every,), lambda a: a)
+    result.label = f"smallest of {every.label}"
+    return result
+
+
+def _stacked(quantities: tuple[Any, ...]) -> Quantity:
+    parts = tuple([quantity(each) for each in quantities])
+    if not parts:
+        raise check.refuse("largest", "quantities", quantities, "at least one quantity")
+    if len(parts) == 1:
+        return parts[0]
+
+    return Quantity(", ".join(part.label for part in parts), parts, lambda *duals: stacked(duals))
