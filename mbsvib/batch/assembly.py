@@ -13,7 +13,7 @@ from mbsvib.batch.systems import FACTORS, MATRICES, Batch
 from mbsvib.batch.values import checked
 from mbsvib.errors import ModelError
 from mbsvib.inertia import check_mass
-from mbsvib.loads.wrenches import refuse_loaded
+from mbsvib.loads.wrenches import is_loaded
 from mbsvib.parts import Body
 
 if TYPE_CHECKING:
@@ -62,15 +62,14 @@ def linearize_batch(
     SingularPoseError
         If a variant has another number of degrees of freedom, by index.
     """
-    refuse_loaded(model, "values: batches of loaded models are not supported yet; linearize the variants one by one, "
-                         "with model.with_values.")  # fmt: skip
     for rotor in model.rotors:
         raise ModelError(f"values: rotor '{rotor}' spins, which batches do not support yet; linearize the variants one "
                          f"by one, with model.with_values.", element=rotor, field="values")  # fmt: skip
     parameters = model.parameters
     variants = checked(parameters, values)
     scene = single.scene(model, cut)
-    for row, *_ in scene.port.wrench_outputs:
+    loaded = is_loaded(model)
+    for row, *_ in () if loaded else scene.port.wrench_outputs:
         name = list(model.outputs)[row]
         raise ModelError(f"output '{name}': batches do not support forces in joints, or sums of forces, yet; linearize "
                          f"the variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
@@ -80,6 +79,10 @@ def linearize_batch(
         name = (what.condensed + what.first_order)[0]
         raise ModelError(f"values: coordinate '{name}' moves no mass, which batches do not support yet; linearize the "
                          f"variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
+    if loaded:
+        from mbsvib.batch.loaded import loaded_batch
+
+        return loaded_batch(model, nominal, variants, cut)
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
     pieces = [

@@ -39,7 +39,8 @@ class Batch:
     Arrays are those of ``System`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model as given;
-    ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does.
+    ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
+    ``own`` is what each variant came from where they were linearized one by one.
     """
 
     nominal: System
@@ -59,6 +60,7 @@ class Batch:
     damping: Array
     row_owner: NDArray[np.intp]
     body_motion: Array
+    own: tuple[Provenance, ...] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         for name in (*MATRICES, *FACTORS, "row_owner"):
@@ -327,10 +329,13 @@ class Batch:
             return self
         arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS)}
         closure = None if self.closure is None else self.closure[start:stop]
-        return replace(self, values=self.values.slice(start, stop), closure=closure, **arrays)
+        own = None if self.own is None else self.own[start:stop]
+        return replace(self, values=self.values.slice(start, stop), closure=closure, own=own, **arrays)
 
     def _provenance(self, k: int) -> Provenance:
         """That of the pose as given, on which the choice of coordinates rests, with the variant's own numbers."""
+        if self.own is not None:
+            return self.own[k]
         given, values = self.nominal.provenance, self.values
         parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in given.parts)
         topology, reduction = given.topology, given.reduction

@@ -20,7 +20,7 @@ Y = (0.0, 1.0, 0.0)
 
 def four_bar(
     *, pins: ArrayLike = ((0.0, 0.0), (0.2, 0.25), (1.05, 0.65), (1.2, 0.0)), mass_per_length: float = 2.0,
-    anchor: ArrayLike = (0.4, 1.1), spring_stiffness: float = 60.0, spring_damping: float = 0.5,
+    anchor: ArrayLike = (0.4, 1.1), spring_stiffness: float = 400.0, spring_damping: float = 0.5,
     gravity: float = FREE_FALL,
 ) -> Model:  # fmt: skip
     """Build a four-bar linkage whose coupler hangs on a spring: 1 degree of freedom.

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.errors import ModelError
 from mbsvib.loads.pairs import Pairs
 from mbsvib.parts import Spring
 
@@ -101,31 +100,3 @@ def applied(model: Model, number: Mapping[str, int]) -> Applied:
             names.append(spring.name)
     follower = np.array([load.follower for load in model.loads.values()], dtype=bool)
     return Applied(weight, Pairs.stack(tuples), tuple(names), len(model.loads), len(lines), follower)
-
-
-def refuse_loaded(model: Model, where: str) -> None:
-    """Refuse a loaded model where loads are not supported, by what loads it.
-
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    where : str
-        What does not support loads, and what to do instead.
-
-    Raises
-    ------
-    ModelError
-        If gravity, a load or a preload acts.
-    """
-    if not is_loaded(model):
-        return
-    if model.gravity is not None and any(model.gravity):
-        what, element = f"gravity = {model.gravity}", model.name
-    elif model.loads:
-        element = next(iter(model.loads))
-        what = f"load '{element}'"
-    else:
-        element = next(name for name, spring in model.springs.items() if preloaded(spring))
-        what = f"the preload of '{element}'"
-    raise ModelError(f"{what}: {where}", element=element)

@@ -100,11 +100,12 @@ def test_four_bar_has_the_curvature_of_its_potential():
 
         tension = -mp.diff(height, start) / mp.diff(length, start)
         rest = length(start)
-        stiffness = mp.diff(lambda q: height(q) + tension * length(q) + 30 * (length(q) - rest) ** 2, start, 2)
+        stiffness = mp.diff(lambda q: height(q) + tension * length(q) + 200 * (length(q) - rest) ** 2, start, 2)
     model = four_bar()
     assert model.springs["spring"].preload == pytest.approx(float(tension), rel=1e-11)
     system = model.linearize(independent=["A.rz"])
     assert_allclose(system.K, [[float(stiffness)]], rtol=1e-9)
+    assert system.modes().stable
     assert len(system.redundant) == 3
 
 
