@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 AT_REST = 1e-9  # poles below this share of the largest are integrators' at rest
 OSCILLATES = 1e-6  # pairs of real poles that coincide come out with such imaginary parts
 GROWS = 1e-10  # a real part beyond this share of the largest pole is no rounding
+CREEPING = 0.1  # what does not vibrate is rarely where a vibration comes from
 RESTS = 3e-8  # poles at 0 that are double come out so far off, in parts of the largest
 
 
@@ -228,6 +229,8 @@ class ClosedLoop:
         modes = system.modes()
         q = space.transform[: system.dof] @ self._eigen[1][: len(space.A), chosen]
         share = np.abs(modes.shapes.conj().T @ system.M @ q) * modes.frequencies[:, None]
+        creeps = modes.damped_frequencies == 0.0
+        share[np.ix_(creeps, self._eigen[0][chosen].imag != 0.0)] *= CREEPING
         largest = share.max(axis=0, initial=0.0)
         share = np.divide(share, largest, out=np.zeros_like(share), where=largest > 0.0)
         given = dict(zip(*linear_sum_assignment(-share.T), strict=True))

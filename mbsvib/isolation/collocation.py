@@ -33,13 +33,14 @@ ROUNDING = 1e-8  # share of the response by which a real part may be negative
 class Pair:
     """An actuator and a sensor: ``dual`` if the sensor sees just the motion on which the actuator does work, or the
     force in that motion; ``poles`` and ``zeros`` [Hz] of the undamped mechanism that the pair sees, ``interlaced`` if
-    one zero is between two poles everywhere; ``passive`` if feedback of one sign takes energy at every frequency.
+    one zero is between two poles everywhere (None where massless motions relax, which have no undamped mechanism),
+    ``passive`` if feedback of one sign takes energy at every frequency.
     """
 
     actuator: str
     sensor: str
     dual: bool
-    interlaced: bool
+    interlaced: bool | None
     passive: bool
     poles: Array
     zeros: Array
@@ -61,7 +62,7 @@ class Collocation:
         dict
             Title, columns, rows and notes.
         """
-        words = {True: "yes", False: "no"}
+        words = {True: "yes", False: "no", None: "-"}
         rows = [(p.actuator, p.sensor, words[p.dual], words[p.interlaced], words[p.passive]) for p in self.pairs]
         columns: list[tuple[str, Any]] = [("actuator", "left"), ("sensor", "left"), ("collocated", "left"),
                                           ("poles and zeros interlaced", "left"), ("passive", "left")]  # fmt: skip
@@ -117,12 +118,14 @@ def _pair(plant: Active, undamped: System | None, actuator: str, sensor: str) ->
     size = np.linalg.norm(b) * np.linalg.norm(row)
     dual = bool(size > 0.0 and np.linalg.norm(np.outer(b, row) - np.outer(row, b)) <= PARALLEL * size)
     leg = sensor.removesuffix(".tension")
+    if leg != sensor and actuator == f"{leg}.actuator":
+        dual = True  # in series
     free = without(undamped, [leg]) if undamped is not None and sensor != leg and actuator == f"{leg}.actuator" and \
         removable(plant, [leg]) else None  # fmt: skip
     poles, zeros, minimum = _seen(system if undamped is None else undamped, actuator, sensor, free)
     both = np.concatenate((poles, zeros))
     kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
-    interlaced = minimum and bool((np.diff(kind) != 0.0).all()) and undamped is not None
+    interlaced = None if undamped is None else minimum and bool((np.diff(kind) != 0.0).all())
     passive = _passive(system if system.C.any() else _damped(system), i, j, force, order)
     return Pair(actuator, sensor, dual, interlaced, passive, poles, zeros, minimum)
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 import mbsvib as mv
+from mbsvib import library
 
 MASS, FREQUENCY, RATIO = 12.0, 5.0, 0.03
 OMEGA = 2 * np.pi * FREQUENCY
@@ -38,4 +39,14 @@ def active_strut(leg=9e4, beside=3e4, mass=MASS, damping=0.0, turned=False):
     ends = ("payload", "ground", (0, 0, 0.2), (0, 0, 0)) if turned else ("ground", "payload", (0, 0, 0), (0, 0, 0.2))
     model.add_spring("leg", *ends, leg, damping)
     model.add_spring("beside", "ground", "payload", (0.1, 0, 0), (0.1, 0, 0.2), beside)
+    return model
+
+
+def relaxing_hexapod():
+    """The cubic hexapod with Maxwell elements as legs."""
+    model = library.cubic_hexapod(damping=0.0)
+    legs = list(model.springs.values())
+    model._springs.clear()
+    for leg in legs:
+        model.add_maxwell(leg.name, leg.first, leg.second, leg.start, leg.end, 3e6, 2000.0, 1e6)
     return model

@@ -6,7 +6,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from tests.isolation.scenes import MASS, OMEGA, active_strut, one_axis, two_masses
+from tests.isolation.scenes import MASS, OMEGA, active_strut, one_axis, relaxing_hexapod, two_masses
 
 
 def strut(**words):
@@ -164,6 +164,19 @@ def test_symmetric_legs_are_collocated():
     other = isolation.collocation(plant, [("leg2.k.actuator", "leg3.k.rate")]).pairs[0]
     assert not other.dual
     assert not other.passive
+
+
+def test_relaxation_legs_may_be_active():
+    plant = isolation.actuated(relaxing_hexapod(), "platform")
+    loop = plant.with_gains(isolation.skyhook(plant, 0.3, "modal"))
+    assert loop.stable
+    assert loop.isolation().amplification < plant.isolation().amplification
+    assert "platform rz" in str(loop).splitlines()[-2]  # not what creeps
+    pair = isolation.collocation(plant, [("leg1.k.actuator", "leg1.k.tension")]).pairs[0]
+    assert (pair.dual, pair.interlaced, pair.passive) == (True, None, True)
+    space, s = loop.state_space(), 300.0j
+    flat = space.C @ np.linalg.solve(s * np.eye(len(space.A)) - space.A, space.B) + space.D
+    assert np.allclose(loop.frequency_response([300.0])[:, :, 0], flat, rtol=0, atol=1e-11 * np.abs(flat).max())
 
 
 @pytest.mark.parametrize(

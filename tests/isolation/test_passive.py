@@ -9,7 +9,7 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.isolation.passive import GRAVITY
-from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, one_axis
+from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, one_axis, relaxing_hexapod
 
 EDGE, K = 0.2, 1e6
 BAND = (2.0, 500.0)
@@ -50,15 +50,6 @@ def test_best_relaxation_leg_in_closed_form(ratio):
     assert found.success
     assert found.optimum.objective == pytest.approx(1 + 2 / ratio, rel=1e-6)
     assert found.after.resonance == pytest.approx(FREQUENCY * math.sqrt(2 * (1 + ratio) / (2 + ratio)), rel=1e-3)
-
-
-def relaxing_hexapod():
-    model = library.cubic_hexapod(damping=0.0)
-    legs = list(model.springs.values())
-    model._springs.clear()
-    for leg in legs:
-        model.add_maxwell(leg.name, leg.first, leg.second, leg.start, leg.end, 3e6, 2000.0, 1e6)
-    return model
 
 
 def test_unfolded_relaxation_legs_move_alike():
