@@ -97,14 +97,15 @@ def test_the_largest_stable_step_is_where_the_units_begin_to_grow(files):
 
 def test_feedthrough_lags_a_step(tmp_path):
     """Velocity feedback with a direct part: Gauss-Seidel is of first order then."""
-    found = mx.check_cosimulation(plant("velocity"), controller(-40.0, through=-40.0), H)
+    masters = ("gauss-seidel", "iteration")
+    found = mx.check_cosimulation(plant("velocity"), controller(-40.0, through=-40.0), H, masters=masters)
     assert found["gauss-seidel"].order == pytest.approx(1, abs=0.15)
     assert found["iteration"].order == pytest.approx(2, abs=0.15)
     assert found.passed
 
 
 def test_acceleration_is_measured_by_a_controller_without_feedthrough():
-    found = mx.check_cosimulation(plant("acceleration"), controller(-1.0), H)
+    found = mx.check_cosimulation(plant("acceleration"), controller(-1.0), H, masters=("jacobi", "slopes"))
     assert found.passed
     assert found["jacobi"].order == pytest.approx(1, abs=0.15)
 
