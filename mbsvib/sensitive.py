@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.norms import Norm
     from mbsvib.sensitivities.shapes import ModeSensitivities
+    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -31,6 +32,13 @@ class Sensitive:
         from mbsvib.sensitivities.fields import complete_network
 
         return complete_network(cast("System", self))
+
+    @cached_property
+    def _spectrum(self) -> tuple[Spectrum, Pairs]:
+        from mbsvib.sensitivities.spectrum import spectrum
+
+        found = spectrum(cast("System", self))
+        return found, found.pairs()
 
     def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
         """Return the derivatives of all eigenvalues to parameters, without finite differences.

@@ -14,7 +14,6 @@ import numpy as np
 from mbsvib.sensitivities.fields import fields, motions
 from mbsvib.sensitivities.plans import plan
 from mbsvib.sensitivities.products import forms, picked, table
-from mbsvib.sensitivities.spectrum import spectrum
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
@@ -68,8 +67,7 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     repeated ones.
     """
     chosen = planned(system, parameters)
-    found = spectrum(system)
-    pairs = found.pairs()
+    found, pairs = system._spectrum
     widened = found if found.left is not None else found.with_sums(pairs)
     x = motions(chosen.network, widened.right[:, None])
     y = x if found.left is None else motions(chosen.network, found.left[:, None])
