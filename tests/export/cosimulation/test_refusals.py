@@ -1,10 +1,14 @@
 """What cannot be co-simulated is refused by name, before anything runs."""
 
 import zipfile
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import control
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import mbsvib as mv
 import mbsvib_export as mx
@@ -123,3 +127,23 @@ def test_reading_back_gives_every_bit_and_the_names(tmp_path):
         space = state_space_of_unit(file)
         assert (space.inputs, space.outputs) == (("u",), ("u",))
         assert [space.A[0, 0], space.B[0, 0], space.C[0, 0], space.D[0, 0]] == [-3.0, 2.0, 0.1, 0.7]
+
+
+@pytest.fixture(scope="module")
+def content(tmp_path_factory):
+    return mx.to_fmu(plant(), tmp_path_factory.mktemp("unit") / "good.fmu", "2.0").path.read_bytes()
+
+
+@given(place=st.floats(0, 1, exclude_max=True), bits=st.integers(1, 255), cut=st.booleans())
+def test_spoilt_archives_are_refused_or_as_they_were(content, place, bits, cut):
+    """Any byte changed, or all behind it missing; what still opens answers as before."""
+    k = int(place * len(content))
+    spoilt = content[:k] if cut else content[:k] + bytes([content[k] ^ bits]) + content[k + 1 :]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "bad.fmu"
+        path.write_bytes(spoilt)
+        try:
+            space = state_space_of_unit(path)
+        except mv.ExportError:
+            return
+        np.testing.assert_array_equal(space.A, plant().state_space().A)
