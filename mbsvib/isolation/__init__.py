@@ -22,12 +22,13 @@ from mbsvib.isolation.controller import (
     skyhook,
     velocity_feedback,
 )
+from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import Isolation, study
 from mbsvib.isolation.margins import Margins
 from mbsvib.isolation.noise import BaseNoise, Shaped, Table, shaped, table, white
 from mbsvib.isolation.octaves import vc_curve
 from mbsvib.isolation.pareto import Front
-from mbsvib.isolation.passive import Design, Passive, passive
+from mbsvib.isolation.passive import Passive, passive
 from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts

@@ -13,7 +13,8 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.isolation.passive import Bounds, Design, Passive
+    from mbsvib.isolation.design import Design
+    from mbsvib.isolation.passive import Bounds, Passive
     from mbsvib.kinematics import Array
     from mbsvib.studies import Constraint, Quantity
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib import _checks as check
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, nearest
+from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures
 from mbsvib.isolation.noise import base_noise
 from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
@@ -27,53 +29,11 @@ if TYPE_CHECKING:
     from mbsvib.isolation.noise import BaseNoise
     from mbsvib.isolation.pareto import Front
     from mbsvib.model import Model
-    from mbsvib.studies import Constraint, Optimum
+    from mbsvib.studies import Constraint
 
     Bounds = Mapping[str, tuple[float | None, float | None] | None]
 
 GRAVITY = 9.80665
-
-
-@dataclass(frozen=True, repr=False, eq=False)
-class Design:
-    """A mechanism that was optimised: ``model`` with the values found, figures ``before`` and ``after``."""
-
-    model: Model
-    optimum: Optimum
-    before: Isolation
-    after: Isolation
-
-    @property
-    def values(self) -> Mapping[str, float]:
-        """The variables' values."""
-        return self.optimum.values
-
-    @property
-    def success(self) -> bool:
-        """Whether the constraints hold and no variable betters the objective."""
-        return self.optimum.success
-
-    def table(self) -> dict[str, Any]:
-        """Return variables, objective and figures as arguments of ``mbsvib.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        table = self.optimum.table()
-        both = zip(self.before.table()["rows"], self.after.table()["rows"], strict=True)
-        table["rows"] = [*table["rows"], *((name, old, new) for (name, old), (_, new) in both)]
-        table["title"] = f"Passive design of {self.model.name}"
-        return table
-
-    def __str__(self) -> str:
-        from mbsvib import tables
-
-        return tables.text(**self.table())
-
-    def __repr__(self) -> str:
-        return f"Design({self.optimum!r})"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -82,6 +42,7 @@ class Passive:
 
     model: Model
     scene: Scene = field(repr=False)
+    joints: tuple[str, ...] = ()
 
     def peak(self, band: tuple[float, float] | None = None) -> Quantity:
         """Return the peak of the Frobenius index of the transmissibility.
@@ -167,6 +128,35 @@ class Passive:
             One number for each of ``legs`` [N].
         """
         return self._each("rms force [N]", [leg.force for leg in self.scene.legs], spectra, band)
+
+    def angle(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
+        """Return the root mean square angles by which joints turn under base noise, all axes together.
+
+        Parameters
+        ----------
+        spectra : mapping of str to float, array-like or noise
+            Density of the base's acceleration by direction.
+        band : (float, float), optional
+            First and last frequency [Hz]; default: all.
+
+        Returns
+        -------
+        Quantity
+            One number for each of ``joints`` [rad].
+
+        Raises
+        ------
+        ModelError
+            If no joints were named.
+        """
+        if not self.joints:
+            raise ModelError("passive: no joints are watched; name them, passive(model, body, joints=['leg*.foot']).",
+                             field="joints")  # fmt: skip
+        names = [f"{joint}.angle.{axis}" for axis in "xyz" for joint in self.joints]
+        squares, n = self._squares("angle", names, spectra, band), len(self.joints)
+        result = (squares[:n] + squares[n : 2 * n] + squares[2 * n :]) ** 0.5
+        result.label = "rms angle of joints [rad]"
+        return result
 
     def sag(self, direction: str = "z", load: float | None = None) -> Quantity:
         """Return how far the body is displaced by a constant load, as its weight.
@@ -329,7 +319,7 @@ class Passive:
 
 def passive(
     model: Model, body: str, base: str = GROUND, *, point: ArrayLike | None = None, length: float | None = None,
-    directions: Sequence[str] | None = None,
+    directions: Sequence[str] | None = None, joints: Sequence[str] = (),
 ) -> Passive:  # fmt: skip
     """Return what a passive design of an isolation is made of: quantities, and the search for the best values.
 
@@ -349,6 +339,8 @@ def passive(
         Length [m] that makes rotations comparable.
     directions : sequence of str, optional
         In which the base is shaken.
+    joints : sequence of str
+        Joints whose angles are to be kept small, by name or pattern.
 
     Returns
     -------
@@ -360,4 +352,24 @@ def passive(
     ModelError
         If a name is unknown.
     """
-    return Passive(model, scene(model, body, base, point, length, directions))
+    made = scene(model, body, base, point, length, directions)
+    watched = _joints(made.model, joints)
+    if watched:
+        for name in watched:
+            joint = made.model.joints[name]
+            for axis in "xyz":
+                made.model.add_output(f"{name}.angle.{axis}", joint.second, f"r{axis}", joint.position, joint.first)
+        made = replace(made, system=made.model.linearize(method="dense"))
+    return Passive(model, made, watched)
+
+
+def _joints(model: Model, asked: Sequence[str]) -> tuple[str, ...]:
+    found: list[str] = []
+    for pattern in [asked] if isinstance(asked, str) else asked:
+        these = [name for name in model.joints if fnmatchcase(name, pattern)]
+        if not these:
+            raise ModelError(f"passive: joints: no joint is named '{pattern}'.{nearest(str(pattern), model.joints)} "
+                             f"Joints are: {', '.join(model.joints) or 'none'}.", element=str(pattern),
+                             field="joints")  # fmt: skip
+        found.extend(name for name in these if name not in found)
+    return tuple(found)

@@ -106,6 +106,31 @@ def test_gradients_against_differences():
         assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), one.label
 
 
+def test_angles_of_joints_in_closed_form():
+    # phi'' + 2 zeta w phi' + w^2 phi = -a m r / J under white noise a: <phi^2> = S (m r / J)^2 / (8 zeta w^3)
+    mass, r, inertia, k, c = 2.0, 0.5, 0.1, 40.0, 0.8
+    model = mv.Model("hinged")
+    model.add_body("payload", mass, (inertia, inertia, inertia), (0, 0, -r))
+    model.add_joint("hinge", "revolute", "ground", "payload", (0, 0, 0), axis=(1, 0, 0))
+    model.add_bushing(
+        "flexure", "ground", "payload", (0, 0, 0), stiffness=(0, 0, 0, k, 0, 0), damping=(0, 0, 0, c, 0, 0)
+    )
+    whole = inertia + mass * r * r
+    w = math.sqrt(k / whole)
+    zeta = c / (2 * math.sqrt(k * whole))
+    goal = isolation.passive(model, "payload", directions="y", joints=["hin*"])
+    exact = math.sqrt(1e-4 * (mass * r / whole) ** 2 / (8 * zeta * w**3))
+    assert goal.angle({"y": 1e-4})(goal.scene.system) == pytest.approx(exact, rel=1e-9)
+    found = goal.optimize({"flexure.damping.rx": (0.1, 10.0)}, goal.rms({"y": 1e-4}, (0.01, 100.0)),
+                          goal.angle({"y": 1e-4}) <= 0.5 * exact)  # fmt: skip
+    assert found.success
+    assert found.model.springs["flexure"].damping[3] >= 4 * c * (1 - 1e-6)
+    with pytest.raises(mv.ModelError, match="no joints are watched"):
+        isolation.passive(model, "payload").angle({"y": 1.0})
+    with pytest.raises(mv.ModelError, match="Did you mean 'hinge'"):
+        isolation.passive(model, "payload", joints=["hinje"])
+
+
 def test_noise_of_correlated_design_shares_its_panels():
     goal = isolation.passive(library.cubic_hexapod(damping=500.0), "platform")
     rms, stroke = goal.rms(NOISE, BAND), goal.stroke(NOISE, BAND)

@@ -1,0 +1,55 @@
+"""What a passive design found: the mechanism, and its figures before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from mbsvib.isolation.figures import Isolation
+    from mbsvib.model import Model
+    from mbsvib.studies import Optimum
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Design:
+    """A mechanism that was optimised: ``model`` with the values found, figures ``before`` and ``after``."""
+
+    model: Model
+    optimum: Optimum
+    before: Isolation
+    after: Isolation
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """The variables' values."""
+        return self.optimum.values
+
+    @property
+    def success(self) -> bool:
+        """Whether the constraints hold and no variable betters the objective."""
+        return self.optimum.success
+
+    def table(self) -> dict[str, Any]:
+        """Return variables, objective and figures as arguments of ``mbsvib.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        table = self.optimum.table()
+        both = zip(self.before.table()["rows"], self.after.table()["rows"], strict=True)
+        table["rows"] = [*table["rows"], *((name, old, new) for (name, old), (_, new) in both)]
+        table["title"] = f"Passive design of {self.model.name}"
+        return table
+
+    def __str__(self) -> str:
+        from mbsvib import tables
+
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return f"Design({self.optimum!r})"
