@@ -172,15 +172,13 @@ class Instance:
             self.fmu.instantiate(logMessage=message, **({"intermediateUpdate": self._update} if extrapolate else {}))
             return
 
-        def formatted(environment: Any, name: bytes, status: int, category: bytes, text: bytes) -> None:
+        def message_2(environment: Any, name: bytes, status: int, category: bytes, text: bytes) -> None:
             self.log.append(text.decode(errors="replace"))
 
         calls = fmi2.fmi2CallbackFunctions()
-        calls.logger = fmi2.fmi2CallbackLoggerTYPE(formatted)
+        # not through fmpy's formatting: it keeps one logger for all units, and would call this one when it is gone
+        calls.logger = fmi2.fmi2CallbackLoggerTYPE(message_2)
         calls.allocateMemory, calls.freeMemory = fmi2.defaultCallbacks.allocateMemory, fmi2.defaultCallbacks.freeMemory
-        from fmpy.logging import addLoggerProxy
-
-        addLoggerProxy(ctypes.byref(calls))
         self.fmu.instantiate(callbacks=calls)
 
     def _update(self, environment: Any, time: float, wanted: bool, *_: Any) -> None:

@@ -147,3 +147,16 @@ def test_spoilt_archives_are_refused_or_as_they_were(content, place, bits, cut):
         except mv.ExportError:
             return
         np.testing.assert_array_equal(space.A, plant().state_space().A)
+
+
+def test_fmpy_logs_of_its_own_are_left_alone(tmp_path, capfd):
+    """A unit of FMI 2 that is driven through fmpy afterwards says what is wrong, as before."""
+    from tests.export.fmu.drive import Unit
+
+    file = mx.to_fmu(plant(), tmp_path / "plant.fmu", "2.0")
+    mx.check_cosimulation(file, speed_feedback(), H, masters="jacobi", duration=H)
+    made = Unit(file, tmp_path / "unit")
+    with pytest.raises(Exception, match="fmi2DoStep failed"):
+        made.step(0.0, H)
+    made.fmu.freeInstance()
+    assert "not allowed in this order of calls" in capfd.readouterr().out

@@ -2,6 +2,7 @@
 #include "fmi.h"
 #include "lti.h"
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,11 +14,12 @@
 #define ENTER(modes) Instance *s = c; if (!allowed(s, modes, __func__)) return FAULT
 #define RETURN(wrong) do { const char *w = (wrong); return w ? (fail(s, __func__, w), FAULT) : OK; } while (0)
 
+/* no text has a % in it, so that importers which cannot format read it as it is */
 static void log_2(Instance *s, const char *text)
 {
     const Callbacks *callbacks = s->log;
     if (callbacks && callbacks->logger)
-        callbacks->logger(callbacks->componentEnvironment, s->name, FAULT, "logStatusError", "%s", text);
+        callbacks->logger(callbacks->componentEnvironment, s->name, FAULT, "logStatusError", text);
 }
 
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
@@ -36,9 +38,10 @@ EXPORT void *fmi2Instantiate(const char *name, Kind kind, const char *guid, cons
     Instance *s = instance_new(folder, guid, name, &wrong);
     (void)visible; (void)logging;
     if (!s) {
+        char text[256];
+        snprintf(text, sizeof text, "fmi2Instantiate: resources/model.lti: %s", wrong);
         if (callbacks && callbacks->logger)
-            callbacks->logger(callbacks->componentEnvironment, name ? name : "", FAULT, "logStatusError",
-                              "fmi2Instantiate: resources/model.lti: %s", wrong);
+            callbacks->logger(callbacks->componentEnvironment, name ? name : "", FAULT, "logStatusError", text);
         return NULL;
     }
     s->log = (void *)callbacks;
