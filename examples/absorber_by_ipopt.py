@@ -10,6 +10,8 @@ absorbers", 2002): with mu the ratio of masses and r = sqrt(4 + 3 mu)
     zeta^2 = (8 + 9 mu - 4 r) / (16 (1 + mu)),    peak^2 = ((8 + 9 mu)^2 (16 + 9 mu) - 128 r^3) / (27 mu^2 (32 + 27 mu))
 """
 
+from typing import Any
+
 import casadi
 import numpy as np
 
@@ -45,7 +47,7 @@ response = mx.to_casadi_response(system, grid, ("tie.stiffness", "tie.damping"),
 factor, bar = casadi.MX.sym("factor", 2), casadi.MX.sym("bar")
 real, imag = response(factor * response.values)
 program = {"x": casadi.vertcat(factor, bar), "f": bar, "g": spring**2 * (real**2 + imag**2) - bar}
-options = {"print_level": 0, "sb": "yes", "tol": 1e-7, "hessian_approximation": "limited-memory"}
+options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7, "hessian_approximation": "limited-memory"}
 solver = casadi.nlpsol("design", "ipopt", program, {"ipopt": options, "print_time": False})
 best = solver(x0=[1, 1, 100], lbx=[0.2, 0.2, 0], ubx=[5, 10, np.inf], ubg=0, lbg=-np.inf)["x"].full().ravel()
 assert solver.stats()["success"]

@@ -349,7 +349,7 @@ def refined_solutions(system: System, state: EnergyState, w: Array) -> Complex:
     outputs = [(order, rows) for order, rows in enumerate((system.Cq, system.Cv, system.Ca)) if rows.any()]
     for start in range(0, len(w), size):
         part = w[start : start + size]
-        matrix = _matrix(state, 1j * part)
+        matrix = _matrix(state, (1j * part).astype(complex, copy=False))
 
         def solve(load: Complex, matrix: Complex = matrix) -> Complex:
             right = np.ascontiguousarray(load.transpose(2, 0, 1))
