@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.loads.reactions import SMALL, carriers, reactions, skew
+from mbsvib.loads.reactions import carriers, skew
 
 if TYPE_CHECKING:
     from mbsvib.assembly import Scene
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.reactions import Carriers
     from mbsvib.loads.wrenches import Applied
-    from mbsvib.loops import Reduction
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +28,7 @@ class Acting:
     the force on it, and leaves follower loads out. ``levers`` (k, 3, 6) times a wrench is v x f + 1/2 w x tau for the
     ``turning`` (k,) felt rows. ``owners`` are the names of all pairs and of the bodies.
     The joints of the open tree carry ``tree`` (6, joints, 1), and ``loops`` (6 joints, locked rows) is what multipliers
-    add to that in all joints, None where it would be large.
+    add to that in all joints.
     """
 
     ways: Carriers
@@ -46,11 +45,11 @@ class Acting:
     turning: Index
     owners: tuple[str, ...]
     tree: Array
-    loops: Array | None
+    loops: Array
 
 
 def acting(
-    applied: Applied, felt: Felt, scene: Scene, reduction: Reduction, memory: dict[str, Any]
+    applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]
 ) -> Acting:
     """Return what acts on a mechanism; as long as its tree is the same, what was found before.
 
@@ -62,8 +61,6 @@ def acting(
         What forces feel.
     scene : Scene
         The mechanism in numbers.
-    reduction : Reduction
-        Its minimal coordinates.
     memory : dict
         Where the result is kept.
 
@@ -93,14 +90,10 @@ def acting(
     turning = np.flatnonzero(felt.carrier < bodies)
     twist = felt.twist[:, turning]
     levers = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1).transpose(2, 0, 1)
-    loops, locked = None, 0 if scene.cuts is None else len(scene.cuts.names)
-    if 0 < locked * 6 * len(ways.first) <= SMALL:
-        to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, np.zeros((locked, 0)))
-        loops = to_joints.of_multipliers(np.eye(locked)).reshape(-1, locked)
     memory["acting"] = result = Acting(
         ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
         np.stack((start - position[:, first], end - position[:, second]), axis=1), place[:, :-1], levers, turning,
         (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
-        ways.of_tree(wrench[:, :, None]), loops,
+        ways.of_tree(wrench[:, :, None]), ways.of_locked(scene.cuts),
     )  # fmt: skip
     return result

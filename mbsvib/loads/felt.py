@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib._checks import UNIT6
-from mbsvib.kinematics import Rows
+from mbsvib.kinematics import Rows, columns
 from mbsvib.mobility import crossed_product
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.parts import Joint
 
 ORIGIN = (0.0, 0.0, 0.0)
+_AXES = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,77 +71,72 @@ def felt(
     twist: list[tuple[float, ...]] = []
     owner: list[int] = []
     two: list[tuple[int, int, int]] = []
-    cross: list[Array] = []
+    cross: list[tuple[float, ...]] = []
     pairs, ground = applied.pairs, number["ground"]
-
-    def add(who: int, a: int, b: int, at: Sequence[float], moved: Sequence[float], picks: Sequence[float]) -> None:
-        tuples.append((a, b, *at, *picks))
-        twist.append(tuple(moved))
-        owner.append(who)
-
     for k in applied.bushings.tolist():
         if pairs.first[k] != ground:
             for six in UNIT6:
-                add(k, int(pairs.first[k]), int(pairs.second[k]), pairs.end[:, k].tolist(), six, six)
+                tuples.append((int(pairs.first[k]), int(pairs.second[k]), *pairs.end[:, k].tolist(), *six))
+                twist.append(six)
+                owner.append(k)
     for k, joint in enumerate(joints, len(applied.names)):
-        if joint.kind == "distance":
+        if joint.kind == "distance" or not joint.freedom:
             continue
-        a, b = number[joint.first], number[joint.second]
-        at = joint.point or ORIGIN  # where a joint has no point, nothing turns
         moves = [six for name, six in joint.freedom if name[0] != "r"]
         turns = [six for name, six in joint.freedom if name[0] == "r"]
-        if 0 < len(moves) < (4 if joint.name in coupled else 3) and a != ground:
-            for six in moves:
-                add(k, a, b, at, six, six)
-        if len(turns) == 2 or (0 < len(turns) < (4 if joint.name in coupled else 3) and a != ground):
-            for six, picks in zip(turns, _picks([six[3:] for six in turns]), strict=True):
-                add(k, a, b, at, six, (*ORIGIN, *picks))
+        a, b, most = number[joint.first], number[joint.second], 4 if joint.name in coupled else 3
+        # where a joint has no point, nothing turns
+        head = (a, b, *(joint.point or ORIGIN))
+        if 0 < len(moves) < most and a != ground:
+            tuples += [(*head, *six) for six in moves]
+            twist += moves
+            owner += [k] * len(moves)
+        if len(turns) == 2 or (0 < len(turns) < most and a != ground):
+            tuples += [(*head, *ORIGIN, *picks) for picks in _picks([six[3:] for six in turns])]
+            twist += turns
+            owner += [k] * len(turns)
         if len(turns) == 2:
+            (ax, ay, az), (bx, by, bz) = turns[0][3:], turns[1][3:]
             two.append((k, len(tuples) - 2, len(tuples) - 1))
-            cross.append(crossed_product(np.array(turns[0][3:]), np.array(turns[1][3:])))
-    across = _Lines(applied, joints, number)
+            cross.append((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+    rows, line_owner, line, length, swing = _lines(applied, joints, number)
+    other = Rows.stack(tuples)
     return Felt(
-        Rows.stack(tuples + across.rows), np.array(owner, dtype=np.intp),
-        np.array([int(row[0]) for row in tuples], dtype=np.intp), np.array(twist).reshape(-1, 6).T,
-        np.array(two, dtype=np.intp).reshape(-1, 3).T, np.array(cross).reshape(-1, 3).T,
-        np.array(across.owner, dtype=np.intp), np.array([int(row[0]) for row in across.rows], dtype=np.intp),
-        np.array(across.line).reshape(-1, 3).T, np.array(across.length), np.array(across.swing).reshape(-1, 3).T,
+        Rows.join([other, rows]), np.array(owner, dtype=np.intp), other.first, columns(twist, 6),
+        np.array(two, dtype=np.intp).reshape(-1, 3).T, columns(cross, 3),
+        line_owner, rows.first, line, length, swing,
     )  # fmt: skip
 
 
-class _Lines:
-    """Line springs with tension and rods: two rows across each."""
-
-    def __init__(self, applied: Applied, joints: Sequence[Joint], number: Mapping[str, int]) -> None:
-        self.rows: list[tuple[float, ...]] = []
-        self.owner: list[int] = []
-        self.line: list[Array] = []
-        self.length: list[float] = []
-        self.swing: list[Array] = []
-        pairs = applied.pairs
-        for k in applied.tension.tolist():
-            self._add(k, int(pairs.first[k]), int(pairs.second[k]), pairs.start[:, k], pairs.end[:, k])
-        for k, joint in enumerate(joints, len(applied.names)):
-            if joint.kind == "distance":
-                self._add(k, number[joint.first], number[joint.second], np.array(joint.position), np.array(joint.end))
-
-    def _add(self, who: int, a: int, b: int, start: Array, end: Array) -> None:
-        length = float(np.linalg.norm(end - start))
-        line = (end - start) / length
-        for direction in normals(line):
-            self.rows.append((a, b, *end.tolist(), *direction.tolist(), *ORIGIN))
-            self.owner.append(who)
-            self.line.append(line)
-            self.length.append(length)
-            self.swing.append(crossed_product(end - start, direction))
+def _lines(
+    applied: Applied, joints: Sequence[Joint], number: Mapping[str, int]
+) -> tuple[Rows, Index, Array, Array, Array]:
+    """Two rows across each line spring with tension and each rod; their owners, lines, lengths and swings."""
+    pairs, k = applied.pairs, applied.tension
+    first, second, start, end = pairs.first[k], pairs.second[k], pairs.start[:, k], pairs.end[:, k]
+    rods = [(i, joint) for i, joint in enumerate(joints, len(applied.names)) if joint.kind == "distance"]
+    if rods:
+        k, first, second = (np.concatenate((given, np.array(more, dtype=np.intp))) for given, more in (
+            (k, [i for i, _ in rods]), (first, [number[rod.first] for _, rod in rods]),
+            (second, [number[rod.second] for _, rod in rods])))  # fmt: skip
+        start = np.concatenate((start, np.array([rod.position for _, rod in rods]).T), axis=1)
+        end = np.concatenate((end, np.array([rod.end for _, rod in rods]).T), axis=1)
+    if not len(k):
+        none = np.empty((3, 0))
+        return Rows(k, k, none, none, none), k, none, np.empty(0), none
+    along = end - start
+    length = np.sqrt(np.square(along).sum(axis=0))
+    across = np.array(normals(along / length)).transpose(1, 2, 0).reshape(3, -1)
+    twice = np.arange(len(k)).repeat(2)
+    end, along, length = end[:, twice], along[:, twice], length[twice]
+    rows = Rows(first[twice], second[twice], end, across, np.zeros(end.shape))
+    return rows, k[twice], along / length, length, crossed_product(along, across)
 
 
 def normals(line: Array) -> tuple[Array, Array]:
-    """Return two unit vectors across a line: (first, second, line) is a right-handed frame."""
-    least = np.zeros(3)
-    least[int(np.argmin(np.abs(line)))] = 1.0
-    one = crossed_product(least, line)
-    one /= np.linalg.norm(one)
+    """Return two unit vectors across lines (3, ...): (first, second, line) is a right-handed frame."""
+    one = crossed_product(_AXES[:, np.abs(line).argmin(axis=0)], line)
+    one /= np.sqrt(np.square(one).sum(axis=0))
     return one, crossed_product(line, one)
 
 

@@ -53,16 +53,15 @@ def load(
     """
     assert scene.loads is not None
     applied, felt, memory = scene.loads
-    known = acting(applied, felt, scene, reduction, memory)
+    known = acting(applied, felt, scene, memory)
     motion = found["body_motion"]
     residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion)
     if checked:
         check_balance(residual, size, found["K"], scene, reduction, name)
-    to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
-    if known.loops is None:
-        carried = to_joints(known.wrench[:, :, None])[:, :, 0]
-    else:
-        carried = known.tree[:, :, 0] + (known.loops @ to_joints.multipliers(known.tree)).reshape(6, -1)
+    to_joints = reactions(
+        known.ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative), known.loops
+    )
+    carried = to_joints.closed(known.tree)[:, :, 0]
     wrench = np.concatenate((known.pairs, carried), axis=1)
     pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
     statics = Statics(

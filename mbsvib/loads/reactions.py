@@ -11,7 +11,7 @@ least norm is taken (moments divided by the size of the loop); the second-order 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.topology import Topology
 
 
-# Up to so many entries the ways from bodies to joints and back are kept as matrices.
-SMALL = 40_000
-
-
 @dataclass(frozen=True, slots=True)
 class Carriers:
     """What topology and geometry say of the forces in joints.
@@ -38,8 +34,7 @@ class Carriers:
     ``point`` (3, joints) [m] are the joints' points, as their second bodies carry them, ``start`` as their first do
     (another one only in rods), ``first`` and ``second`` (joints,) their bodies; ``behind`` (bodies + 1, joints) holds
     +1 or -1 where a joint of the tree lies between ground and the body; ``position`` (3, bodies + 1) are the centres of
-    mass, ``joint_of`` (n,) the joint of each coordinate. ``to_joints`` (6 joints, 6 (bodies + 1)) and ``to_bodies`` are
-    the matrices of the two ways, None where they would be large.
+    mass, ``joint_of`` (n,) the joint of each coordinate.
     """
 
     topology: Topology
@@ -50,58 +45,72 @@ class Carriers:
     second: Index
     behind: Array
     joint_of: Index
-    to_joints: Array | None = None
-    to_bodies: Array | None = None
 
     def of_tree(self, wrench: Array) -> Array:
         """Return minus what acts behind each joint of the tree (6, joints, columns), for (6, bodies + 1, columns)."""
-        if self.to_joints is not None:
-            return _through(self.to_joints, wrench, self.point.shape[1])
         # arms are taken about the middle of the bodies, far from the origin as they may be
         middle = self.position[:, :-1].mean(axis=1, keepdims=True)
         force, moment = wrench[:3], wrench[3:]
         about = moment + crossed_product((self.position - middle)[..., None] + np.zeros_like(force), force)
-        sums: Array = np.einsum("bj,cbk->cjk", self.behind, np.concatenate((force, about)))
+        sums: Array = self.behind.T @ np.concatenate((force, about))
         sums[3:] -= crossed_product((self.point - middle)[..., None] + np.zeros_like(sums[:3]), sums[:3])
         sums *= -1.0
         return sums
 
-    def on_bodies(self, joints: Array) -> Array:
-        """Return what wrenches in joints (6, joints, columns) do to the bodies (6, bodies + 1, columns)."""
-        if self.to_bodies is not None:
-            return _through(self.to_bodies, joints, self.position.shape[1])
-        result = np.zeros((6, self.position.shape[1], joints.shape[2]))
-        for bodies, sign in ((self.second, 1.0), (self.first, -1.0)):
-            arm = (self.point - self.position[:, bodies])[..., None]
-            lever = crossed_product(arm + np.zeros_like(joints[:3]), joints[:3])
-            part = np.concatenate((joints[:3], joints[3:] + lever))
-            place = np.zeros((len(bodies), self.position.shape[1]))
-            place[np.arange(len(bodies)), bodies] = sign
-            result += np.einsum("cjn,jb->cbn", part, place)
-        return result
+    def of_locked(self, cuts: Cuts | None) -> Array:
+        """Return the wrenches in all joints (6 joints, locked rows) that one unit of each multiplier brings.
 
-    def as_matrices(self) -> Carriers:
-        """Return the same with both ways as matrices, unless these are large."""
-        joints, bodies = 6 * self.point.shape[1], 6 * self.position.shape[1]
-        if not 0 < joints * bodies <= SMALL:
-            return self
-        arm = skew(self.position[:, :, None] - self.point[:, None])
-        to_joints = _moved(-self.behind, arm).transpose(0, 3, 1, 2).reshape(joints, bodies)
-        every = np.arange(self.position.shape[1])[:, None]
-        sign = (every == self.second).astype(float) - (every == self.first)
-        to_bodies = _moved(sign, -arm).transpose(0, 2, 1, 3).reshape(bodies, joints)
-        return replace(self, to_joints=to_joints, to_bodies=to_bodies)
+        A locked row acts on its two bodies, so by the path rule only joints of the tree between these carry it, and
+        the cut joint itself; couplers act on all that they measure.
+        """
+        if cuts is None or not len(cuts.names):
+            return np.empty((6 * len(self.first), 0))
+        cut = np.array(self.topology.cut, dtype=np.intp)
+        result = self._of_rows(cuts.rows, cut[cuts.joint[: len(cuts.rows.first)]])
+        coupled = cuts.couplings
+        if coupled is None:
+            return result
+        terms = np.flatnonzero(coupled.column < 0)
+        if not len(terms):
+            return np.concatenate((result, np.zeros((len(result), len(cuts.names) - result.shape[1]))), axis=1)
+        shares = np.zeros((len(terms), len(cuts.names) - result.shape[1]))
+        shares[np.arange(len(terms)), coupled.row[terms]] = coupled.value[terms]
+        return np.concatenate((result, self._of_rows(coupled.measured, self._measured(coupled.measured)) @ shares),
+                              axis=1)  # fmt: skip
+
+    def _of_rows(self, rows: Rows, joint: Index) -> Array:
+        """What relative displacements of the bodies of cut joints (n,) bring into all joints, (6 joints, n)."""
+        sign = (self.behind[rows.first] - self.behind[rows.second]).T
+        sign[joint, np.arange(len(joint))] = 1.0
+        result = np.empty((6, *sign.shape))
+        result[:3] = sign * rows.force[:, None]
+        arm = rows.point[:, None] - self.point[:, :, None]
+        result[3:] = sign * (rows.moment[:, None] + crossed_product(arm, rows.force[:, None]))
+        return result.reshape(6 * len(self.first), len(joint))
+
+    def _measured(self, rows: Rows) -> Index:
+        """The cut joint that each measured row of a coupler belongs to."""
+        cut = np.array(self.topology.cut, dtype=np.intp)
+        same = (self.first[cut] == rows.first[:, None]) & (self.second[cut] == rows.second[:, None])
+        # two joints between the same bodies are told apart by their points
+        here = (np.abs(self.point[:, None, cut] - rows.point[:, :, None]).max(axis=0) == 0.0) & same
+        found: Index = cut[np.argmax(same.astype(int) + here, axis=1)]
+        return found
 
 
 @dataclass(frozen=True, slots=True)
 class Reactions:
-    """The way from body wrenches to joint wrenches: by ``carriers``, and in loops by the locked rows ``phi``."""
+    """The way from body wrenches to joint wrenches: by ``carriers``, and in loops by the locked rows ``phi``.
+
+    ``loops`` (6 joints, locked rows) are the wrenches in all joints that one unit of each multiplier brings.
+    """
 
     carriers: Carriers
     coordinates: Twists
     cuts: Cuts | None
     reduction: Reduction
     phi: Array
+    loops: Array
 
     def __call__(self, wrench: Array) -> Array:
         """Return the wrenches in the joints that balance wrenches on the bodies.
@@ -117,44 +126,13 @@ class Reactions:
             Force at the joint's point and moment about it, as they act on the joint's second body; its first body
             takes the opposite.
         """
-        tree = self.carriers.of_tree(wrench)
-        if self.cuts is None or not len(self.cuts.names):
+        return self.closed(self.carriers.of_tree(wrench))
+
+    def closed(self, tree: Array) -> Array:
+        """Return the wrenches in all joints for those of the open tree, both (6, joints, columns)."""
+        if not self.loops.shape[1]:
             return tree
-        return tree + self.of_multipliers(self.multipliers(tree))
-
-    def of_multipliers(self, multipliers: Array) -> Array:
-        """Return the wrenches in all joints (6, joints, columns) that multipliers (locked rows, columns) bring."""
-        closing = self._closing(multipliers)
-        return self.carriers.of_tree(self.carriers.on_bodies(closing)) + closing
-
-    def _closing(self, multipliers: Array) -> Array:
-        """The wrenches (6, joints, columns) in the cut joints: of what they lock, and of couplers on them."""
-        assert self.cuts is not None
-        rows = self.cuts.rows
-        joint = np.array(self.carriers.topology.cut, dtype=np.intp)[self.cuts.joint[: len(rows.first)]]
-        result = self._about_joints(rows, joint, multipliers[: len(joint)])
-        coupled = self.cuts.couplings
-        if coupled is not None and len(coupled.measured.first):
-            terms = np.flatnonzero(coupled.column < 0)
-            value = coupled.value[terms, None] * multipliers[len(joint) + coupled.row[terms]]
-            result += self._about_joints(coupled.measured, self._measured(coupled.measured), value)
-        return result
-
-    def _about_joints(self, rows: Rows, joint: Index, value: Array) -> Array:
-        point = self.carriers.point
-        moment = rows.moment + crossed_product(rows.point - point[:, joint], rows.force)
-        sums = np.zeros((point.shape[1], len(joint)))
-        sums[joint, np.arange(len(joint))] = 1.0
-        return sums @ (np.concatenate((rows.force, moment))[..., None] * value)
-
-    def _measured(self, rows: Rows) -> Index:
-        """The cut joint that each measured row of a coupler belongs to."""
-        cut, all_joints = np.array(self.carriers.topology.cut, dtype=np.intp), self.carriers
-        same = (all_joints.first[cut] == rows.first[:, None]) & (all_joints.second[cut] == rows.second[:, None])
-        # two joints between the same bodies are told apart by their points
-        here = (np.abs(all_joints.point[:, None, cut] - rows.point[:, :, None]).max(axis=0) == 0.0) & same
-        found: Index = cut[np.argmax(same.astype(int) + here, axis=1)]
-        return found
+        return tree + (self.loops @ self.multipliers(tree)).reshape(tree.shape)
 
     def multipliers(self, tree: Array) -> Array:
         """Return lambda (locked rows, columns) for the wrenches in the joints of the open tree (6, joints, columns)."""
@@ -185,20 +163,6 @@ def skew(vectors: Array) -> Array:
     result[0, 1], result[0, 2], result[1, 0] = -z, y, z
     result[1, 2], result[2, 0], result[2, 1] = -x, -y, x
     return result
-
-
-def _moved(sign: Array, arm: Array) -> Array:
-    """Return what takes wrenches (6,) along arms [r]x (3, 3, bodies + 1, joints), with signs: (6, 6, ...)."""
-    result = np.zeros((6, 6, *sign.shape))
-    for k in range(6):
-        result[k, k] = sign
-    result[3:, :3] = sign * arm
-    return result
-
-
-def _through(matrix: Array, wrench: Array, places: int) -> Array:
-    columns = wrench.shape[2]
-    return (matrix @ wrench.reshape(matrix.shape[1], columns)).reshape(6, places, columns)
 
 
 def carriers(topology: Topology, position: Array) -> Carriers:
@@ -234,13 +198,13 @@ def carriers(topology: Topology, position: Array) -> Carriers:
     for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
         joint_of += [k] * len(topology.joints[k].freedom)
     joint_of += [FLOATS] * (6 * len(topology.floating))
-    return Carriers(topology, position, point, start, first, second, behind,
-                    np.array(joint_of, dtype=np.intp)).as_matrices()  # fmt: skip
+    return Carriers(topology, position, point, start, first, second, behind, np.array(joint_of, dtype=np.intp))
 
 
 def reactions(
-    carriers: Carriers, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array
-) -> Reactions:
+    carriers: Carriers, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array,
+    loops: Array | None = None,
+) -> Reactions:  # fmt: skip
     """Return the way from body wrenches to joint wrenches.
 
     Parameters
@@ -255,13 +219,17 @@ def reactions(
         The minimal coordinates.
     phi : array, shape (locked rows, n)
         Locked rows per unit joint coordinate.
+    loops : array, shape (6 joints, locked rows), optional
+        ``carriers.of_locked(cuts)``, where it is known already.
 
     Returns
     -------
     Reactions
         To be called with wrenches on the bodies.
     """
-    return Reactions(carriers, coordinates, cuts, reduction, phi)
+    return Reactions(
+        carriers, coordinates, cuts, reduction, phi, carriers.of_locked(cuts) if loops is None else loops
+    )
 
 
 def place(joint: Joint, number: dict[str, int], position: Array) -> Array | tuple[float, float, float]:
