@@ -4,8 +4,9 @@ The residual of the equations,
 
     r = B u - D^T (k + i w c) D q + w^2 W^T W q,
 
-is computed with numbers of twice the digits, and q corrected by a solution in ordinary ones until the outputs stand
-still: what a sum of modes or of coordinates all but cancels is there then.
+is computed with numbers of twice the digits, and q corrected by a solution in ordinary ones, which is itself corrected
+by what it leaves of r. That is repeated until the outputs stand still: what a sum of modes or of coordinates all but
+cancels is there then.
 """
 
 from __future__ import annotations
@@ -49,10 +50,13 @@ class Refined:
 
 @dataclass(frozen=True, slots=True)
 class Factors:
-    """Rows of springs and dampers and of inertia, one below the other, and what multiplies them, (rows, n)."""
+    """Rows of springs and dampers and of inertia, one below the other, and what multiplies them, (rows, n): k or -w^2,
+    the latter with its digits beyond a double as ``low``, and i w c where there are dampers, on the first rows alone.
+    """
 
     rows: Array
     stiffness: Array
+    low: Array
     damping: Array
     w: Array
 
@@ -61,23 +65,44 @@ class Factors:
         """Return the factors of a system at the angular frequencies ``w`` (n,) [rad/s]."""
         used = (system.stiffness != 0.0) | (system.damping != 0.0)
         inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]
-        springs = np.broadcast_to(system.stiffness[used][:, None], (int(np.count_nonzero(used)), len(w)))
-        masses = np.broadcast_to(-w * w, (len(inertia), len(w)))
-        damping = np.concatenate((system.damping[used], np.zeros(len(inertia))))
+        square = twofold(w).times(twofold(w))
+        springs = int(np.count_nonzero(used))
+        stiffness = np.empty((springs + len(inertia), len(w)))
+        stiffness[:springs], stiffness[springs:] = system.stiffness[used][:, None], -square.high
+        low = np.zeros_like(stiffness)
+        low[springs:] = -square.low
         rows = np.concatenate((system.elastic_rows[used], inertia))
-        return Factors(rows, np.concatenate((springs, masses)), damping, w)
+        return Factors(rows, stiffness, low, system.damping[used], w)
 
-    def force(self, felt: Twofold) -> Twofold:
-        """Return (k + i w c) D q and -w^2 W q."""
-        result = felt.times(self.stiffness[:, None, :, None])
-        if self.damping.any():
-            brake = felt.turned().times(self.damping[:, None, None, None])
-            result = result + brake.times(self.w[:, None])
-        return result
+    def force(self) -> Callable[[Twofold], Twofold]:
+        """Return what turns D q into (k + i w c) D q and W q into -w^2 W q, (rows, loads, n, 2)."""
+        stiff = Twofold(_doubled(self.stiffness), _doubled(self.low))
+        damped = len(self.damping) if self.damping.any() else 0
+        brake = twofold(_doubled(np.broadcast_to(self.w, (damped, len(self.w)))))
+        brake = brake.times(twofold(self.damping[:damped, None, None, None]))
+
+        def of(felt: Twofold) -> Twofold:
+            result = felt.times(stiff)
+            if damped:
+                part = Twofold(result.high[:damped], result.low[:damped])
+                part += Twofold(felt.high[:damped], felt.low[:damped]).turned().times(brake)
+                result.high[:damped], result.low[:damped] = part.high, part.low
+            return result
+
+        return of
+
+    def ordinary(self) -> Callable[[Complex], Complex]:
+        """Return the same to ordinary digits, for felt motions (rows, loads, n)."""
+        strength: Complex = self.stiffness.astype(complex)
+        strength.imag[: len(self.damping)] = self.damping[:, None] * self.w
+        return lambda felt: felt * strength[:, None]
 
     def size(self) -> Array:
         """Return |k + i w c| and w^2, (rows, n)."""
-        result: Array = np.hypot(self.stiffness, self.damping[:, None] * self.w)
+        result: Array = np.abs(self.stiffness)
+        if self.damping.any():
+            felt = slice(len(self.damping))
+            result[felt] = np.hypot(result[felt], self.damping[:, None] * self.w)
         return result
 
 
@@ -109,26 +134,37 @@ def refined(
     rows = factors.rows * scale
     cut = Sliced.of(rows)
     columns = cut.transposed(rows)
-    seen = _Outputs(tuple((k, Sliced.of(c * scale), np.abs(c * scale)) for k, c in outputs[0]), outputs[1], factors.w)
+    seen = _Outputs(tuple((k, Sliced.of(c * scale), c * scale) for k, c in outputs[0]), outputs[1], factors.w)
     basis = shapes / scale[:, None]
+    force, ordinary = factors.force(), factors.ordinary()
 
-    def correction(residual: Array) -> Twofold:
-        flat = (basis.T @ residual.reshape(len(residual), -1)).reshape(residual.shape)
-        eta = np.ascontiguousarray(solve(flat.view(complex)[..., 0]))
-        return twofold((basis @ eta.view(float).reshape(len(eta), -1)).reshape(residual.shape))
+    def correction(residual: Array) -> Array:
+        eta = _parts(solve(_whole(_times(basis.T, residual))))
+        return _times(basis, eta)
 
     b = _parts(scale[:, None, None] * load)
-    x = correction(b)
-    value = seen.of(x)
-    change = np.full(value.shape, np.inf)
+    x, exact = twofold(correction(b)), twofold(b)
     for _ in range(STEPS):
-        x += correction((twofold(b) + -columns.product(factors.force(cut.product(x)))).high)
-        new = seen.of(x)
-        change, value = np.abs(new - value), new
-        if (change <= STILL * np.abs(value) + LAST * seen.most(x)).all() or not np.isfinite(change).all():
+        residual = (exact + -columns.product(force(cut.product(x)))).high
+        first = correction(residual)
+        left = residual - _times(rows.T, _parts(ordinary(_whole(_times(rows, first)))))
+        second = correction(left)
+        x += twofold(first + second)
+        value, most = seen.of(x), LAST * seen.most(x)
+        change = np.abs(seen.moved(_whole(second)))
+        if (change <= STILL * np.abs(value) + most).all() or not np.isfinite(change).all():
             break
     motion, felt = scale[:, None, None] * _whole(x.high), _whole(cut.product(x).high)
-    return Refined(value, change, seen.size(x), LAST * seen.most(x), motion, felt)
+    return Refined(value, change, seen.size(x), most, motion, felt)
+
+
+def _times(left: Array, right: Array) -> Array:
+    return (left @ right.reshape(len(right), -1)).reshape(-1, *right.shape[1:])
+
+
+def _doubled(values: Array) -> Array:
+    """The same for real and imaginary parts and all loads, (rows, 1, n, 2): contiguous, which sums go along quickly."""
+    return np.repeat(values, 2, axis=-1).reshape(len(values), 1, values.shape[1], 2)
 
 
 def _parts(values: Complex) -> Array:
@@ -143,7 +179,7 @@ def _whole(parts: Array) -> Complex:
 
 @dataclass(frozen=True, slots=True)
 class _Outputs:
-    """Rows of the outputs, and their sizes, by how often they are differentiated."""
+    """Rows of the outputs, cut and as they are, by how often they are differentiated."""
 
     rows: tuple[tuple[int, Sliced, Array], ...]
     direct: Array
@@ -152,13 +188,20 @@ class _Outputs:
     def of(self, x: Twofold) -> Complex:
         start = np.zeros((*self.direct.shape, len(self.w), 2))
         start[..., 0] = self.direct[:, :, None]
-        total = twofold(start)
+        total, w = twofold(start), twofold(_doubled(self.w[None]))
         for order, rows, _ in self.rows:
             part = rows.product(x)
             for _ in range(order):
-                part = part.turned().times(self.w[:, None])
+                part = part.turned().times(w)
             total = total + part
         return _whole(total.high)
+
+    def moved(self, motion: Complex) -> Complex:
+        """Changes of the outputs by a change of motions, to ordinary digits."""
+        result: Complex = np.zeros((*self.direct.shape, len(self.w)), dtype=complex)
+        for order, _, rows in self.rows:
+            result += _whole(_times(rows, _parts(motion))) * (1j * self.w) ** order
+        return result
 
     def size(self, x: Twofold) -> Array:
         return self._sum(np.abs(_whole(x.high)))
@@ -169,6 +212,6 @@ class _Outputs:
 
     def _sum(self, moved: Array) -> Array:
         result = np.broadcast_to(np.abs(self.direct)[:, :, None], (*self.direct.shape, len(self.w))).copy()
-        for order, _, sizes in self.rows:
-            result += (sizes @ moved.reshape(len(moved), -1)).reshape(result.shape) * self.w**order
+        for order, _, rows in self.rows:
+            result += _times(np.abs(rows), moved) * self.w**order
         return result

@@ -36,18 +36,25 @@ class Twofold:
     def __neg__(self) -> Twofold:
         return Twofold(-self.high, -self.low)
 
-    def times(self, factor: Array) -> Twofold:
-        """Return the product with doubles."""
-        product = self.high * factor
-        a, b = _halved(self.high), _halved(factor)
-        low = ((a[0] * b[0] - product) + a[0] * b[1] + a[1] * b[0]) + a[1] * b[1]
-        return Twofold(*two_sum(product, low + self.low * factor))
+    def times(self, factor: Twofold) -> Twofold:
+        """Return the product with numbers of as many digits."""
+        product = self.high * factor.high
+        a, b = _halved(self.high), _halved(factor.high)
+        low = a[0] * b[0]
+        low -= product
+        low += a[0] * b[1]
+        low += a[1] * b[0]
+        low += a[1] * b[1]
+        low += self.low * factor.high
+        low += self.high * factor.low
+        return Twofold(*two_sum(product, low))
 
     def turned(self) -> Twofold:
         """Return the product with i, real and imaginary parts being side by side along the last axis."""
         parts = [np.empty_like(self.high), np.empty_like(self.high)]
         for part, given in zip(parts, (self.high, self.low), strict=True):
-            part[..., 0], part[..., 1] = -given[..., 1], given[..., 0]
+            np.negative(given[..., 1], out=part[..., 0])
+            part[..., 1] = given[..., 0]
         return Twofold(*parts)
 
 
@@ -60,13 +67,19 @@ def two_sum(a: Array, b: Array) -> tuple[Array, Array]:
     """Return the rounded sum and what rounding left out (Knuth)."""
     total = a + b
     part = total - a
-    return total, (a - (total - part)) + (b - part)
+    rest = b - part
+    # in place: fresh memory costs more than the sums
+    np.subtract(total, part, out=part)
+    np.subtract(a, part, out=part)
+    rest += part
+    return total, rest
 
 
 def _halved(a: Array) -> tuple[Array, Array]:
     product = SPLIT * a
-    high = product - (product - a)
-    return high, a - high
+    high = product - a
+    np.subtract(product, high, out=high)
+    return high, np.subtract(a, high, out=product)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +105,18 @@ class Sliced:
         shape = x.high.shape
         columns = _slices(Twofold(x.high.reshape(len(x.high), -1), x.low.reshape(len(x.high), -1)), self.bits, 0)
         used = [i for i, part in enumerate(self.slices) if part.any()]
-        high, low = np.zeros((2, len(self.slices[0]), columns[0].shape[1]))
-        for total in range(SLICES):
-            pairs = [(self.slices[i], columns[total - i]) for i in used if i <= total]
-            if pairs:
-                exact = np.concatenate([a for a, _ in pairs], axis=1) @ np.concatenate([b for _, b in pairs])
-                high, rest = two_sum(high, exact)
-                low += rest
+        given = [part.any() for part in columns]
+
+        def total(first: int, last: int) -> Array:
+            pairs = [(i, k - i) for k in range(first, last) for i in used if i <= k and given[k - i]]
+            if not pairs:
+                return np.zeros((len(self.slices[0]), columns[0].shape[1]))
+            left = np.concatenate([self.slices[i] for i, _ in pairs], axis=1)
+            return np.asarray(left @ np.concatenate([columns[j] for _, j in pairs]))
+
+        high, low = two_sum(total(0, 1), total(1, 2))
+        # what is that far below the first digits needs no more than ordinary sums
+        low += total(2, SLICES)
         return Twofold(*(part.reshape(-1, *shape[1:]) for part in two_sum(high, low)))
 
 
