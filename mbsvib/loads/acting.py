@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from mbsvib.loads.reactions import Carriers
     from mbsvib.loads.wrenches import Applied
 
+_SIGNS = np.array((-1.0, 1.0))
+# what forces and what torques are multiplied with: v x f + 1/2 w x tau
+_PARTS = np.array((1.0, 0.5)).reshape(2, 1, 1)
+
 
 @dataclass(frozen=True, slots=True)
 class Acting:
@@ -23,12 +27,13 @@ class Acting:
 
     ``ways`` lead from bodies to joints. ``wrench`` (6, bodies + 1) acts on the bodies, ``sizes`` (2, bodies + 1) are
     those of all forces and moments in it; ``pairs`` (6, applied) are the wrenches on the second bodies, then ``first``
-    and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``arms`` (3, 2, pairs) go from the centres
+    and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``arms`` (3, 2 pairs) go from the centres
     of mass of the first and then of the second bodies, ``place`` (2 pairs, bodies) tells which body, with the sign of
-    the force on it, and leaves follower loads out. ``levers`` (k, 3, 6) times a wrench is v x f + 1/2 w x tau for the
-    ``turning`` (k,) felt rows. ``owners`` are the names of all pairs and of the bodies.
-    The joints of the open tree carry ``tree`` (6, joints, 1), and ``loops`` (6 joints, locked rows) is what multipliers
-    add to that in all joints.
+    the force on it, and leaves follower loads out; ``touched`` is the same without signs. ``levers`` (k, 3, 6) times a
+    wrench is v x f + 1/2 w x tau for the ``turned`` (k,) bodies, as which felt rows turn: these are the first
+    of ``one`` (p,), the felt rows that are one factor of a product, each with the pair in ``turner`` (p,) that owns it.
+    ``owners`` are the names of all pairs and of the bodies. The joints of the open tree carry ``tree`` (6, joints, 1),
+    and ``loops`` (6 joints, locked rows) is what multipliers add to that in all joints.
     """
 
     ways: Carriers
@@ -41,8 +46,11 @@ class Acting:
     end: Array
     arms: Array
     place: Array
+    touched: Array
     levers: Array
-    turning: Index
+    turned: Index
+    one: Index
+    turner: Index
     owners: tuple[str, ...]
     tree: Array
     loops: Array
@@ -82,17 +90,21 @@ def acting(
     second = np.concatenate((applied.pairs.second, ways.second))
     start = np.concatenate((applied.pairs.start, ways.start), axis=1)
     end = np.concatenate((applied.pairs.end, ways.point), axis=1)
-    count = len(first)
+    ends, count = np.concatenate((first, second)), len(first)
+    arms = np.concatenate((start, end), axis=1)
+    arms -= position[:, ends]
+    sign = np.repeat(_SIGNS, count)
+    sign.reshape(2, count)[:, : applied.loads][:, applied.follower] = 0.0
     place = np.zeros((2 * count, bodies + 1))
-    place[np.arange(count), first] = -1.0
-    place[np.arange(count, 2 * count), second] = 1.0
-    place.reshape(2, count, bodies + 1)[:, : applied.loads][:, applied.follower] = 0.0
+    place[np.arange(2 * count), ends] = sign
+    place = place[:, :-1]
     turning = np.flatnonzero(felt.carrier < bodies)
-    twist = felt.twist[:, turning]
-    levers = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1).transpose(2, 0, 1)
+    twist = felt.twist[:, turning].reshape(2, 3, -1) * _PARTS
+    levers = skew(twist.swapaxes(0, 1)).transpose(3, 0, 2, 1).reshape(-1, 3, 6)
     memory["acting"] = result = Acting(
         ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
-        np.stack((start - position[:, first], end - position[:, second]), axis=1), place[:, :-1], levers, turning,
+        arms, place, np.abs(place), levers, felt.carrier[turning],
+        np.concatenate((turning, felt.two[1])), np.concatenate((felt.owner[turning], felt.two[0])),
         (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
         ways.of_tree(wrench[:, :, None]), ways.of_locked(scene.cuts),
     )  # fmt: skip

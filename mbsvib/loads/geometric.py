@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 # Values of a body's form below this share of the forces that make it are rounding.
 ZERO_FORM = 16.0 * EPS
 _DIAGONAL = np.arange(3)
+_HALVES = np.array((0.5, -0.5))
 # Six rotations (x, y, z, x + y, x + z, y + z), and what each of their squares gets of S_ij, in the order of S's rows.
 SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
 SQUARES = np.array([
@@ -85,9 +86,9 @@ def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array
     body : array, shape (6 bodies,)
         Numbers of the bodies.
     """
-    outer = (force[:, None, None] * acting.arms).reshape(9, 2 * force.shape[1])
+    outer = (np.concatenate((force, force), axis=1)[:, None] * acting.arms).reshape(9, 2 * force.shape[1])
     values = SQUARES @ (outer @ acting.place)
-    limit = ZERO_FORM * np.abs(outer).max(axis=0) @ np.abs(acting.place)
+    limit = ZERO_FORM * np.maximum.reduce(np.abs(outer)) @ acting.touched
     values[np.abs(values) <= limit] = 0.0
     bodies = len(motion)
     return ((SUMS @ motion[:, 3:]).reshape(6 * bodies, motion.shape[2]), values.T.reshape(-1),
@@ -121,17 +122,12 @@ def turning_rows(
     owner : array, shape (rows,)
         Pairs.
     """
-    used = acting.turning
-    owner = felt.owner[used]
-    one = moved[used]
-    lever = acting.levers @ wrench[:, owner].T[:, :, None]
-    other = (lever.swapaxes(1, 2) @ motion[felt.carrier[used], 3:])[:, 0]
+    count, owner, one = len(acting.turned), acting.turner, moved[acting.one]
+    lever = acting.levers @ wrench.T[owner[:count], :, None]
+    other = (lever.swapaxes(1, 2) @ motion[acting.turned, 3:])[:, 0]
     if felt.two.size:
-        who, first, second = felt.two
-        half = 0.5 * np.einsum("cn,cn->n", wrench[3:, who], felt.cross)
-        one = np.concatenate((one, moved[first]))
-        other = np.concatenate((other, half[:, None] * moved[second]))
-        owner = np.concatenate((owner, who))
+        half = 0.5 * np.einsum("cn,cn->n", wrench[3:, owner[count:]], felt.cross)
+        other = np.concatenate((other, half[:, None] * moved[felt.two[2]]))
     return products(one, other, owner)
 
 
@@ -156,11 +152,13 @@ def line_rows(felt: Felt, force: Array, moved: Array, motion: Array) -> tuple[Ar
     stiffness : array, shape (rows,)
         Signed values [N/m].
     """
-    rows = moved[len(felt.owner) :].copy()
+    rows = moved[len(felt.owner) :]
     swings = np.flatnonzero(felt.line_carrier < len(motion))
     if len(swings):
-        rows[swings] += np.einsum("cn,ncm->nm", felt.swing[:, swings], motion[felt.line_carrier[swings], 3:])
-    return rows, -(force[:, felt.line_owner] * felt.line).sum(axis=0) / felt.length
+        turns = motion[felt.line_carrier[swings], 3:]
+        rows = rows.copy()
+        rows[swings] += (felt.swing[:, swings].T[:, None] @ turns)[:, 0]
+    return rows, np.einsum("cn,cn->n", force[:, felt.line_owner], felt.line) / -felt.length
 
 
 def products(one: Array, other: Array, owner: Index) -> tuple[Array, Array, Index]:
@@ -183,10 +181,9 @@ def products(one: Array, other: Array, owner: Index) -> tuple[Array, Array, Inde
         Whose they are.
     """
     sizes = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
-    used = np.flatnonzero(sizes[0] * sizes[1])
-    scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))[:, None]
-    a, b = scale * one[used], other[used] / scale
-    half = np.full(2 * len(used), 0.5)
-    half[len(used) :] = -0.5
-    mine = owner[used]
-    return np.concatenate((a + b, a - b)), half, np.concatenate((mine, mine))
+    used = sizes[0] * sizes[1] != 0.0
+    if not used.all():
+        one, other, owner, sizes = one[used], other[used], owner[used], (sizes[0][used], sizes[1][used])
+    scale = np.sqrt(np.sqrt(sizes[1] / sizes[0]))[:, None]
+    a, b = scale * one, other / scale
+    return np.concatenate((a + b, a - b)), _HALVES.repeat(len(owner)), np.concatenate((owner, owner))

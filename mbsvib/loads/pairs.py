@@ -67,15 +67,20 @@ class Pairs:
         size : array, shape (2, bodies + 1)
             Sums of the lengths of the forces and of the moments, each force's own included.
         """
-        first, second = self.incidence(position.shape[1] - 1)
-        wrench, size = np.zeros((6, position.shape[1])), np.zeros((2, position.shape[1]))
-        for arm, place, sign in zip(self.arms(position), (first, second), (-1.0, 1.0), strict=True):
-            lever = crossed_product(arm, self.force)
-            wrench += sign * np.concatenate((self.force, self.torque + lever)) @ place
-            lengths = np.sqrt(np.square(np.array((self.force, self.torque, lever))).sum(axis=1))
-            lengths[1] += lengths[2]
-            size += lengths[:2] @ place
-        return wrench, size
+        body, n = np.concatenate((self.first, self.second)), len(self.first)
+        place = np.zeros((2 * n, position.shape[1]))
+        place[np.arange(2 * n), body] = 1.0
+        parts = np.empty((9, 2 * n))
+        np.negative(self.force, out=parts[:3, :n])
+        np.negative(self.torque, out=parts[6:, :n])
+        parts[:3, n:], parts[6:, n:] = self.force, self.torque
+        parts[3:6] = crossed_product(np.concatenate((self.start, self.end), axis=1) - position[:, body], parts[:3])
+        lengths = np.sqrt(np.square(parts).reshape(3, 3, -1).sum(axis=1))
+        parts[3:6] += parts[6:]
+        parts[6] = lengths[0]
+        np.add(lengths[1], lengths[2], out=parts[7])
+        sums = parts[:8] @ place
+        return sums[:6], sums[6:]
 
 
 def spread(pairs: Pairs, position: Array) -> Array:

@@ -48,12 +48,12 @@ class Carriers:
 
     def of_tree(self, wrench: Array) -> Array:
         """Return minus what acts behind each joint of the tree (6, joints, columns), for (6, bodies + 1, columns)."""
-        # arms are taken about the middle of the bodies, far from the origin as they may be
-        middle = self.position[:, :-1].mean(axis=1, keepdims=True)
+        # arms are taken about one of the bodies, far from the origin as all may be
+        middle = self.position[:, :1]
         force, moment = wrench[:3], wrench[3:]
-        about = moment + crossed_product((self.position - middle)[..., None] + np.zeros_like(force), force)
+        about = moment + crossed_product((self.position - middle)[..., None], force)
         sums: Array = self.behind.T @ np.concatenate((force, about))
-        sums[3:] -= crossed_product((self.point - middle)[..., None] + np.zeros_like(sums[:3]), sums[:3])
+        sums[3:] -= crossed_product((self.point - middle)[..., None], sums[:3])
         sums *= -1.0
         return sums
 
@@ -83,9 +83,10 @@ class Carriers:
         sign = (self.behind[rows.first] - self.behind[rows.second]).T
         sign[joint, np.arange(len(joint))] = 1.0
         result = np.empty((6, *sign.shape))
-        result[:3] = sign * rows.force[:, None]
-        arm = rows.point[:, None] - self.point[:, :, None]
-        result[3:] = sign * (rows.moment[:, None] + crossed_product(arm, rows.force[:, None]))
+        result[:3] = rows.force[:, None]
+        result[3:] = crossed_product(rows.point[:, None] - self.point[:, :, None], rows.force[:, None])
+        result[3:] += rows.moment[:, None]
+        result *= sign
         return result.reshape(6 * len(self.first), len(joint))
 
     def _measured(self, rows: Rows) -> Index:

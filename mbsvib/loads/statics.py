@@ -76,8 +76,9 @@ def balance(wrench: Array, size: Array, motion: Array) -> tuple[Array, Array]:
         B''^T B'^T W, and the same with the lengths of all vectors [N or N m].
     """
     m = motion.shape[-1]
-    lengths = np.sqrt(np.square(motion.reshape(len(motion), 2, 3, m)).sum(axis=2))
-    return wrench.T.reshape(-1) @ motion.reshape(6 * len(motion), m), np.einsum("kb,bkm->m", size, lengths)
+    vectors = motion.reshape(2 * len(motion), 3, m)
+    lengths = np.sqrt(np.einsum("bcm,bcm->bm", vectors, vectors))
+    return wrench.T.reshape(-1) @ motion.reshape(6 * len(motion), m), size.T.reshape(-1) @ lengths
 
 
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
