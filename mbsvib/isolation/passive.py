@@ -17,7 +17,7 @@ from mbsvib.isolation.noise import base_noise
 from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism import GROUND
-from mbsvib.studies import Quantity, optimize
+from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
 from mbsvib.studies.responses import Peak, band_of
 
@@ -73,7 +73,8 @@ class Passive:
             ||T||_F / sqrt(base directions) at each.
         """
         f, ports = checked(frequencies), self._ports(self._shaken, "index")
-        return Leaf(f"index at {f[0]:g} to {f[-1]:g} Hz", lambda place: ports.size(place, 2.0 * np.pi * f))
+        span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
+        return Leaf(f"index at {span}", lambda place: ports.size(place, 2.0 * np.pi * f))
 
     def rms(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square acceleration of the body under base noise, rotations times the length.
@@ -248,7 +249,7 @@ class Passive:
 
     def front(
         self, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
-        constraints: Iterable[Constraint] = (), **words: Any,
+        constraints: Constraint | Iterable[Constraint] = (), **words: Any,
     ) -> Front:  # fmt: skip
         """Return the Pareto front of two quantities: the smallest objective for each bound of the other.
 
@@ -262,7 +263,7 @@ class Passive:
             What has a price, ``compliance()``; one number.
         bounds : sequence of float
             Largest values of it, one design each; ascending or descending, as each design starts at the one before.
-        constraints : iterable of Constraint
+        constraints : Constraint or iterable of Constraint
             What else has to hold.
         **words
             ``ties``, ``start``, ``method``, ``options`` of ``studies.optimize``.
@@ -279,7 +280,8 @@ class Passive:
         """
         from mbsvib.isolation.pareto import front
 
-        return front(self, variables, objective, against, bounds, tuple(constraints), words)
+        wanted = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
+        return front(self, variables, objective, against, bounds, wanted, words)
 
     @property
     def _shaken(self) -> dict[str, float]:

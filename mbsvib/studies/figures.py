@@ -32,7 +32,7 @@ def sweep(data: Sweep, label: str | None = None) -> Figure:
     data : Sweep
         The sweep.
     label : str, optional
-        The result; default: the first.
+        The result; default: the first of real numbers.
 
     Returns
     -------
@@ -44,7 +44,8 @@ def sweep(data: Sweep, label: str | None = None) -> Figure:
     ModelError
         If there is no result of real numbers to draw.
     """
-    name = next(iter(data.results), "") if label is None else label
+    real = (key for key, found in data.results.items() if found.dtype.kind in "biuf")
+    name = next(real, next(iter(data.results), "")) if label is None else label
     values = data[name]
     if values.dtype.kind not in "biuf":
         raise ModelError(f"plot of '{data.name}': '{name}' is not of real numbers; draw results of real numbers.",

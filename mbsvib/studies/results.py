@@ -150,7 +150,7 @@ class Sweep:
         Parameters
         ----------
         label : str, optional
-            Which result; default: the first.
+            Which result; default: the first of real numbers.
 
         Returns
         -------

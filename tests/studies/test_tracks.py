@@ -63,7 +63,7 @@ def test_tracks_are_sweeps(tmp_path):
     assert "frequencies[across]" in head
     assert "eigenvalues[along].im" in head
     assert "frequencies[across]" in str(found)
-    for figure in (found.plot("frequencies"), found.root_locus()):
+    for figure in (found.plot(), found.plot("damping_ratios"), found.root_locus()):
         labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
         assert labels == ["across", "along"]
         assert figure.axes[0].get_xlabel().endswith("]")
