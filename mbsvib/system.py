@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
     from mbsvib.responses.energy_schur import EnergySchur
     from mbsvib.responses.modal_sum import ModalSum
+    from mbsvib.responses.rounding import Changes, Noise
     from mbsvib.state_space import StateSpace
 
     Array = NDArray[np.float64]
@@ -86,6 +87,18 @@ class System(Sensitive, Equations):
         from mbsvib.responses.frequency_response import strong_dampers
 
         return strong_dampers(self, cast("Damped", self._modal))
+
+    @cached_property
+    def _noise(self) -> Noise:
+        from mbsvib.responses.rounding import Noise
+
+        return Noise.of(self, cast("Damped", self._modal))
+
+    @cached_property
+    def _changes(self) -> tuple[Changes, Changes]:
+        from mbsvib.responses.rounding import Changes
+
+        return Changes.of(self, cast("Damped", self._modal))
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.

@@ -48,8 +48,8 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
 
     The relative error is that of rounding, times frequency / half-width of a resonance there; sums that cancel for a
     reason other than inertia (far above the modes, where nothing but a long chain of springs leads from the input to
-    the output) are accurate relative to their largest term. Where that leaves less than eight digits, responses are
-    computed from the factors of the matrices to twice the digits, as far as these tell them (``tiny_outputs``).
+    the output) are accurate relative to their largest term. Where that may leave less than six digits, responses
+    are computed from the factors of the matrices to twice the digits, as far as these tell them (``tiny_outputs``).
 
     Parameters
     ----------

@@ -1,0 +1,252 @@
+"""What rounding does to frequency responses: bounds, with all that does not depend on frequency counted once a system.
+
+A sum over modes is right to rounding of its largest terms. What an error of eps in every number of the equations
+changes is another matter, as it need not be as large: with forward and adjoint motions x and z it is no more than
+
+    eps (sum over rows of |k + i w c| (|D z| |D||x| + |D||z| |D x|), of w^2 likewise with W, + |C||x| + |B||z|).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.modes.damped import Damped
+    from mbsvib.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+EPS = float(np.finfo(float).eps)
+# Rounding of a sum over modes in parts of its terms' size.
+ROUNDING = 16.0
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Bound of what rounding does to responses, up to a factor of some units.
+
+    ``parts`` are the outputs by how often they are differentiated: that, which ones, the products of the sizes of what
+    each mode sees and is seen of (rows inputs, k), and the known sums' sizes (rows, inputs, k + 1). ``b`` are the
+    inputs and ``seen`` the outputs in the basis.
+    """
+
+    b: Array
+    seen: tuple[tuple[int, Array], ...]
+    terms: Terms
+    parts: tuple[tuple[int, NDArray[np.intp], Array, Array], ...]
+    direct: Array
+
+    @staticmethod
+    def of(system: System, modal: Damped) -> Noise:
+        """Return the bound for a system and its modes."""
+        b = modal.shapes.T @ system.B
+        beta, direct = np.linalg.norm(b, axis=0), np.abs(system.D)
+        terms = Terms.of(modal)
+        right = np.abs(b if terms.vectors is None else terms.vectors.T @ b)
+        parts = []
+        for order, rows in differentiated(system):
+            used = np.flatnonzero(rows.any(axis=1))
+            c = rows[used] @ modal.shapes
+            gamma, seen = np.linalg.norm(c, axis=1), np.abs(c if terms.vectors is None else c @ terms.vectors)
+            both = gamma[:, None, None] * right.T + seen[:, None, :] * beta[:, None]
+            left = terms.left(both, direct[used] if order == 2 else None)
+            parts.append((order, used, both.reshape(-1, both.shape[2]), left))
+        seen_rows = tuple((order, rows @ modal.shapes) for order, rows in differentiated(system))
+        return Noise(b, seen_rows, terms, tuple(parts), direct)
+
+    def at(self, w: Array, summed: bool) -> Array:
+        """Return the bound at angular frequencies.
+
+        Parameters
+        ----------
+        w : array, shape (n,)
+            Angular frequencies [rad/s], none negative.
+        summed : bool
+            Whether responses are sums over modes, which know what cancels above a mode; else they are solutions.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            In the outputs' units.
+        """
+        gain, fade = self.terms.gain(w)
+        result = np.zeros((*self.direct.shape, len(w)))
+        if summed:
+            gain *= fade
+            below = np.searchsorted(self.terms.ascending, w)
+            inverse = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0) ** self.terms.power
+        else:
+            result += self.direct[:, :, None]
+        for order, used, both, left in self.parts:
+            part = (both @ gain).reshape(len(used), -1, len(w))
+            if summed:
+                part += left[:, :, below] * inverse
+            result[used] += part * w**order if order else part
+        result *= EPS * ROUNDING
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Sizes of the terms of a sum over modes: the sums of all R and lambda R, which are known, are of the size
+    ``strength`` (k,) over w^power; ``vectors`` (m, k) if they are not the basis, ``corner`` (k,) as in ``ModalSum``.
+    ``free`` of them, the last ones, are rigid-body modes, if damping couples modes.
+    """
+
+    modal: Damped
+    value: Complex
+    free: int
+    strength: Array
+    power: int
+    corner: Array
+    ascending: Array
+    vectors: Complex | None
+
+    @staticmethod
+    def of(modal: Damped) -> Terms:
+        """Return the terms of a system's modes."""
+        if modal.vectors is None or modal.slopes is None:
+            corner = np.abs(modal.pairs).max(axis=1)
+            return Terms(modal, np.zeros(0, complex), 0, np.ones(len(corner)), 2, corner, np.sort(corner), None)
+        turns, free = modal.pairs[:, 0].imag != 0.0, (modal.pairs == 0.0).all(axis=1)
+        first, second = ~free, ~free & ~turns
+        value: Complex = np.concatenate((modal.pairs[first, 0], modal.pairs[second, 1]))
+        size = 2.0 / np.abs(np.concatenate((modal.slopes[first, 0], modal.slopes[second, 1])))
+        y = modal.vectors
+        vectors: Complex = np.concatenate((y[:, first, 0], y[:, second, 1], y[:, free, 0]), axis=1)
+        rigid = np.zeros(int(np.count_nonzero(free)))
+        corner = np.concatenate((np.abs(value), rigid))
+        return Terms(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
+
+    def gain(self, w: Array) -> tuple[Array, Array]:
+        """Return sizes (k, n) of 1 / (s - lambda), and what is left of them above the mode by the known sums."""
+        corner = self.corner[:, None]
+        if self.vectors is None:
+            square, turn = self.modal.square[:, None], w * w
+            size, brake = np.abs(square), np.abs(self.modal.gamma)[:, None] * w
+            root = np.sqrt(size)
+            stiff = np.where(square >= 0.0, (root - w) * (root + w), square - turn)
+            fade = np.where(corner < w, (size + brake) / turn, 1.0)
+            return 1.0 / np.maximum(np.abs(stiff), brake), fade
+        value = self.value[:, None]
+        count = len(value)
+        gain = np.empty((count + self.free, len(w)))
+        gain[:count] = self.strength[:count, None] / np.maximum(np.abs(value.real), np.abs(w - value.imag))
+        gain[count:] = 1.0 / (w * w)
+        return gain, np.minimum(1.0, (corner / w) ** 2)
+
+    def left(self, both: Array, direct: Array | None) -> Array:
+        """Sizes of the known sums (rows, inputs, k + 1): they are added up below w or above it, where less cancels."""
+        terms = (both * self.strength)[:, :, np.argsort(self.corner, kind="stable")]
+        below, above = np.zeros((2, *terms.shape[:2], terms.shape[2] + 1))
+        np.cumsum(terms, axis=2, out=below[:, :, 1:])
+        above[:, :, :-1] = np.cumsum(terms[:, :, ::-1], axis=2)[:, :, ::-1]
+        return np.asarray(np.minimum(below if direct is None else below + direct[:, :, None], above))
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Changes of responses by relative changes of one of all numbers of the equations.
+
+    ``rows`` are those of springs and dampers, and of inertia below; ``sizes`` one below the other their magnitudes, and
+    of the rows, of the outputs (``orders``) and of the inputs what rounding is relative to.
+    """
+
+    rows: Array
+    stiffness: Array
+    damping: Array
+    sizes: Array
+    orders: tuple[int, ...]
+    direct: Array
+
+    @staticmethod
+    def of(system: System, modal: Damped) -> tuple[Changes, Changes]:
+        """Return those of the numbers that count most, a quick look from below, and of all numbers."""
+        inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]
+        whole = Changes._of(system, inertia)
+        if len(inertia) <= 2 * system.dof:
+            return whole, whole
+        largest = np.argsort(-np.linalg.norm(inertia @ modal.shapes, axis=1), kind="stable")
+        return Changes._of(system, inertia[largest[: system.dof]]), whole
+
+    @staticmethod
+    def _of(system: System, inertia: Array) -> Changes:
+        used = (system.stiffness != 0.0) | (system.damping != 0.0)
+        rows = np.concatenate((system.elastic_rows[used], inertia))
+        outputs = differentiated(system)
+        near = [_sizes(c) for c in (rows, *(c for _, c in outputs), system.B.T)]
+        sizes, orders = np.concatenate((np.abs(rows), *near)), tuple(order for order, _ in outputs)
+        stiffness = np.abs(system.stiffness[used])
+        return Changes(rows, stiffness[:, None], system.damping[used][:, None], sizes, orders, np.abs(system.D))
+
+    def at(self, w: Array, motion: Complex, felt: Complex | None = None) -> Array:
+        """Return the sum over all numbers.
+
+        Parameters
+        ----------
+        w : array, shape (n,)
+            Angular frequencies [rad/s], none negative.
+        motion : array, shape (m, inputs + outputs, n)
+            Forward and adjoint motions.
+        felt : array, shape (rows, inputs + outputs, n), optional
+            What rows see of them; default: as much as rounding of the motions leaves of that.
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            In the outputs' units.
+        """
+        outputs, inputs = self.direct.shape
+        count, springs = len(self.rows), len(self.stiffness)
+        near = product(self.sizes, _magnitude(motion))
+        if felt is None:
+            seen = _magnitude(real_product(self.rows, motion))
+            seen -= ROUNDING * EPS * near[:count]
+            np.maximum(seen, 0.0, out=seen)
+        else:
+            seen = np.abs(felt)
+        seen[:springs] *= np.hypot(self.stiffness, self.damping * w)[:, None]
+        seen[springs:] *= w * w
+        far = near[count : 2 * count]
+        adjoint = np.concatenate((seen[:, inputs:], far[:, inputs:])).transpose(2, 1, 0)
+        forward = np.concatenate((far[:, :inputs], seen[:, :inputs])).transpose(2, 0, 1)
+        result: Array = (adjoint @ forward).transpose(1, 2, 0) + self.direct[:, :, None]
+        for i, order in enumerate(self.orders):
+            start = 2 * count + i * outputs
+            part = near[start : start + outputs, :inputs]
+            result += part * w**order if order else part
+        result += near[-inputs:, inputs:].transpose(1, 0, 2)
+        return result
+
+
+def differentiated(system: System) -> list[tuple[int, Array]]:
+    """Return the rows (outputs, m) of displacements, velocities and accelerations that there are, with 0, 1 or 2."""
+    return [(order, c) for order, c in enumerate((system.Cq, system.Cv, system.Ca)) if c.any()]
+
+
+def product(left: Array, right: Array) -> Array:
+    """Return left (k, m) right (m, loads, n)."""
+    return (left @ right.reshape(len(right), -1)).reshape(-1, *right.shape[1:])
+
+
+def real_product(left: Array, right: Complex) -> Complex:
+    """Return left (k, m) right (m, loads, n) with one real factor."""
+    parts = np.ascontiguousarray(right).reshape(len(right), -1).view(float)
+    result: Complex = (left @ parts).view(complex)
+    return result.reshape(-1, *right.shape[1:])
+
+
+def _magnitude(values: Complex) -> Array:
+    """Return magnitudes in a fraction of the time of ``abs``, which minds numbers beyond 1e154 and below 1e-154."""
+    return np.asarray(np.sqrt(np.square(values.real) + np.square(values.imag)))
+
+
+def _sizes(rows: Array) -> Array:
+    """What rounding of entries is relative to: the largest of the row, as 6e-17 may be a zero; zeros are exact."""
+    return np.asarray((rows != 0.0) * np.abs(rows).max(axis=1, keepdims=True))
