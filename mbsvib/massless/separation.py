@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.gram import product
 from mbsvib.inertia import check_mass
 from mbsvib.loops import ZERO_ENTRY, pivoted_qr
 from mbsvib.massless.condensation import CANCELS, Condensation, condense, unheld
@@ -145,8 +146,6 @@ def _condensed(found: dict[str, Any], condensation: Condensation) -> dict[str, A
     """Every row acts on q = T z, K = (D T)^T diag(k) (D T); what the inputs do at once goes to D and, where K is not
     symmetric, to B.
     """
-    from mbsvib.assembly import product
-
     t, s = condensation.transform, condensation.response
     result = dict(found)
     for key in _ROWS:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.assembly import product
+from mbsvib.gram import product
 from mbsvib.loops import Reduction
 from mbsvib.sparse.subspace import strains
 from mbsvib.system import Provenance, System
