@@ -67,18 +67,10 @@ def felt(
     Felt
         Rows, to be put into minimal coordinates.
     """
-    tuples: list[tuple[float, ...]] = []
-    twist: list[tuple[float, ...]] = []
-    owner: list[int] = []
+    ground = number["ground"]
+    tuples, twist, owner = _of_bushings(applied, ground)
     two: list[tuple[int, int, int]] = []
     cross: list[tuple[float, ...]] = []
-    pairs, ground = applied.pairs, number["ground"]
-    for k in applied.bushings.tolist():
-        if pairs.first[k] != ground:
-            for six in UNIT6:
-                tuples.append((int(pairs.first[k]), int(pairs.second[k]), *pairs.end[:, k].tolist(), *six))
-                twist.append(six)
-                owner.append(k)
     for k, joint in enumerate(joints, len(applied.names)):
         if joint.kind == "distance" or not joint.freedom:
             continue
@@ -106,6 +98,15 @@ def felt(
         np.array(two, dtype=np.intp).reshape(-1, 3).T, columns(cross, 3),
         line_owner, rows.first, line, length, swing,
     )  # fmt: skip
+
+
+def _of_bushings(applied: Applied, ground: int) -> tuple[list[tuple[float, ...]], list[tuple[float, ...]], list[int]]:
+    """Six rows for each preloaded bushing that a body carries, with their twists and owners."""
+    pairs = applied.pairs
+    carried = [k for k in applied.bushings.tolist() if pairs.first[k] != ground]
+    heads = [(int(pairs.first[k]), int(pairs.second[k]), *pairs.end[:, k].tolist()) for k in carried]
+    return ([(*head, *six) for head in heads for six in UNIT6], list(UNIT6) * len(carried),
+            [k for k in carried for _ in UNIT6])  # fmt: skip
 
 
 def _lines(

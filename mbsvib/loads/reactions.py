@@ -67,16 +67,12 @@ class Carriers:
             return np.empty((6 * len(self.first), 0))
         cut = np.array(self.topology.cut, dtype=np.intp)
         result = self._of_rows(cuts.rows, cut[cuts.joint[: len(cuts.rows.first)]])
-        coupled = cuts.couplings
-        if coupled is None:
+        if cuts.couplings is None:
             return result
-        terms = np.flatnonzero(coupled.column < 0)
-        if not len(terms):
-            return np.concatenate((result, np.zeros((len(result), len(cuts.names) - result.shape[1]))), axis=1)
+        measured, terms = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
         shares = np.zeros((len(terms), len(cuts.names) - result.shape[1]))
-        shares[np.arange(len(terms)), coupled.row[terms]] = coupled.value[terms]
-        return np.concatenate((result, self._of_rows(coupled.measured, self._measured(coupled.measured)) @ shares),
-                              axis=1)  # fmt: skip
+        shares[np.arange(len(terms)), cuts.couplings.row[terms]] = cuts.couplings.value[terms]
+        return np.concatenate((result, self._of_rows(measured, self._measured(measured)) @ shares), axis=1)
 
     def _of_rows(self, rows: Rows, joint: Index) -> Array:
         """What relative displacements of the bodies of cut joints (n,) bring into all joints, (6 joints, n)."""
@@ -92,6 +88,8 @@ class Carriers:
     def _measured(self, rows: Rows) -> Index:
         """The cut joint that each measured row of a coupler belongs to."""
         cut = np.array(self.topology.cut, dtype=np.intp)
+        if not len(rows.first):
+            return cut[:0]
         same = (self.first[cut] == rows.first[:, None]) & (self.second[cut] == rows.second[:, None])
         # two joints between the same bodies are told apart by their points
         here = (np.abs(self.point[:, None, cut] - rows.point[:, :, None]).max(axis=0) == 0.0) & same
