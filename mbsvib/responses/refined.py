@@ -6,7 +6,7 @@ The residual of the equations,
 
 is computed with numbers of twice the digits, and q corrected by a solution in ordinary ones, which is itself corrected
 by what it leaves of r. That is repeated until the outputs stand still: what a sum of modes or of coordinates all but
-cancels is there then.
+cancels is there then. Where bodies are many and coordinates few, W^T W is formed beforehand, to twice the digits too.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STEPS = 12
 @dataclass(frozen=True, slots=True)
 class Refined:
     """Transfer functions (outputs, loads, n), how far the last correction moved them and the size of what they are
-    summed from; below ``floor`` even they tell nothing. Motions q (m, loads, n), and D q and W q (rows, loads, n).
+    summed from; below ``floor`` even they tell nothing. Motions q (m, loads, n), and ``exact`` what ``rows`` multiply.
     """
 
     value: Complex
@@ -45,7 +45,13 @@ class Refined:
     size: Array
     floor: Array
     motion: Complex
-    felt: Complex
+    rows: Array
+    exact: Twofold
+
+    @property
+    def felt(self) -> Complex:
+        """What rows see of the motions, (rows, loads, n)."""
+        return _whole(Sliced.of(self.rows).product(self.exact).high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,12 +137,9 @@ def refined(
     """
     # powers of two make the coordinates comparable, and round nothing
     scale = np.ldexp(1.0, np.frexp(np.linalg.norm(shapes, axis=1))[1])
-    rows = factors.rows * scale
-    cut = Sliced.of(rows)
-    columns = cut.transposed(rows)
+    equations = _Equations.of(factors, scale)
     seen = _Outputs(tuple((k, Sliced.of(c * scale), c * scale) for k, c in outputs[0]), outputs[1], factors.w)
     basis = shapes / scale[:, None]
-    force, ordinary = factors.force(), factors.ordinary()
 
     def correction(residual: Array) -> Array:
         eta = _parts(solve(_whole(_times(basis.T, residual))))
@@ -145,17 +148,55 @@ def refined(
     b = _parts(scale[:, None, None] * load)
     x, exact = twofold(correction(b)), twofold(b)
     for _ in range(STEPS):
-        residual = (exact + -columns.product(force(cut.product(x)))).high
+        residual = (exact + -equations.of_motion(x)).high
         first = correction(residual)
-        left = residual - _times(rows.T, _parts(ordinary(_whole(_times(rows, first)))))
-        second = correction(left)
+        second = correction(residual - equations.of_small(first))
         x += twofold(first + second)
         value, most = seen.of(x), LAST * seen.most(x)
         change = np.abs(seen.moved(_whole(second)))
         if (change <= STILL * np.abs(value) + most).all() or not np.isfinite(change).all():
             break
-    motion, felt = scale[:, None, None] * _whole(x.high), _whole(cut.product(x).high)
-    return Refined(value, change, seen.size(x), most, motion, felt)
+    return Refined(value, change, seen.size(x), most, scale[:, None, None] * _whole(x.high), factors.rows * scale, x)
+
+
+@dataclass(frozen=True, slots=True)
+class _Equations:
+    """The left-hand side, (k + i w c) and -w^2 by ``factors``; and where bodies are many and coordinates few, the mass
+    matrix to twice the digits, ``mass``, with w^2, ``square``, instead of the rows of inertia.
+    """
+
+    factors: Factors
+    rows: Array
+    cut: Sliced
+    columns: Sliced
+    force: Callable[[Twofold], Twofold]
+    ordinary: Callable[[Complex], Complex]
+    mass: Twofold | None
+    square: Twofold
+
+    @staticmethod
+    def of(factors: Factors, scale: Array) -> _Equations:
+        rows, springs, mass = factors.rows * scale, len(factors.damping), None
+        square = twofold(_doubled(factors.w[None])).times(twofold(_doubled(factors.w[None])))
+        if len(rows) - springs > 2 * len(scale):
+            inertia = rows[springs:]
+            mass = Sliced.of(np.ascontiguousarray(inertia.T)).product(twofold(inertia))
+            few = slice(springs)
+            factors = Factors(factors.rows[few], factors.stiffness[few], factors.low[few], factors.damping, factors.w)
+            rows = rows[few]
+        cut = Sliced.of(rows)
+        columns = cut.transposed(rows)
+        return _Equations(factors, rows, cut, columns, factors.force(), factors.ordinary(), mass, square)
+
+    def of_motion(self, x: Twofold) -> Twofold:
+        """Return the loads that a motion needs."""
+        result = self.columns.product(self.force(self.cut.product(x)))
+        return result if self.mass is None else result + -Sliced.of(self.mass).product(x).times(self.square)
+
+    def of_small(self, x: Array) -> Array:
+        """Return the same to ordinary digits."""
+        result = _times(self.rows.T, _parts(self.ordinary(_whole(_times(self.rows, x)))))
+        return result if self.mass is None else result - _times(self.mass.high, x) * self.square.high
 
 
 def _times(left: Array, right: Array) -> Array:

@@ -90,11 +90,12 @@ class Sliced:
     bits: int
 
     @staticmethod
-    def of(matrix: Array) -> Sliced:
+    def of(matrix: Array | Twofold) -> Sliced:
         """Cut a matrix."""
+        whole = matrix if isinstance(matrix, Twofold) else twofold(matrix)
         # sums of as many products as there are slices are exact as well
-        bits = (52 - int(np.ceil(np.log2(max(2, SLICES * max(matrix.shape)))))) // 2
-        return Sliced(_slices(twofold(matrix), bits, 1), bits)
+        bits = (52 - int(np.ceil(np.log2(max(2, SLICES * max(whole.high.shape)))))) // 2
+        return Sliced(_slices(whole, bits, 1), bits)
 
     def transposed(self, matrix: Array) -> Sliced:
         """Cut the transpose of a matrix of the same shape as this."""
