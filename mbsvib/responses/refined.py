@@ -178,7 +178,7 @@ class _Equations:
     def of(factors: Factors, scale: Array) -> _Equations:
         rows, springs, mass = factors.rows * scale, len(factors.damping), None
         square = twofold(_doubled(factors.w[None])).times(twofold(_doubled(factors.w[None])))
-        if len(rows) - springs > 2 * len(scale):
+        if springs and len(rows) - springs > 2 * len(scale):
             inertia = rows[springs:]
             mass = Sliced.of(np.ascontiguousarray(inertia.T)).product(twofold(inertia))
             few = slice(springs)

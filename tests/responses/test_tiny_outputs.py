@@ -2,6 +2,7 @@
 
 import warnings
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,6 +95,22 @@ def test_corrections_that_do_not_settle_are_warned_of(monkeypatch):
 def test_static_responses_are_real():
     system = scene(7, (1e-1, 1e3)).linearize()
     assert not system.frequency_response([0.0]).imag.any()
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 5.0])
+def test_many_rows_of_inertia_for_one_coordinate(stiffness):
+    """As many bodies without a spring, or with one, have them: (k - 14 w^2) q = 1."""
+    given, one = np.array([stiffness]), np.ones((1, 1))
+    inertia = np.array([[1.0], [2.0], [3.0]])
+    system = SimpleNamespace(stiffness=given, damping=0.0 * given, elastic_rows=one, inertia_factor=inertia)
+    w, load, outputs = np.array([0.5, 2.0]), np.ones((1, 1, 2), dtype=complex), ([(0, one)], 0.0 * one)
+    exact = stiffness - 14.0 * w * w
+    # six digits of a solution are enough to start with
+    rough = 14.0 * (1.0 + 1e-6) / exact
+    shapes = np.array([[1.0 / np.sqrt(14.0)]])
+    found = tiny_outputs.refined(tiny_outputs.Factors.of(system, w), shapes, load, outputs, lambda right: right * rough)
+    np.testing.assert_allclose(found.value[0, 0], 1.0 / exact, rtol=4 * EPS)
+    assert found.felt.shape == (4 if stiffness else 3, 1, 2)
 
 
 def test_products_to_twice_the_digits():
