@@ -139,7 +139,7 @@ def test_a_study_takes_milliseconds():
         assert len(figures[0]) == 400
         return time.perf_counter() - start
 
-    assert min(run() for _ in range(8)) < 0.06  # 0.013 s on a machine that does nothing else
+    assert min(run() for _ in range(8)) < 0.2  # 0.013 s on a machine that does nothing else
 
 
 @pytest.mark.parametrize(
