@@ -241,8 +241,7 @@ class Passive:
             If a variable is unknown or its derivatives are not supported.
         """
         found = optimize(self.scene.model, variables, objective, constraints, **words)
-        changed = {name: value for name, value in found.model.parameters.items()
-                   if value != self.scene.model.parameters[name] and name in self.model.parameters}  # fmt: skip
+        changed = {name: value for name, value in found.parameters.items() if name in self.model.parameters}
         model = self.model.with_values(changed)
         made = scene(model, self.scene.body, self.scene.base, self.scene.point, self.scene.length, self.scene.moved)
         return Design(model, found, self.before, figures(made, made.system, self.before.frequencies))

@@ -1,6 +1,6 @@
 """Design studies: one model at many points of its parameters, and at the best of them.
 
-points, design    values of variables: parameters, patterns of parameters, linear maps
+points, design, ties      values of variables: parameters, patterns of parameters, functions of several
 question          what is asked: results by name, functions
 running           in batches, or one by one, in processes
 record            answers in a file as they come
@@ -20,9 +20,10 @@ from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.scatter import Tolerances, tolerances
 from mbsvib.studies.sweeps import sweep
+from mbsvib.studies.ties import Tie
 from mbsvib.studies.tracks import Tracks, track
 
 __all__ = [
-    "Constraint", "Optimum", "Quantity", "Sweep", "Tolerances", "Tracks", "damping_ratio", "frequency", "gain", "given",
-    "largest", "optimize", "peak", "placement", "rms", "smallest", "sweep", "tolerances", "track", "variable",
+    "Constraint", "Optimum", "Quantity", "Sweep", "Tie", "Tolerances", "Tracks", "damping_ratio", "frequency", "gain",
+    "given", "largest", "optimize", "peak", "placement", "rms", "smallest", "sweep", "tolerances", "track", "variable",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Variables of a study: parameters by name or pattern, or linear maps of several."""
+"""Variables of a study: parameters by name or pattern, or functions that move several."""
 
 from __future__ import annotations
 
@@ -6,49 +6,73 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mbsvib import _checks as check
 from mbsvib.changes import resolved
 from mbsvib.errors import ModelError, nearest
 from mbsvib.parameters import unit
+from mbsvib.studies.ties import Linear, Tie, started, turning
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
 
     from mbsvib.model import Model
+    from mbsvib.parameters import Parameters
 
-Ties = Mapping[str, Mapping[str, float]]
+    Array = NDArray[np.float64]
+
+Ties = Mapping[str, Mapping[str, float] | Tie]
+Bound = tuple[Tie, tuple[str, ...]]
+
+_TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The ``variables`` of a study and what they move: ``direct`` variables are parameters (or patterns of parameters)
-    and take their values; ``maps`` add a rate times their value to what the model has, ``start`` by parameter.
+    """The ``variables`` of a study, what they are at the model as given (``start``), and the ``ties`` that make
+    ``parameters`` of them, each with the variables that it takes. What several ties move, each adds its change to.
     """
 
     variables: tuple[str, ...]
-    direct: tuple[str, ...]
-    maps: Mapping[str, Mapping[str, float]]
     start: Mapping[str, float]
+    units: Mapping[str, str]
+    ties: tuple[Bound, ...]
+    parameters: Parameters
 
     def values(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters' values for values of the variables, numbers or arrays of one length."""
-        result = {name: columns[name] for name in self.direct}
-        added: dict[str, Any] = {}
-        for variable, rates in self.maps.items():
-            for name, rate in rates.items():
-                added[name] = added.get(name, self.start[name]) + rate * columns[variable]
-        return result | added
+        result: dict[str, Any] = {}
+        for tie, names in self.ties:
+            for name, value in self._each(tie.values({variable: columns[variable] for variable in names})):
+                result[name] = result[name] + (value - self.parameters[name]) if name in result else value
+        return result
 
-    def units(self, model: Model) -> dict[str, str]:
-        """Return the units of the variables that have one: parameters, and patterns that pick those of one kind."""
-        known = {name: {unit(each) for each in model.parameters.matching(name)} for name in self.direct}
-        return {name: units.pop() for name, units in known.items() if len(units) == 1}
+    def rates(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Return how fast each variable moves each parameter, as the system at these values is asked for sensitivities:
+        orientations turn from where they are there.
+        """
+        result: dict[str, dict[str, float]] = {name: {} for name in self.variables}
+        for tie, names in self.ties:
+            for variable, rates in tie.rates({variable: values[variable] for variable in names}).items():
+                own = result[variable]
+                for name, rate in self._each(rates):
+                    own[name] = own.get(name, 0.0) + rate
+        moved = self.values(values)
+        for part, turn in _turns(moved).items():
+            known = [f"{part}{_TURN}{axis}" for axis in _AXES]
+            for own in result.values():
+                rate = np.array([own.get(name, 0.0) for name in known])
+                if rate.any():
+                    own.update(zip(known, (turn @ rate).tolist(), strict=True))
+        for own in result.values():
+            own.update({} if own else {next(iter(moved)): 0.0})
+        return result
 
-    def rates(self, model: Model) -> dict[str, dict[str, float]]:
-        """Return how fast each variable moves each parameter, as sensitivities are asked for."""
-        known = model.parameters
-        return {name: dict(self.maps[name]) if name in self.maps else dict.fromkeys(known.matching(name), 1.0)
-                for name in self.variables}  # fmt: skip
+    def _each(self, given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+        return ((name, value) for pattern, value in given.items() for name in self.parameters.matching(pattern))
 
 
 def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Design:
@@ -60,9 +84,10 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
         The mechanism.
     names : iterable of str
         Names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
-    ties : mapping of str to mapping of str to float, optional
+    ties : mapping of str to mapping of str to float or Tie, optional
         For each variable that is a linear map, the rate at which each parameter (by name or pattern) moves with it:
-        parameter = what the model has + rate x variable.
+        parameter = what the model has + rate x variable. For others an object with ``values`` and ``rates``, the same
+        for all variables that it takes.
 
     Returns
     -------
@@ -74,25 +99,94 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     ModelError
         If a parameter is unknown, a tie picks nothing, or two variables move one parameter in different ways.
     """
-    variables, given = tuple(names), {} if ties is None else dict(ties)
-    for name in given:
-        if name not in variables:
+    variables, given, parameters = tuple(names), {} if ties is None else dict(ties), model.parameters
+    shared = {id(tie) for name, tie in given.items() if name in variables and not isinstance(tie, Mapping)}
+    for name, tie in given.items():
+        if name not in variables and id(tie) not in shared:
             raise ModelError(f"ties: '{name}' is none of the variables.{nearest(str(name), variables)} Variables are: "
                              f"{', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
-    direct = tuple([name for name in variables if name not in given])
-    parameters = model.parameters
-    moved: dict[str, str] = dict.fromkeys(resolved(parameters, dict.fromkeys(direct, 0.0)), "values")
+    direct = _direct(parameters, [name for name in variables if name not in given])
+    linear, bound = _linear(parameters, given), _bound(given, variables)
+    result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
+    start, units = dict(direct.start) | dict(linear.start), _units(direct)
+    for tie, own in bound:
+        start |= {name: started(tie, name) for name in own}
+        units |= {name: each for name, each in getattr(tie, "units", {}).items() if name in own}
+    moved = [(name, variable) for variable, rates in linear.maps.items() for name in rates]
+    moved += [(name, own[0]) for tie, own in bound for name in _checked(parameters, tie, own, start)]
+    for name, variable in moved:
+        if name in direct.origin:
+            raise ModelError(f"variable '{variable}': it moves '{name}', which has values of its own; leave one of "
+                             f"both out.", element=name, field="ties")  # fmt: skip
+    return Design(variables, start, units, result, parameters)
+
+
+def _direct(parameters: Parameters, names: list[str]) -> Linear:
+    """Variables that are parameters, or patterns of them."""
+    start = {name: float(np.mean([parameters[each] for each in parameters.matching(name)])) for name in names}
+    maps: dict[str, dict[str, float]] = {name: {} for name in names}
+    for parameter, name in resolved(parameters, {name: name for name in names}).items():
+        maps[name][parameter] = 1.0
+    return Linear(maps, {parameter: 0.0 for rates in maps.values() for parameter in rates}, start)
+
+
+def _linear(parameters: Parameters, given: Mapping[str, Any]) -> Linear:
+    """Variables that are linear maps of parameters."""
     maps: dict[str, dict[str, float]] = {}
-    start: dict[str, float] = {}
     for variable, rates in given.items():
+        if isinstance(rates, Tie):
+            continue
         if not isinstance(rates, Mapping) or not rates:
-            raise check.refuse(f"variable '{variable}'", "ties", rates, "a mapping from parameters to rates")
+            raise check.refuse(f"variable '{variable}'", "ties", rates, "a mapping from parameters to rates, or an "
+                               "object with values(variables) and rates(variables)")  # fmt: skip
+        own = maps.setdefault(variable, {})
         for pattern, rate in rates.items():
             value = check.number(rate, f"variable '{variable}'", str(pattern), "a finite rate")
+            own.update(dict.fromkeys(parameters.matching(pattern), value))
+    origin = {name: parameters[name] for rates in maps.values() for name in rates}
+    return Linear(maps, origin, dict.fromkeys(maps, 0.0))
+
+
+def _bound(given: Mapping[str, Any], variables: tuple[str, ...]) -> list[Bound]:
+    """Ties that are objects, each with the variables that it takes."""
+    ties = {id(tie): tie for tie in given.values() if isinstance(tie, Tie)}
+    return [(tie, tuple([name for name in variables if given.get(name) is tie])) for tie in ties.values()]
+
+
+def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapping[str, float]) -> list[str]:
+    """The parameters that a tie moves, after a look at its answers."""
+    at, who = {name: start[name] for name in own}, f"variable '{own[0]}'"
+    values, rates = tie.values(at), tie.rates(at)
+    for what, answer in (("values", values), ("rates", rates)):
+        if not isinstance(answer, Mapping) or not answer:
+            raise check.refuse(who, what, answer, f"a mapping, as {what} of a tie has to be")
+    for pattern, value in values.items():
+        check.number(value, who, f"values of '{pattern}'")
+    moved = [name for pattern in values for name in parameters.matching(pattern)]
+    for variable, slopes in rates.items():
+        if variable not in own:
+            raise ModelError(f"{who}: its tie has rates of '{variable}', which it was not given."
+                             f"{nearest(variable, own)}", element=str(variable), field="ties")  # fmt: skip
+        for pattern, rate in slopes.items():
+            check.number(rate, f"variable '{variable}'", f"rates of '{pattern}'", "a finite rate")
             for name in parameters.matching(pattern):
-                if name in moved:
-                    raise ModelError(f"variable '{variable}': it moves '{name}', which has values of its own; leave "
-                                     f"one of both out.", element=name, field="ties")  # fmt: skip
-                maps.setdefault(variable, {})[name] = value
-                start[name] = parameters[name]
-    return Design(variables, direct, maps, start)
+                if name not in moved:
+                    raise ModelError(f"variable '{variable}': its tie has rates of '{name}', and no values.",
+                                     element=name, field="ties")  # fmt: skip
+    return moved
+
+
+def _units(direct: Linear) -> dict[str, str]:
+    """Units of parameters, and of patterns that pick those of one kind."""
+    known = {variable: {unit(name) for name in rates} for variable, rates in direct.maps.items()}
+    return {variable: units.pop() for variable, units in known.items() if len(units) == 1}
+
+
+def _turns(values: Mapping[str, Any]) -> dict[str, Array]:
+    """What makes rates of rotation vectors turning rates, of parts that are turned already."""
+    vectors: dict[str, Array] = {}
+    for name, value in values.items():
+        part, found, axis = name.rpartition(_TURN)
+        if found and value:
+            vectors.setdefault(part, np.zeros(3))[_AXES.index(axis)] = value
+    return {part: turning(w) for part, w in vectors.items()}

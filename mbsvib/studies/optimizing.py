@@ -32,8 +32,8 @@ OPTIMAL = 1e-4  # gradient that may be left over, in parts of its own size
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Optimum:
-    """Where a search ended: the ``model`` there, the ``values`` of its variables, the ``objective`` and where it
-    began.
+    """Where a search ended: the ``model`` there, the ``values`` of its variables and of the ``parameters`` that they
+    move, the ``objective`` and where it began.
 
     ``constraints`` has the constrained numbers by label, and ``violation`` what they lack at most, in parts of their
     bounds. ``optimality`` is what is left of the objective's gradient when that of active constraints and bounds is
@@ -43,6 +43,7 @@ class Optimum:
 
     model: Model = field(repr=False)
     values: Mapping[str, float]
+    parameters: Mapping[str, float] = field(repr=False)
     start: Mapping[str, float]
     objective: float
     began: float
@@ -108,8 +109,9 @@ def optimize(
         What is to be small; its negative, what is to be large.
     constraints : Constraint or iterable of Constraint
         What has to hold.
-    ties : mapping of str to mapping of str to float, optional
-        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has. Other
+        functions are objects with ``values(variables)`` and ``rates(variables)``, such as ``isolation.platform``.
     start : mapping of str to float, optional
         Where to begin; default: what the model has.
     method : str
@@ -138,7 +140,7 @@ def optimize(
             raise check.refuse("optimize", "constraints", each, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
     chosen = design(model, variables, ties)
-    search = Search(model, chosen, scales(model, chosen, variables, start), objective, wanted)
+    search = Search(model, chosen, scales(chosen, variables, start), objective, wanted)
     began = search.true(search.start)[0]
     z, iterations = search.start, 0
     for _ in range(ROUNDS):
@@ -156,14 +158,14 @@ def _optimum(search: Search, z: Array, found: Found, began: float) -> Optimum:
     here = search.at(z)
     violation = max(0.0, -float(here.g.value.min(initial=0.0)), float(np.abs(here.h.value).max(initial=0.0)))
     optimality = _left_over(search, z)
-    names = search.design.variables
+    names, moved = search.design.variables, search.design.values(place.values)
     return Optimum(
-        search.model.with_values(search.design.values(place.values)), dict(place.values),
+        search.model.with_values(moved), dict(place.values), moved,
         dict(zip(names, search.scales.start.tolist(), strict=True)), objective, began, search.objective.label,
         {each.label: value for each, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
         violation <= FEASIBLE and (found.success or optimality <= OPTIMAL), found.message, found.iterations,
         search.evaluations,
-        search.design.units(search.model),
+        search.design.units,
     )  # fmt: skip
 
 

@@ -85,7 +85,7 @@ class Task:
         try:
             system = self.model.with_values(self.design.values(values)).linearize()
             if self.kind == "batch" and self.question.takes_batch:
-                batch = self.model.linearize(values=self.design.values({k: [v] for k, v in values.items()}))
+                batch = self.model.linearize(values=self.design.values({k: np.array([v]) for k, v in values.items()}))
                 return {label: value[0] for label, value in self.question.ask_batch(batch).items()}
             return self.question.ask(system)
         except Exception as error:  # whatever fails in a point is kept as its outcome
@@ -129,7 +129,7 @@ def task(model: Model, design: Design, question: Question) -> Task:
             follow(system, item)
     if not isinstance(system, System):
         return Task(model, design, question, "single")
-    moved = {name for rates in design.rates(model).values() for name in rates}
+    moved = set(design.values(design.start))
     try:
         batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in moved})
     except REFUSED:

@@ -14,7 +14,6 @@ from mbsvib.errors import ModelError, nearest
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
     from mbsvib.studies.design import Design
 
     Array = NDArray[np.float64]
@@ -49,13 +48,11 @@ class Scales:
         return np.where(self.positive, np.log(ratio), (p - self.start) / self.size)
 
 
-def scales(model: Model, design: Design, variables: Mapping[str, Any], start: Mapping[str, float] | None) -> Scales:
+def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, float] | None) -> Scales:
     """Return the unknowns of a search.
 
     Parameters
     ----------
-    model : Model
-        The mechanism.
     design : Design
         What the variables move.
     variables : mapping of str to (float, float) or None
@@ -84,8 +81,7 @@ def scales(model: Model, design: Design, variables: Mapping[str, Any], start: Ma
         if name in begin:
             p = check.number(begin[name], f"variable '{name}'", "start")
         else:
-            known = model.parameters.matching(name) if name in design.direct else []
-            p = min(max(float(np.mean([model.parameters[each] for each in known] or [0.0])), low), high)
+            p = min(max(design.start[name], low), high)
         if not low <= p <= high:
             raise ModelError(f"variable '{name}': start = {p:g}; expected a value from {low:g} to {high:g}.",
                              element=name, field="start")  # fmt: skip

@@ -205,8 +205,8 @@ def tolerances(
         "normal": a tolerance is three standard deviations; "uniform": all values within it are alike.
     seed : int, optional
         Of the random numbers; None: others each time.
-    ties : mapping of str to mapping of str to float, optional
-        Linear maps: {variable: {parameter or pattern: rate}}.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Linear maps: {variable: {parameter or pattern: rate}}, and other functions, as for ``sweep``.
     derivatives : bool
         False: random samples only, for models whose derivatives are not supported; what is of first order is then not a
         number.
@@ -233,8 +233,8 @@ def tolerances(
     used = {name: rates for name, rates in (ties or {}).items() if name in width}
     chosen = design(model, width, used or None)
     system = checked(model.linearize())
-    centre = {name: 0.0 if name in used else model.parameters[name] for name in width}
-    place = Place(system, chosen.rates(model), centre, np.ones(len(width)), {})
+    centre = {name: chosen.start[name] for name in width}
+    place = Place(system, chosen.rates(centre), centre, np.ones(len(width)), {})
     columns = drawn(centre, width, samples, distribution, seed)
     off = np.array([columns[name] - centre[name] for name in width]).T
     if derivatives:

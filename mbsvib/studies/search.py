@@ -57,7 +57,6 @@ class Search:
         self.model, self.design, self.scales = model, design, scales
         self.objective, self.constraints = objective, constraints
         self.evaluations, self.steepest = 0, 0.0
-        self._rates = design.rates(model)
         self._independent: tuple[str, ...] | None = None
         self._seen: list[tuple[Array, Reference]] = []
         self._place: tuple[Array, Place] | None = None
@@ -66,7 +65,7 @@ class Search:
         self._follows = any(isinstance(each, Modal) for each in inner)
         self.largest = tuple(dict.fromkeys(each for each in inner if isinstance(each, Largest)))
         start = self.place(np.zeros(len(scales.start)))
-        check_variables(start.system, self._rates)
+        check_variables(start.system, start.rates)
         self._independent = start.system.coordinates
         true = {each: float(each.true(start).value[0]) for each in self.largest}
         self.unit = {each: abs(value) or 1.0 for each, value in true.items()}
@@ -98,7 +97,7 @@ class Search:
             self.evaluations += 1
             p = self.scales.values(x)
             values = dict(zip(self.design.variables, p.tolist(), strict=True))
-            found = Place(self.system(x), self._rates, values, self.scales.rates(p), {})
+            found = Place(self.system(x), self.design.rates(values), values, self.scales.rates(p), {})
             order = self._followed(x, found) if self._follows else None
             self._place = x.copy(), replace(found, order=order)
         return self._place[1]

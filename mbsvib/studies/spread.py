@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib import _checks as check
 from mbsvib.changes import resolved
 from mbsvib.errors import ModelError
+from mbsvib.studies.ties import started
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,13 +33,13 @@ def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> di
         The mechanism.
     tolerances : mapping of str to float or str
         By name or pattern, in the unit of the parameter, or as a share of its value, "2 %".
-    ties : mapping of str to mapping of str to float, optional
-        Linear maps, whose names may be among the tolerances.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Functions, whose names may be among the tolerances.
 
     Returns
     -------
     dict of str to float
-        Tolerances of parameters, each by itself, and of linear maps.
+        Tolerances of parameters, each by itself, and of ties.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> di
     result = {}
     for name, given in resolved(model.parameters, own).items():
         result[name] = _one(name, given, model.parameters[name])
-    return result | {name: _one(name, given, 0.0) for name, given in mapped.items()}
+    return result | {name: _one(name, given, started((ties or {})[name], name)) for name, given in mapped.items()}
 
 
 def _one(name: str, given: Any, value: float) -> float:

@@ -51,8 +51,9 @@ def sweep(
         numbers, an array or a mapping of these, or several by label.
     how : str
         "grid": all combinations; "paired": point by point, for samples.
-    ties : mapping of str to mapping of str to float, optional
-        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has. Other
+        functions are objects with ``values(variables)`` and ``rates(variables)``, such as ``isolation.platform``.
     batched : bool
         Say that functions take a batch and return an axis of points in front.
     workers : int, optional
@@ -102,7 +103,7 @@ def sweep(
         warnings.warn(f"sweep of '{model.name}': all {len(errors)} points failed, the first by {errors[0]}",
                       stacklevel=2)  # fmt: skip
     results = gathered(len(chosen), {i: outcome for i, outcome in found.items() if not isinstance(outcome, str)})
-    units = variables.units(model) | asked.units
+    units = dict(variables.units) | asked.units
     return Sweep(model.name, chosen.axes, chosen.columns, chosen.shape, results, errors, units)
 
 

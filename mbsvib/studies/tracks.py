@@ -110,8 +110,8 @@ def track(
         most there, and the direction.
     how : str
         "grid": all combinations; "paired": point by point.
-    ties : mapping of str to mapping of str to float, optional
-        Linear maps, as for ``sweep``.
+    ties : mapping of str to mapping of str to float or Tie, optional
+        Linear maps and other functions, as for ``sweep``.
     workers : int, optional
         How many processes.
     file : str or path-like, optional

@@ -1,0 +1,107 @@
+"""Ties: parameters as functions of variables, with their derivatives; linear maps are the simplest of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SMALL = 1e-4  # square of an angle [rad^2] below which three terms of a series are exact to rounding
+
+
+@runtime_checkable
+class Tie(Protocol):
+    """Parameters as functions of variables: an object of one's own with these two methods moves a model as it likes.
+
+    Optional are the attributes ``start``, the value of each variable at which the model is as given (else 0), and
+    ``units`` of the variables.
+    """
+
+    def values(self, variables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the values of parameters, by name or pattern.
+
+        Parameters
+        ----------
+        variables : mapping of str to float or array, shape (n,)
+            Values of those variables that the tie is given for, as numbers, or as arrays of one length.
+
+        Returns
+        -------
+        mapping of str to float or array, shape (n,)
+            The same parameters at all values.
+        """
+
+    def rates(self, variables: Mapping[str, float]) -> Mapping[str, Mapping[str, float]]:
+        """Return the derivatives of these values.
+
+        Parameters
+        ----------
+        variables : mapping of str to float
+            Values of the variables.
+
+        Returns
+        -------
+        mapping of str to mapping of str to float
+            {variable: {parameter: rate}}; those that are left out are 0.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Parameters that are ``origin`` + rate x variable, summed over the ``maps`` {variable: {parameter: rate}}."""
+
+    maps: Mapping[str, Mapping[str, float]]
+    origin: Mapping[str, float]
+    start: Mapping[str, float]
+
+    def values(self, variables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of parameters."""
+        result: dict[str, Any] = {}
+        for variable, rates in self.maps.items():
+            for name, rate in rates.items():
+                result[name] = result.get(name, self.origin[name]) + rate * variables[variable]
+        return result
+
+    def rates(self, variables: Mapping[str, float]) -> Mapping[str, Mapping[str, float]]:
+        """Return the rates, which are the same everywhere."""
+        return self.maps
+
+
+def started(tie: Any, name: str) -> float:
+    """Return the value of a variable at which the model is as given."""
+    return float(getattr(tie, "start", {}).get(name, 0.0))
+
+
+def turning(w: Array) -> Array:
+    """Return the matrix that makes rates of a rotation vector those at which its body turns, world axes.
+
+    J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|
+
+    Parameters
+    ----------
+    w : array, shape (3,)
+        Rotation vector [rad].
+
+    Returns
+    -------
+    array, shape (3, 3)
+        The left Jacobian of the exponential map.
+    """
+    square = float(w @ w)
+    if square < SMALL:
+        first = 0.5 - square / 24.0 * (1.0 - square / 30.0)
+        second = 1.0 / 6.0 - square / 120.0 * (1.0 - square / 42.0)
+    else:
+        angle = np.sqrt(square)
+        first = 2.0 * (np.sin(0.5 * angle) / angle) ** 2
+        second = (angle - np.sin(angle)) / (angle * square)
+    cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    return np.asarray(np.eye(3) + first * cross + second * cross @ cross)

@@ -1,0 +1,170 @@
+"""Variables as functions of parameters: what ties move, by how much, and how fast."""
+
+from dataclasses import dataclass
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib import library
+from mbsvib import studies as st
+from mbsvib.changes import rotations
+from mbsvib.studies.design import design
+from mbsvib.studies.ties import turning
+
+
+@dataclass(frozen=True)
+class Power:
+    """k = scale x^2 and c = scale y x: two variables, neither of them linear."""
+
+    scale: float
+
+    @property
+    def start(self):
+        return {"x": 1.5, "y": 0.5}
+
+    @property
+    def units(self):
+        return {"x": "m"}
+
+    def values(self, at):
+        at = self.start | at
+        return {"suspension.stiffness": self.scale * at["x"] ** 2, "suspension.dam*": self.scale * at["x"] * at["y"]}
+
+    def rates(self, at):
+        whole = self.start | at
+        x, y = self.scale * whole["x"], self.scale * whole["y"]
+        rates = {"x": {"suspension.stiffness": 2 * x, "suspension.damping": y}, "y": {"suspension.damping": x}}
+        return {name: rates[name] for name in at}
+
+
+def car():
+    return library.quarter_car()
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-7, 0.0099, 0.0101, 0.7, 3.0])
+def test_turning_rates_of_rotation_vectors(angle):
+    # J dw = axial of dR R^T; fifty digits
+    w, dw = angle * np.array([2.0, -1.0, 2.0]) / 3.0, np.array([0.3, 0.5, -0.2])
+    with mp.workdps(50):
+        def turned(t):
+            x, y, z = (mp.mpf(float(a)) + t * mp.mpf(float(b)) for a, b in zip(w, dw, strict=True))
+            return mp.expm(mp.matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]]))
+
+        h = mp.mpf(10) ** -15
+        spin = (turned(h) - turned(-h)) / (2 * h) * turned(0).T
+        exact = np.array([float(spin[2, 1]), float(spin[0, 2]), float(spin[1, 0])])
+    assert np.allclose(turning(w) @ dw, exact, rtol=1e-14, atol=1e-15)
+
+
+def test_linear_maps_and_functions_add_what_they_change():
+    model = car()
+    k = model.parameters["suspension.stiffness"]
+    power, line = Power(1e4), {"suspension.stiffness": 100.0, "tyre.stiffness": 10.0}
+    chosen = design(model, ["x", "line", "y"], {"x": power, "y": power, "line": line})
+    assert chosen.start == {"x": 1.5, "y": 0.5, "line": 0.0}
+    assert chosen.units == {"x": "m"}
+    at = {"x": np.array([1.0, 2.0]), "line": np.array([3.0, 0.0]), "y": np.array([0.1, 0.2])}
+    found = chosen.values(at)
+    assert np.allclose(found["suspension.stiffness"], [1e4 + 300.0, 4e4], rtol=1e-15)
+    assert np.allclose(found["suspension.damping"], [1e3, 4e3], rtol=1e-15)
+    rates = chosen.rates({"x": 2.0, "line": 0.0, "y": 0.2})
+    assert list(rates) == ["x", "line", "y"]
+    assert rates["x"] == {"suspension.stiffness": 4e4, "suspension.damping": 2e3}
+    assert rates["line"] == line
+    # one of several variables alone: the others are where they start
+    alone = design(model, ["x"], {"x": power, "y": power}).values({"x": 2.0})
+    assert alone == {"suspension.stiffness": 4e4, "suspension.damping": 1e4}
+    assert design(model, ["line"], {"line": line}).values({"line": 1.0})["suspension.stiffness"] == k + 100.0
+
+
+def test_names_go_before_patterns_in_rates_as_in_values():
+    rates = design(car(), ["*.stiffness", "tyre.stiffness"]).rates({"*.stiffness": 1.0, "tyre.stiffness": 2.0})
+    assert rates == {"*.stiffness": {"suspension.stiffness": 1.0}, "tyre.stiffness": {"tyre.stiffness": 1.0}}
+
+
+def turned_arm():
+    """A hinge between flexures whose axis may be turned about all three axes."""
+    model = mv.Model("arm")
+    model.add_body("arm", 2.0, (0.3, 0.2, 0.1), (0.4, 0.0, 0.1), orientation=(0.1, 0.2, 0.3))
+    model.add_joint("hinge", "revolute", "ground", "arm", (0, 0, 0), axis=(0.1, 0.3, 1.0))
+    model.add_bushing("flexure", "ground", "arm", (0.3, 0.1, 0.0), stiffness=(1e3, 4e3, 2e3, 10.0, 30.0, 20.0))
+    return model
+
+
+def test_orientations_turn_from_where_they_are():
+    # two components of one rotation vector at once, away from zero: rates are those of turning, not of components
+    model = turned_arm()
+    names = ["hinge.orientation.rx", "hinge.orientation.ry", "flexure.orientation.rz", "flexure.orientation.rx"]
+    at = dict(zip(names, (0.4, -0.7, 0.5, 0.9), strict=True))
+    exact = st.frequency().gradient(model.with_values(at).linearize(), design(model, names).rates(at))[0]
+    for name, slope in zip(names, exact, strict=True):
+        up, down = (model.with_values(at | {name: at[name] + h}).linearize().modes().frequencies[0]
+                    for h in (1e-5, -1e-5))  # fmt: skip
+        assert slope == pytest.approx((up - down) / 2e-5, rel=1e-7), name
+
+
+def test_functions_are_searched_and_swept():
+    model, power = car(), Power(1e4)
+    found = st.optimize(model, {"x": (0.5, 3.0), "y": (0.01, 3.0)}, (st.frequency(0) - 1.3) ** 2 * 100
+                        + (st.damping_ratio(0) - 0.3) ** 2, ties={"x": power, "y": power})  # fmt: skip
+    assert found.success
+    assert found.start == {"x": 1.5, "y": 0.5}
+    modes = found.model.linearize().modes()
+    assert modes.frequencies[0] == pytest.approx(1.3, rel=1e-5)
+    assert modes.damping_ratios[0] == pytest.approx(0.3, rel=1e-5)
+    assert found.parameters["suspension.stiffness"] == 1e4 * found.values["x"] ** 2
+    assert "x [m]" in str(found)
+    swept = st.sweep(model, {"x": [1.0, found.values["x"]], "y": found.values["y"]}, "modes.frequencies",
+                     ties={"x": power, "y": power})  # fmt: skip
+    assert np.allclose(swept["modes.frequencies"][1], modes.frequencies, rtol=1e-12)
+    off = st.tolerances(model, {"x": "1 %"}, st.frequency(0), samples=10, ties={"x": power})
+    assert off.tolerance["x"] == pytest.approx(0.015, rel=1e-15)
+
+
+@dataclass(frozen=True)
+class Odd:
+    moved: dict
+    slopes: dict
+
+    def values(self, _):
+        return self.moved
+
+    def rates(self, _):
+        return self.slopes
+
+
+STIFF = "suspension.stiffness"
+
+
+@pytest.mark.parametrize(
+    ("tie", "message"),
+    [
+        (7.0, "an object with values"),
+        ({}, "an object with values"),
+        (Odd({}, {"x": {STIFF: 1.0}}), "values = {}; expected a mapping"),
+        (Odd({STIFF: np.nan}, {"x": {STIFF: 1.0}}), "NaN"),
+        (Odd({STIFF: 1.0}, {"z": {STIFF: 1.0}}), "rates of 'z', which it was not given"),
+        (Odd({STIFF: 1.0}, {"x": {STIFF: np.inf}}), "infinity"),
+        (Odd({STIFF: 1.0}, {"x": {"tyre.stiffness": 1.0}}), "rates of 'tyre.stiffness', and no values"),
+        (Odd({"suspension.stifness": 1.0}, {"x": {STIFF: 1.0}}), "Did you mean 'suspension.stiffness'"),
+    ],
+)
+def test_mistakes_are_told(tie, message):
+    with pytest.raises(mv.ModelError, match=message):
+        design(car(), ["x"], {"x": tie})
+
+
+def test_what_has_values_of_its_own_is_not_tied_too():
+    with pytest.raises(mv.ModelError, match=r"moves 'suspension\.damping', which has values of its own"):
+        design(car(), ["x", "suspension.damping"], {"x": Power(1.0)})
+    with pytest.raises(mv.ModelError, match="Did you mean 'x1'"):
+        design(car(), ["x1"], {"x": Power(1.0), "x1": {STIFF: 1.0}})
+
+
+def test_rotation_vectors_are_those_of_changes():
+    w = np.array([0.3, -0.2, 0.5])
+    step = 1e-6 * np.array([1.0, 2.0, -1.0])
+    (one, other), local = (rotations(np.array([w + s * step]).T)[0] for s in (1, -1)), 2 * turning(w) @ step
+    assert np.allclose(one @ other.T, rotations(local[:, None])[0], atol=1e-15)
