@@ -268,7 +268,7 @@ class Modes:
         mode : int
             Its number in the table, from 1.
         path : str or path-like, optional
-            A file that ends in .gif, .mp4 (which needs ffmpeg) or .html.
+            A file that ends in .gif, .mp4 (needs ffmpeg: ``pip install "mbsvib[video]"``) or .html.
         amplitude : float
             How far the farthest point goes, as a share of the mechanism's size.
         view : str or sequence of 2 float

@@ -110,7 +110,8 @@ class Animation:
         Parameters
         ----------
         path : str or path-like
-            A name that ends in .gif, .mp4 (which needs ffmpeg) or .html (a page with a player, without network).
+            A name that ends in .gif, .mp4 (which needs ffmpeg, on the path or by ``pip install "mbsvib[video]"``) or
+            .html (a page with a player, without network).
 
         Returns
         -------
@@ -141,7 +142,19 @@ class Animation:
         return stream.getvalue()
 
     def _mp4(self) -> bytes:
-        return self._by_matplotlib("ffmpeg", "motion.mp4", fps=self.rate)
+        from subprocess import CalledProcessError
+
+        from matplotlib import rc_context
+
+        from mbsvib.plots._ffmpeg import program
+
+        path = program()
+        with style.context(), rc_context({"animation.ffmpeg_path": path}):
+            try:
+                return self._by_matplotlib("ffmpeg", "motion.mp4", fps=self.rate)
+            except (OSError, CalledProcessError) as error:
+                raise ExportError(f"{path}: this program wrote no MP4: {error}. See whether it works, or write a .gif "
+                                  f"or .html.") from error  # fmt: skip
 
     def _html(self) -> bytes:
         return self._by_matplotlib("html", "motion.html", fps=self.rate, embed_frames=True)
@@ -152,8 +165,6 @@ class Animation:
         from matplotlib.animation import writers
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-        if not writers.is_available(writer):
-            raise ExportError("MP4 needs the program ffmpeg, which is not found; install it, or write a .gif or .html.")
         figure, picture = self._canvas()
         FigureCanvasAgg(figure)
         made = writers[writer](**options)

@@ -1,10 +1,16 @@
 """Modes in motion."""
 
+import re
+import subprocess
+import sys
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import mbsvib as mv
+from mbsvib.plots._ffmpeg import program
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +48,44 @@ def test_a_page_needs_no_network(stewart, tmp_path):
     assert page.count("data:image/png;base64") >= 2
 
 
+def test_an_mp4_has_all_frames(stewart, tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed: pip install 'mbsvib[video]'")
+    path = stewart.modes().animate(1, frames=6, rate=12.0).save(tmp_path / "mode.mp4")
+    ffmpeg = program()
+    told = subprocess.run([ffmpeg, "-hide_banner", "-i", path], capture_output=True, text=True, check=False).stderr
+    assert re.search(r"Video: h264.*yuv420p.* 560x440.* 12 fps", told), told
+    raw = subprocess.run([ffmpeg, "-v", "error", "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"],
+                         capture_output=True, check=True).stdout  # fmt: skip
+    films = np.frombuffer(raw, np.uint8).reshape(-1, 440, 560, 3).astype(int)
+    assert len(films) == 6
+    # not blank, the first as the still picture up to what compression does, and moving
+    FigureCanvasAgg(figure := stewart.modes().animate(1).figure())
+    figure.canvas.draw()
+    still = np.asarray(figure.canvas.buffer_rgba(), dtype=int)[..., :3]
+    assert np.abs(films[0] - still).mean() < 2.0
+    assert (films[0] < 128).any(axis=2).mean() > 0.005
+    assert np.abs(films[3] - films[0]).max() > 100
+    assert [each.name for each in tmp_path.iterdir()] == ["mode.mp4"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands for ffmpeg")
+def test_ffmpeg_on_the_path_comes_first(monkeypatch, tmp_path):
+    (own := tmp_path / "ffmpeg").write_text("#!/bin/sh\nexit 3\n")
+    own.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert program() == str(own)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands for ffmpeg")
+def test_a_program_that_fails_is_told(stewart, monkeypatch, tmp_path):
+    (own := tmp_path / "ffmpeg").write_text("#!/bin/sh\nexit 3\n")
+    own.chmod(0o755)
+    monkeypatch.setattr("mbsvib.plots._ffmpeg.which", lambda name: str(own))
+    with pytest.raises(mv.ExportError, match="ffmpeg: this program wrote no MP4"):
+        stewart.modes().animate(1, tmp_path / "mode.mp4", frames=2)
+    assert not (tmp_path / "mode.mp4").exists()
+
+
 def test_it_shows_itself(stewart):
     assert "data:image/gif;base64," in stewart.modes().animate(2, frames=2)._repr_html_()
 
@@ -68,8 +112,9 @@ def test_refusals(stewart, tmp_path, monkeypatch):
         modes.animate(1, tmp_path / "mode.avi")
     with pytest.raises(mv.ExportError, match="cannot be written"):
         modes.animate(1, tmp_path / "no" / "mode.gif", frames=2)
-    monkeypatch.setattr("matplotlib.animation.writers.is_available", lambda name: False)
-    with pytest.raises(mv.ExportError, match="ffmpeg"):
+    monkeypatch.setattr("mbsvib.plots._ffmpeg.which", lambda name: None)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(mv.ExportError, match=r'ffmpeg.*pip install "mbsvib\[video\]"'):
         modes.animate(1, tmp_path / "mode.mp4")
     variants = mv.library.build("stewart").linearize(values={"leg1.k.stiffness": [1e7, 2e7]}).modes()
     with pytest.raises(mv.ResponseError, match="variant of a batch"):
