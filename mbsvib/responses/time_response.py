@@ -236,6 +236,10 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
 
     time, u, first = record
     n, k = len(a), len(u)
+    # the size of inputs must not decide how often expm squares
+    size = np.abs(b).max(axis=0, initial=0.0)
+    size[size == 0.0] = 1.0
+    unit, u = b / size, u * size[:, None]
     x = np.empty((n, len(time)))
     x[:, 0] = start
     steps: dict[float, tuple[Array, Array, Array]] = {}
@@ -247,10 +251,10 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
         if h not in steps:
             whole = np.zeros((n + 2 * k, n + 2 * k))
             whole[:n, :n] = a * h
-            whole[:n, n : n + k] = h * b
+            whole[:n, n : n + k] = unit
             whole[n : n + k, n + k :] = np.eye(k)
             power = expm(whole)[:n]
-            steps[h] = power[:, :n], power[:, n : n + k], power[:, n + k :]
+            steps[h] = power[:, :n], h * power[:, n : n + k], h * power[:, n + k :]
         carry, held, ramp = steps[h]
         x[:, i + 1] = carry @ x[:, i] + held @ u[:, i]
         if first:

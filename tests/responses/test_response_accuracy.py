@@ -255,3 +255,15 @@ def test_strong_dampers_in_time(seed):
     expected = exact_time_response(Exact(model), t, u)
     error = np.abs(model.linearize().time_response(t, u) - expected) / np.abs(expected).max(axis=1, keepdims=True)
     assert error.max() < 1e-9
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e9, 1e20])
+def test_the_unit_of_an_input_does_not_change_the_digits_in_time(unit):
+    """Newtons on masses of nanograms, or tenths of meganewtons: the exponential squares no more often for it."""
+    model = defective(1e-5)
+    model.add_input("f3", "b1", (unit, 0, 0))
+    t, u = np.linspace(0.0, 4.0, 41), np.zeros((3, 41))
+    u[0] = np.cos(t)
+    plain = model.linearize().time_response(t, u)
+    scaled = model.linearize().time_response(t, np.stack((u[2], u[2], u[0] / unit)))
+    assert_allclose(scaled, plain, rtol=0, atol=1e-12 * np.abs(plain).max())
