@@ -237,7 +237,8 @@ def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple
 
 
 def system(
-    model: Model, scene: Scene, independent: Sequence[str] | None = None, origin: Model | None = None
+    model: Model, scene: Scene, independent: Sequence[str] | None = None, origin: Model | None = None,
+    checked: bool = True,
 ) -> System:
     """Return the minimal linear equations of motion of a mechanism in numbers.
 
@@ -251,6 +252,8 @@ def system(
         Joint coordinates that are to be among the minimal ones.
     origin : Model, optional
         The model as the user gave it, which stays as it is.
+    checked : bool
+        Whether a pose that is not in balance is refused.
 
     Returns
     -------
@@ -269,7 +272,7 @@ def system(
     if scene.loads is not None:
         from mbsvib.loads.loaded import load
 
-        statics = load(scene, relative, reduction, found, model.name)
+        statics = load(scene, relative, reduction, found, model.name, checked)
         said = model if origin is None else origin
         parts += (*said._falling, *said.loads.values())
     if scene.port.wrench_outputs:
@@ -325,22 +328,27 @@ def matrices(
     dict of str to array
         M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
     """
-    locked, springs = scene.locked, scene.springs
-    felt = locked + len(springs.owner)
+    springs, locked, felt = scene.springs, scene.locked, len(scene.springs.owner)
     motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
     factor = scene.inertia.factor(motion)
-    elastic = reduction.apply_exactly(relative.dense(locked, felt, acting))
+    # elastic rows, those of ports and, where more than two bodies share mass or springs, the base rows of these
+    end = felt + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
+    keep = None
+    if acting is not None:
+        keep, felt = np.empty(end, dtype=bool), int(np.count_nonzero(acting))
+        keep[: len(acting)], keep[len(acting) :] = acting, True
+    every = reduction.apply_exactly(relative.dense(locked, locked + end, keep), felt)
+    ports_end = felt + len(scene.port.rows.first)
+    elastic, seen = every[..., :felt, :], every[..., felt:ports_end, :]
     if acting is not None:
         if reduction.matrix is not None:
             moves = np.asarray(elastic.any(axis=1))
             acting, elastic = acting.copy(), elastic[moves]
             acting[acting] = moves
         springs = springs.only(acting)
-    ports_end = felt + len(scene.port.rows.first)
-    seen = reduction.apply(relative.dense(felt, ports_end))
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
     if scene.shared is not None:
-        base = reduction.apply(relative.dense(ports_end, relative.shape[0]))
+        base = every[..., ports_end:, :]
         factor = scene.shared.inertia_rows(factor, base)
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
     return {

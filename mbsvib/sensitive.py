@@ -34,6 +34,12 @@ class Sensitive:
         return complete_network(cast("System", self))
 
     @cached_property
+    def _bare_network(self) -> Network:
+        from mbsvib.sensitivities.network import bare
+
+        return self._network if self._network.bare else bare(cast("System", self))
+
+    @cached_property
     def _spectrum(self) -> tuple[Spectrum, Pairs]:
         from mbsvib.sensitivities.spectrum import spectrum
 
@@ -41,7 +47,7 @@ class Sensitive:
         return found, found.pairs()
 
     def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
-        """Return the derivatives of all eigenvalues to parameters, without finite differences.
+        """Return the derivatives of all eigenvalues to parameters.
 
         d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
 
@@ -61,7 +67,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         """
         from mbsvib.sensitivities import eigenvalue_sensitivities
 
@@ -95,7 +101,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         ResponseError
             If a frequency is not finite or is an undamped pole, or a port is unknown.
         """
@@ -104,7 +110,7 @@ class Sensitive:
         return frequency_response_sensitivities(cast("System", self), omega, parameters, inputs, outputs)
 
     def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
-        """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters, without finite differences.
+        """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters.
 
         Parameters
         ----------
@@ -119,7 +125,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         """
         from mbsvib.sensitivities import matrix_derivatives
 
@@ -142,7 +148,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         """
         from mbsvib.sensitivities import mode_sensitivities
 
@@ -168,7 +174,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         ResponseError
             If the mechanism is free to move, or a port is unknown.
         """
@@ -204,7 +210,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         ResponseError
             If times do not ascend, shapes do not match, or the hold is unknown.
         """
@@ -232,7 +238,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         ResponseError
             If the norm is infinite, or a port is unknown.
         """
@@ -260,7 +266,7 @@ class Sensitive:
         Raises
         ------
         ModelError
-            If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+            If a parameter is unknown, or the system does not change smoothly with it.
         ResponseError
             If the peak is infinite or at infinite frequency, or a port is unknown.
         """

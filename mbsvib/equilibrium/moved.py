@@ -73,6 +73,28 @@ def moved(
     return carried(model, _follow(here, target, list(given)).pose, relaxed)
 
 
+def coordinates_of(model: Model, cut: Sequence[str]) -> tuple[float, dict[str, bool]]:
+    """Return the size of a mechanism, and which joint coordinates it can be moved by.
+
+    Parameters
+    ----------
+    model : Model
+        The model as described.
+    cut : sequence of str
+        Joints at which loops are to be cut.
+
+    Returns
+    -------
+    float
+        Size [m].
+    dict of str to bool
+        Coordinates by name; whether each is a rotation.
+    """
+    stiff = stiffened(model)
+    here = stance(stiff, start(stiff), cut)
+    return here.size, dict(zip(here.coordinates.names, here.coordinates.turns.tolist(), strict=True))
+
+
 def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert here.cuts is not None

@@ -1,4 +1,4 @@
-"""Sensitivities of everything that a system answers to every number it was made of, without finite differences.
+"""Sensitivities of everything that a system answers to every number it was made of.
 
 network       the mechanism as bodies and connections with their parameters, in numbers
 fields        motions, and the wrenches that they put into every connection
@@ -12,7 +12,10 @@ responses     derivatives of frequency responses
 matrices      derivatives of the matrices, whole and as factors
 shapes        derivatives of frequencies, damping ratios and mode shapes
 flexible      beams: material, section and damping
-limits        which parameters have no derivatives under load, with couplers, spin or beams
+limits        which parameters act by rules of their own under load, with couplers, spin or beams
+variants      all others: differences of whole equations, through the equilibrium where loads act
+differences   slopes of smooth functions, extrapolated to rounding
+whole         parameters whose derivatives are whole matrices, as a family of a plan
 states        first-order equations and their derivatives
 transients    derivatives of time responses
 norms         H2 and Hinf norms with their derivatives

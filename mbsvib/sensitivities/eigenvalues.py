@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
+# The same where derivatives are differences of whole matrices.
+ZERO_WHOLE = 1e-8
 # Rows beyond the last parameter, so that the last part of a family has as many behind it as the others.
 PADDING = 64
 
@@ -72,7 +74,7 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     x = motions(chosen.network, widened.right[:, None])
     y = x if found.left is None else motions(chosen.network, found.left[:, None])
     gram = _gram(x, y, 2.0 * widened.lead)
-    if chosen.network.limits:
+    if chosen.network.partial:
         gram = _whole_gram(system, widened, widened.right, found.left)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = -1.0 / gram
@@ -86,11 +88,12 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     if len(resting):
         lead = np.abs(result[:, found.place])
         size = (lead / np.abs(scale[: len(found.lead)])).max(axis=1, keepdims=True)
-        _set(result, found, resting, np.where(lead[:, resting] <= ZERO_FORM * size, 0.0, np.inf))
+        zero = ZERO_FORM if chosen.whole is None else ZERO_WHOLE
+        _set(result, found, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups) and left is not None:
         first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
         cross = _gram(x.take(second), y.take(first), found.lead[first] + found.lead[second])
-        if chosen.network.limits:
+        if chosen.network.partial:
             twice = replace(found, lead=0.5 * (found.lead[first] + found.lead[second]))
             cross = _whole_gram(system, twice, found.right[:, second], np.asarray(found.left)[:, first])
         form = chosen.variables.chain(_complex(table(chosen, left.take(first), right.take(second)), chosen))
@@ -104,9 +107,9 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     return result
 
 
-def planned(system: System, parameters: Asked) -> Plan:
-    """Return the plan for the variables asked for; that for all parameters is kept by the system."""
-    network = system._network
+def planned(system: System, parameters: Asked, network: Network | None = None) -> Plan:
+    """Return the plan for the variables asked for; that for all parameters is kept by the network."""
+    network = system._network if network is None else network
     return network.every if parameters is None else plan(network, variables(system.parameters, parameters))
 
 

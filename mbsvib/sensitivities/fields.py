@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.beams.beam import Beam
-from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,11 +33,12 @@ COMPLETE = 1e-8
 
 @dataclass(frozen=True, slots=True)
 class Motions:
-    """Motions of ``body`` (b, 6, ...) at their centres of mass and ``relative`` (j + s, 6, ...) of connections at their
-    points, with what mass, stiffness and damping make of them: ``momentum`` (b, 6, ...), ``elastic`` and ``viscous``
-    (s, 6, ...), the latter None without dampers.
+    """Motions ``vectors`` (m, ...) in minimal coordinates, of ``body`` (b, 6, ...) at their centres of mass and
+    ``relative`` (j + s, 6, ...) of connections at their points, with what mass, stiffness and damping make of them:
+    ``momentum`` (b, 6, ...), ``elastic`` and ``viscous`` (s, 6, ...), the latter None without dampers.
     """
 
+    vectors: Field
     body: Field
     relative: Field
     momentum: Field
@@ -55,10 +55,12 @@ class Motions:
 class Fields:
     """Motions of bodies and connections, and the wrench in each, world axes.
 
-    Bodies (b, 6, ...) at their centres of mass, connections (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is
+    ``vectors`` (m, ...) in minimal coordinates, bodies (b, 6, ...) at their centres of mass, connections
+    (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is
     what springs see. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
     """
 
+    vectors: Field
     body: Field
     body_wrench: Field
     relative: Field
@@ -74,12 +76,13 @@ class Fields:
 
 
 def complete_network(system: System) -> Network:
-    """Return the network of a system, which it refuses to be without some of its forces; see ``check_complete``."""
-    from mbsvib.sensitivities.network import network
+    """Return the network of a system, without any of its parts where these do not make up all of its forces."""
+    from mbsvib.sensitivities.network import bare, is_network, network
 
+    if not is_network(system):
+        return bare(system)
     found = network(system)
-    check_complete(system, found)
-    return found
+    return found if is_complete(system, found) else bare(system)
 
 
 def motions(network: Network, vectors: Field) -> Motions:
@@ -107,12 +110,9 @@ def motions(network: Network, vectors: Field) -> Motions:
         np.matmul(network.displacements, flat, out=body)
     else:
         body[moves] = network.displacements[moves] @ flat
-    return _moving(network, body.reshape(len(network.bodies), 6, *tail), relative.reshape(len(network.point), 6, *tail))
-
-
-def _moving(network: Network, body: Field, relative: Field) -> Motions:
+    body, relative = body.reshape(len(network.bodies), 6, *tail), relative.reshape(len(network.point), 6, *tail)
     strained = relative[len(network.joints) :]
-    return Motions(body, relative, momentum(network, body), applied(network.stiffness, strained),
+    return Motions(vectors, body, relative, momentum(network, body), applied(network.stiffness, strained),
                    applied(network.damping, strained) if network.damped else None)  # fmt: skip
 
 
@@ -163,7 +163,7 @@ def fields(
     on_bodies = body_wrench if load is None else body_wrench + load
     wrench = np.concatenate((_transmitted(network, on_bodies, spring_wrench), spring_wrench))
     seen = motion.relative[len(network.joints) :] if strain is None else strain
-    return Fields(motion.body, body_wrench, motion.relative, seen, wrench, stiff, rate, square)
+    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, stiff, rate, square)
 
 
 def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> Field:
@@ -261,8 +261,8 @@ def shifted(wrench: Field, arm: Array) -> Field:
     return result
 
 
-def check_complete(system: System, network: Network) -> None:
-    """Refuse systems with forces that are not those of rigid bodies and spring-dampers.
+def is_complete(system: System, network: Network) -> bool:
+    """Tell whether the forces of rigid bodies, beams and spring-dampers are all that a system has.
 
     Parameters
     ----------
@@ -271,28 +271,23 @@ def check_complete(system: System, network: Network) -> None:
     network : Network
         Its bodies and connections.
 
-    Raises
-    ------
-    ModelError
-        If the work of one motion is not that of the system's factors.
+    Returns
+    -------
+    bool
+        Whether the work of one motion is that of the system's factors.
     """
     some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
     moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
     motion = motions(network, some)
     own = motion.relative[len(network.joints) :]
-    # rows of geometric stiffness, behind those of the springs, belong to parameters that are refused one by one
+    # rows of geometric stiffness, behind those of the springs, belong to parameters that have no rule
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
-    complete = True
     beams = any(isinstance(part, Beam) for part in network.parts)  # their masses and dampers join more than two bodies
-    for work, terms, whole in (
-        ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2, not beams),
-        ((own * motion.elastic).sum(), system.stiffness * strained**2, True),
-        (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained**2, not beams),
-    ):
-        complete &= not whole or bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
-    if not complete:
-        raise ModelError(
-            f"sensitivities of '{system.name}': it has forces beyond those of rigid bodies and spring-dampers, "
-            f"whose derivatives are not supported yet. Compare variants by model.with_values instead.",
-            element=system.name,
-        )  # fmt: skip
+    return all(
+        not whole or bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
+        for work, terms, whole in (
+            ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2, not beams),
+            ((own * motion.elastic).sum(), system.stiffness * strained**2, True),
+            (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained**2, not beams),
+        )
+    )

@@ -6,7 +6,6 @@ these formulas are differences, extrapolated to rounding (12 digits): nothing of
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +13,11 @@ import numpy as np
 from mbsvib.beams import element
 from mbsvib.beams.beam import Beam
 from mbsvib.beams.expansion import elements, node_bodies, turned
+from mbsvib.sensitivities.differences import slope
 from mbsvib.sensitivities.fields import applied
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from typing import Any
 
     from mbsvib.kinematics import Array
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.fields import Field, Fields
     from mbsvib.sensitivities.network import Network
 
-# Differences with steps of 1/128 of the value and its halves, extrapolated three times.
-STEP, LEVELS = 2.0**-7, 4
+# The first step of differences, against the value.
+STEP = 2.0**-7
 # Slopes of a mass matrix below this share of the largest are rounding.
 ACTS = 1e-11
 
@@ -90,31 +90,18 @@ def beam_rule(network: Network, beam: Beam, field: str) -> Rule:
 def slopes(beam: Beam, field: str, lengths: list[float]) -> tuple[Array, Array]:
     """Return how springs (e, 6) and mass matrices (e, 12, 12), element axes, change; of ``alpha`` the mass itself."""
 
-    def values(changed: Beam) -> tuple[Array, Array]:
+    def values(changed: Beam) -> Array:
         given = changed.properties, changed.material, changed.shear
         rows = [element.mass_rows(length, *given) for length in lengths]
-        return (np.array([element.stiffness(length, *given) for length in lengths]),
-                np.array([factor.T @ factor for factor in rows]))  # fmt: skip
+        return np.array([(*element.stiffness(length, *given), *(factor.T @ factor).reshape(-1))
+                         for length, factor in zip(lengths, rows, strict=True)])  # fmt: skip
 
     if field in ("alpha", "beta"):
-        k, m = values(beam)
-        return np.zeros_like(k), m if field == "alpha" else np.zeros_like(m)
-    start = beam.number(field)
-    return extrapolated(lambda at: values(beam.with_numbers({field: at})), start)
-
-
-def extrapolated(of: Callable[[float], tuple[Array, Array]], at: float) -> tuple[Array, Array]:
-    """Return the slopes of smooth functions, by Romberg's extrapolation of differences."""
-    table: list[list[Array]] = []
-    step = STEP * (abs(at) or 1.0)
-    for level in range(LEVELS):
-        h = step * 0.5**level
-        table.append([(a - b) / (2.0 * h) for a, b in zip(of(at + h), of(at - h), strict=True)])
-    for order in range(1, LEVELS):
-        factor = 4.0**order
-        table = [[(factor * fine - coarse) / (factor - 1.0) for coarse, fine in zip(*pair, strict=True)]
-                 for pair in pairwise(table)]  # fmt: skip
-    return table[0][0], table[0][1]
+        found = values(beam) * np.repeat((0.0, 1.0 if field == "alpha" else 0.0), (6, 144))
+    else:
+        start = beam.number(field)
+        found, _ = slope(lambda change: values(beam.with_numbers({field: start + change})), STEP * (abs(start) or 1.0))
+    return found[:, :6], found[:, 6:].reshape(-1, 12, 12)
 
 
 def _factors(matrix: Array, axes: Any) -> tuple[Array, Array]:

@@ -1,8 +1,7 @@
-"""Which parameters have derivatives in mechanisms with loads, couplers, spin or beams.
+"""Which parameters act as one part's rule tells, in mechanisms with loads, couplers, spin or beams.
 
 There, too, stiffness, damping and inertia enter by the motions alone: the pose balances as before, as preloads are
-forces at the pose. Where things are moves the equilibrium, the forces in joints and the geometric stiffness, whose
-derivatives are not known here.
+forces at the pose. What moves the equilibrium or changes forces in joints acts on the matrices as wholes.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mbsvib.beams.beam import Beam
-from mbsvib.errors import ModelError
 from mbsvib.parts import Load
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.load import Gravity
@@ -20,36 +18,24 @@ from mbsvib.parts.rotor import Rotor
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.parameters import Parameter
     from mbsvib.parts._part import Part
     from mbsvib.system import System
 
 _STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
 _MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
 GEOMETRY = frozenset({"start", "end", "length"})
-_SAID = {_STIFFNESS: "stiffness", _DAMPING: "damping", _MASS: "mass", _INERTIA: "inertia"}
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """Only the ``fields`` (kind of part, field) have derivatives, because of what the part ``who`` does, ``reason``."""
+    """Only the ``fields`` (kind of part, field) act by rules of their own, because of what the part ``who`` does."""
 
     who: str
-    reason: str
     fields: frozenset[tuple[str, str]]
-    hint: str = "model.with_values"
-
-    def refuse(self, parameter: Parameter) -> ModelError:
-        """Return the refusal of a parameter."""
-        others = [said for field, said in _SAID.items() if field in self.fields]
-        return ModelError(
-            f"sensitivities: {self.reason}, where '{parameter.name}' has no derivative yet; compare variants by "
-            f"{self.hint}, or name parameters of {', '.join(others)}.", element=parameter.name,
-        )  # fmt: skip
 
 
 def limits(system: System) -> tuple[Limit, ...]:
-    """Return what limits the parameters of a system, nothing for most.
+    """Return what limits the parameters that act by rules of their own, nothing for most systems.
 
     Parameters
     ----------
@@ -68,22 +54,20 @@ def limits(system: System) -> tuple[Limit, ...]:
         fields = {_STIFFNESS, _DAMPING, _MASS, _INERTIA}
         fields |= {("beam", field) for part in parts if isinstance(part, Beam) for field, _, _ in part.numbers()
                    if field not in GEOMETRY and field != "damping_ratio"}  # fmt: skip
-        result.append(Limit(beam.name, f"beam '{beam.name}' is made of elements", frozenset(fields)))
+        result.append(Limit(beam.name, frozenset(fields)))
     coupler = next((part for part in parts if isinstance(part, Coupling)), None)
     if coupler is not None:
-        kind = type(coupler).__name__.lower()
-        result.append(Limit(coupler.name, f"{kind} '{coupler.name}' couples joint coordinates",
-                            frozenset((_STIFFNESS, _DAMPING, _MASS, _INERTIA)), "linearize(values=...)"))  # fmt: skip
+        result.append(Limit(coupler.name, frozenset((_STIFFNESS, _DAMPING, _MASS, _INERTIA))))
     if came.statics is not None:
         who = _loading(parts, system.name)
         falls = any(isinstance(part, Gravity) for part in parts)
         allowed = (_STIFFNESS, _DAMPING, _INERTIA) if falls else (_STIFFNESS, _DAMPING, _INERTIA, _MASS)
-        result.append(Limit(who, f"'{who}' loads the mechanism", frozenset(allowed)))
+        result.append(Limit(who, frozenset(allowed)))
     rotor = next((part for part in parts if isinstance(part, Rotor)), None)
     if rotor is not None or system.gyroscopic is not None:
         who = system.name if rotor is None else rotor.name
         still = system.circulatory is None  # dampers that turn with a rotor are stiffness, too
-        result.append(Limit(who, f"'{who}' spins", frozenset((_STIFFNESS, _DAMPING) if still else (_STIFFNESS,))))
+        result.append(Limit(who, frozenset((_STIFFNESS, _DAMPING) if still else (_STIFFNESS,))))
     return tuple(result)
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion
 from mbsvib.parts import BaseMotion, ForceOutput, Input, Output, Spring
 from mbsvib.parts.ports import QUANTITIES
@@ -47,7 +46,34 @@ class Loads:
     point: Array
 
 
-def loads(system: System, network: Network, which: list[int], kind: str) -> Loads:
+def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
+    """Return the network of a system with some of its ports as loads; one without parts where ports are more than that.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    inputs, outputs : list of int
+        Numbers of the ports.
+
+    Returns
+    -------
+    Network
+        Bodies and connections.
+    Loads, Loads
+        Inputs and outputs.
+    """
+    network = system._network
+    if not network.bare:
+        acting, seeing = loads(system, network, inputs, "inputs"), loads(system, network, outputs, "outputs")
+        if acting is not None and seeing is not None and _are_all(
+                system, network, (inputs, acting), (outputs, seeing)):  # fmt: skip
+            return network, acting, seeing
+    network = system._bare_network
+    return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
+
+
+def loads(system: System, network: Network, which: list[int], kind: str) -> Loads | None:
     """Return some of a system's inputs or outputs as loads.
 
     Parameters
@@ -63,13 +89,8 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
 
     Returns
     -------
-    Loads
-        Wrenches and motions.
-
-    Raises
-    ------
-    ModelError
-        If an output is a force in a joint or on a body.
+    Loads or None
+        Wrenches and motions; None if an output is a force in a joint or on a body.
     """
     kinds = (Input, BaseMotion) if kind == "inputs" else (Output, ForceOutput)
     known = {part.name: part for part in system.provenance.ports if isinstance(part, kinds)}
@@ -83,8 +104,10 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
     order = np.zeros(count, dtype=np.intp)
     for i, part in enumerate(parts):
         if isinstance(part, ForceOutput):
-            k, strain_of = _spring(network, part)
-            strain[k, :, i] = strain_of
+            felt = _spring(network, part)
+            if felt is None:
+                return None
+            strain[felt[0], :, i] = felt[1]
         elif isinstance(part, BaseMotion):
             carried[:, :, i] = _carried(network, part)
         else:
@@ -111,14 +134,11 @@ def no_loads(network: Network, count: int) -> Loads:
                  np.full(count, -1), np.zeros((count, 3)))  # fmt: skip
 
 
-def _spring(network: Network, part: ForceOutput) -> tuple[int, Array]:
-    """The number of a spring-damper and the direction of its force that is asked for, world axes."""
+def _spring(network: Network, part: ForceOutput) -> tuple[int, Array] | None:
+    """The number of a spring-damper and the direction of its force that is asked for, world axes; None for joints."""
     found = next((k for k, spring in enumerate(network.springs) if spring.name == part.element), None)
     if found is None:
-        raise ModelError(
-            f"output '{part.name}': forces in joints and on bodies have no sensitivities yet. Ask for other outputs by "
-            f"name, outputs=[...], or for the force in a spring-damper.", element=part.name,
-        )  # fmt: skip
+        return None
     spring, six = network.springs[found], np.array(part.wrench)
     if isinstance(spring, Spring):
         return found, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
@@ -137,7 +157,7 @@ def _carried(network: Network, part: BaseMotion) -> Array:
 def _motion(network: Network, first: Index, second: Index, point: Array) -> Array:
     """Relative motion (p, 6, m) of the ports."""
     count = len(point)
-    if not count:
+    if not count or network.coordinates is None:
         return np.zeros((0, 6, network.displacements.shape[1]))
     six = np.tile(np.eye(6), (count, 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
@@ -178,25 +198,10 @@ def feedthrough(
     return d, turns
 
 
-def check_ports(
+def _are_all(
     system: System, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
-) -> None:
-    """Refuse ports that do more than these loads.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    network : Network
-        Its bodies and connections.
-    inputs, outputs : pair of list of int and Loads
-        Numbers of the ports, and their loads.
-
-    Raises
-    ------
-    ModelError
-        If B, Cq, Cv, Ca or D of the system have other numbers.
-    """
+) -> bool:
+    """Whether these loads are all that ports do, and give the B, Cq, Cv, Ca and D of the system."""
     (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
     relative = network.relative if network.reduction is None else network.relative @ network.reduction
     strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
@@ -206,12 +211,10 @@ def check_ports(
     forces = [np.einsum("sip,sij,sjm->pm", seeing.strain, z, strains) for z in (network.stiffness, network.damping)]
     ours = [seen * (seeing.order == k)[:, None] + (forces[k] if k < 2 else 0.0) for k in range(3)]
     theirs = [matrix[o] for matrix in (system.Cq, system.Cv, system.Ca)]
-    for found, known in zip(
-        (acts, feedthrough(system, inputs, outputs)[0], *ours), (system.B[:, i], system.D[np.ix_(o, i)], *theirs),
-        strict=True,
-    ):  # fmt: skip
-        if np.abs(found - known).max(initial=0.0) > SAME * np.abs(known).max(initial=0.0):
-            raise ModelError(
-                f"sensitivities of responses of '{system.name}': its ports see motions without mass, or load them, "
-                f"which is not supported yet. Compare variants by model.with_values instead.", element=system.name,
-            )  # fmt: skip
+    return all(
+        np.abs(found - known).max(initial=0.0) <= SAME * np.abs(known).max(initial=0.0)
+        for found, known in zip(
+            (acts, feedthrough(system, inputs, outputs)[0], *ours),
+            (system.B[:, i], system.D[np.ix_(o, i)], *theirs), strict=True,
+        )
+    )  # fmt: skip

@@ -11,9 +11,10 @@ import numpy as np
 from mbsvib.errors import ModelError, nearest
 from mbsvib.sensitivities.eigenvalues import planned
 from mbsvib.sensitivities.fields import fields, motions
-from mbsvib.sensitivities.loads import check_ports, feedthrough, loads, no_loads
+from mbsvib.sensitivities.loads import feedthrough, no_loads, ported
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.responses import derivatives
+from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 _ONE, _NONE = np.ones(1), np.zeros(1)
 _STILL = (_NONE, _NONE, _NONE)
 _POWERS = {"K": (_ONE, _NONE, _NONE), "C": (_NONE, _ONE, _NONE), "M": (_NONE, _NONE, _ONE)}
+_SEEN = {"K": "Cq", "C": "Cv", "M": "Ca"}
 # A factor below this share of the largest of its kind is rounding.
 ACTS = 1e-15
 
@@ -104,34 +106,37 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
     Raises
     ------
     ModelError
-        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        If a parameter is unknown, or the system does not change smoothly with it.
 
     Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
     """
-    plan = planned(system, parameters)
     m, i, o = system.dof, list(range(len(system.inputs))), list(range(len(system.outputs)))
-    network, unit = plan.network, np.eye(system.dof)
-    acting, seeing = loads(system, network, i, "inputs"), loads(system, network, o, "outputs")
-    check_ports(system, network, (i, acting), (o, seeing))
+    network, acting, seeing = ported(system, i, o)
+    plan, unit = planned(system, parameters, network), np.eye(system.dof)
     free, turns = no_loads(network, m), feedthrough(system, (i, acting), (o, seeing))[1]
     left, right = unit[:, :, None, None], unit[:, None, :, None]
 
-    def chained(form: Field) -> Array:
+    def chained(form: Field, key: str) -> Array:
         form[plan.breaking] = np.nan
+        if plan.whole is not None:
+            form[plan.whole.rows[:, 0], ..., 0] = getattr(plan.whole.slopes, key)
         return np.asarray(plan.variables.chain(form[..., 0]))
 
-    def ports(pair: tuple[Loads, Loads], powers: tuple[Array, Array, Array], vectors: tuple[Array, Array]) -> Array:
+    def ports(
+        key: str, pair: tuple[Loads, Loads], powers: tuple[Array, Array, Array], vectors: tuple[Array, Array]
+    ) -> Array:
         turning = turns if pair[0] is acting and pair[1] is seeing else np.zeros((*_ports(pair), 3))
-        return chained(derivatives(plan, pair, powers, vectors, turning))
+        return chained(derivatives(plan, pair, powers, vectors, turning), key)
 
     x, y = motions(network, right), motions(network, left)
-    square = {key: chained(table(plan, fields(network, y, *powers), fields(network, x, *powers)))
+    square = {key: chained(table(plan, fields(network, y, *powers), fields(network, x, *powers)), key)
               for key, powers in _POWERS.items()}  # fmt: skip
     at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
-    seen = {key: ports((free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
+    seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
     return MatrixDerivatives(
-        plan.variables.names, square["M"], square["C"], square["K"], ports((acting, free), _STILL, (at_rest, left)),
-        seen["K"], seen["C"], seen["M"], ports((acting, seeing), _STILL, (at_rest, blind)), plan,
+        plan.variables.names, square["M"], square["C"], square["K"],
+        ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"],
+        ports("D", (acting, seeing), _STILL, (at_rest, blind)), plan,
     )  # fmt: skip
 
 
@@ -148,6 +153,12 @@ def _factors(plan: Plan, variable: int, matrix: str) -> tuple[Array, Array]:
     np.add.at(rate, plan.variables.parameter[own], plan.variables.rate[own])
     first, second = [np.zeros((0, m))], [np.zeros((0, m))]
     for family in plan.families:
+        if isinstance(family, Whole):
+            for row in family.rows[rate[family.rows] != 0.0].tolist():
+                p, q = family.factors(row, matrix)
+                first.append(rate[row] * p)
+                second.append(q)
+            continue
         which = np.flatnonzero(((family.rows >= 0) & (rate[family.rows] != 0.0)).any(axis=1))
         for k in which.tolist():
             number, data, rows = family.part(k, k + 1)

@@ -15,13 +15,14 @@ from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
 from mbsvib.beams.beam import Beam
-from mbsvib.beams.refusal import refuse_composed
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
+from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
 from mbsvib.sensitivities.flexible import pieces
 from mbsvib.sensitivities.limits import limits
+from mbsvib.sensitivities.variants import Variants
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -63,14 +64,15 @@ class Network:
     body of each spring-damper and of each joint. ``tree`` lists body and parent (ground: b) from ground outwards; joint
     j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
-    that are not zero. ``limits`` say which parameters have no derivatives.
+    that are not zero. ``limits`` say which parameters act by rules of their own; those of all others come from
+    ``variants``. A ``bare`` network has no parts, as no parameter has a rule.
     """
 
     parts: tuple[Part, ...]
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     springs: tuple[Bushing | Spring, ...]
-    coordinates: Twists
+    coordinates: Twists | None
     reduction: Array | None
     mass: Array
     inertia: Array
@@ -90,6 +92,13 @@ class Network:
     displacements: Array
     moves: Index
     limits: tuple[Limit, ...]
+    variants: Variants
+    bare: bool = False
+
+    @property
+    def partial(self) -> bool:
+        """Whether masses and dampers of the network may not be all that the system has."""
+        return self.bare or bool(self.limits)
 
     @cached_property
     def damped(self) -> bool:
@@ -103,7 +112,7 @@ class Network:
         from mbsvib.sensitivities.plans import plan
         from mbsvib.sensitivities.variables import variables
 
-        return plan(self, variables(Parameters(self.parts), None))
+        return plan(self, variables(Parameters(self.parts), None), every=True)
 
 
 def network(system: System) -> Network:
@@ -121,10 +130,6 @@ def network(system: System) -> Network:
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
-    refuse_composed([part for part in parts if not isinstance(part, Beam) or part.damping_ratio], "sensitivities",
-                    "compare variants by model.with_values(...)")  # fmt: skip
-    _refuse_nodes(parts)
-    _refuse_dropped(system)
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
     springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
@@ -155,26 +160,61 @@ def network(system: System) -> Network:
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         None if ties is None else _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
         displacements, np.flatnonzero(displacements.any(axis=1)), limits(system),
+        Variants(system),
     )  # fmt: skip
 
 
-def _refuse_nodes(parts: Sequence[Part]) -> None:
-    relaxing = next((part for part in parts if isinstance(part, Maxwell)), None)
-    if relaxing is not None:
-        raise ModelError(
-            f"sensitivities: '{relaxing.name}' is a Maxwell element, which they do not support yet. Put a massless "
-            f"body between a spring and a damper, or compare variants by model.with_values instead.",
-            element=relaxing.name,
-        )  # fmt: skip
+def is_network(system: System) -> bool:
+    """Tell whether a system may be a network: no reduced models, Maxwell elements or modal damping of beams.
 
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
 
-def _refuse_dropped(system: System) -> None:
+    Returns
+    -------
+    bool
+        Whether it is worth trying.
+
+    Raises
+    ------
+    ModelError
+        If parts of a mechanism with loops or massless motions were left out, so that nothing tells what parameters do.
+    """
     came = system.provenance
     if came.dropped is not None and (came.massless is not None or came.topology.cut):
         raise ModelError(
             f"sensitivities of '{system.name}': it is a part of a mechanism with loops or massless motions, of which "
             f"reachable(...) left something out. Ask the whole system for them.", element=system.name,
         )  # fmt: skip
+    return not any(
+        isinstance(part, Maxwell) or (isinstance(part, Composed) and not (isinstance(part, Beam)
+                                                                          and not part.damping_ratio))
+        for part in came.parts
+    )  # fmt: skip
+
+
+def bare(system: System) -> Network:
+    """Return a network without parts, for a system whose parameters have no rules of their own.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    Network
+        Its minimal coordinates alone.
+    """
+    none, vectors, matrices = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 6, 6))
+    index = np.zeros(0, dtype=np.intp)
+    return Network(
+        system.provenance.parts, (), (), (), None, None, none, np.zeros((0, 3, 3)), vectors, np.zeros((0, 3, 3)),
+        vectors, csr_array((0, system.dof)), matrices, matrices, (), index, none, csr_array((0, 0)), None, None,
+        np.zeros(3), np.zeros((0, system.dof)), index, limits(system), Variants(system), True,
+    )  # fmt: skip
 
 
 def _closure(system: System) -> Array | None:

@@ -77,7 +77,7 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     Raises
     ------
     ModelError
-        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
         If the norm is infinite: an output sees an input at once, or a mode that both take part in does not decay.
     """
@@ -128,7 +128,7 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
     Raises
     ------
     ModelError
-        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
         If a mode is undamped, so that the peak is infinite, or the response is highest at infinite frequency.
     """

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.beams.beam import Beam
-from mbsvib.errors import ModelError
 from mbsvib.parts import Joint
 from mbsvib.sensitivities.factors import constants, rule
 from mbsvib.sensitivities.flexible import beam_rule
+from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index
+    from mbsvib.parameters import Parameter
     from mbsvib.sensitivities.factors import Rule
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.variables import Variables
@@ -55,7 +56,7 @@ class Plan:
 
     network: Network
     variables: Variables
-    families: tuple[Family, ...]
+    families: tuple[Family | Whole, ...]
 
     @cached_property
     def breaking(self) -> NDArray[np.bool_]:
@@ -69,12 +70,18 @@ class Plan:
         """Number of parameters."""
         return len(self.variables.parameters)
 
-    def only(self, kind: str, fields: tuple[str, ...]) -> tuple[Family, ...]:
-        """Return the families of some fields of parts of one kind."""
-        return tuple(each for each in self.families if each.kind == kind and each.field in fields)
+    def only(self, kind: str, *fields: str) -> tuple[Family, ...]:
+        """Return the families of parts of one kind, or of some of their fields."""
+        return tuple(each for each in self.families if isinstance(each, Family) and each.kind == kind
+                     and (not fields or each.field in fields))  # fmt: skip
+
+    @cached_property
+    def whole(self) -> Whole | None:
+        """The parameters whose derivatives are whole matrices, if there are any."""
+        return next((each for each in self.families if isinstance(each, Whole)), None)
 
 
-def plan(network: Network, asked: Variables) -> Plan:
+def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
     """Return a plan for the derivatives to some variables.
 
     Parameters
@@ -83,6 +90,8 @@ def plan(network: Network, asked: Variables) -> Plan:
         Bodies and connections.
     asked : Variables
         What changes.
+    every : bool
+        Whether all parameters are asked for, of which some may have no derivative.
 
     Returns
     -------
@@ -92,34 +101,41 @@ def plan(network: Network, asked: Variables) -> Plan:
     Raises
     ------
     ModelError
-        If a parameter is that of a part whose derivatives are not supported.
+        If the equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
     """
     joints = len(network.joints)
     parts: dict[str, tuple[str, int, Any]] = {}
     for kind, shift, members in (("body", 0, network.bodies), ("joint", 0, network.joints),
                                  ("spring", joints, network.springs)):  # fmt: skip
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
-    parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
+    if not network.bare:
+        parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
     groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
+    whole: list[int] = []
     for place, parameter in enumerate(asked.parameters):
-        for limit in network.limits:
-            known = parts.get(parameter.part)
-            # the tension of a spring with a free length comes from its stiffness
-            pulls = parameter.field == "stiffness" and known and getattr(known[2], "free_length", None) is not None
-            if known is None or pulls or (known[0], parameter.field) not in limit.fields:
-                raise limit.refuse(parameter)
-        if parameter.part not in parts or parameter.field in ("preload", "free_length"):
-            raise ModelError(
-                f"sensitivities to '{parameter.name}' are not supported yet. Compare variants by model.with_values, or "
-                f"ask for the others: sensitivities take names and patterns of parameters.", element=parameter.name,
-            )  # fmt: skip
+        if not _has_rule(network, parameter, parts.get(parameter.part)):
+            whole.append(place)
+            continue
         kind, number, part = parts[parameter.part]
         index = parameter.index
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
         rod = isinstance(part, Joint) and part.end is not None
         key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), rod)
         groups.setdefault(key, []).append((place, number, slot))
-    return Plan(network, asked, tuple(_family(network, key, members) for key, members in groups.items()))
+    families: list[Family | Whole] = [_family(network, key, members) for key, members in groups.items()]
+    if whole:
+        slopes = network.variants.slopes([asked.parameters[place] for place in whole], every)
+        families.append(Whole(np.array(whole)[:, None], slopes))
+    return Plan(network, asked, tuple(families))
+
+
+def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any] | None) -> bool:
+    """Whether a parameter acts by what its own part does alone."""
+    if known is None or parameter.field in ("preload", "free_length"):
+        return False
+    # the tension of a spring with a free length comes from its stiffness
+    pulls = parameter.field == "stiffness" and getattr(known[2], "free_length", None) is not None
+    return all((known[0], parameter.field) in limit.fields and not pulls for limit in network.limits)
 
 
 def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.sensitivities.fields import fields, in_joints, motions
+from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -28,7 +29,9 @@ SMALL = 2_000
 WORKS = 1e-9
 
 
-def forms(families: Iterable[Family], left: Fields, right: Fields | None = None) -> Iterator[tuple[Index, int, Field]]:
+def forms(
+    families: Iterable[Family | Whole], left: Fields, right: Fields | None = None
+) -> Iterator[tuple[Index, int, Field]]:
     """Return x^T (dT/dp) y of parameters, block by block; what is zero for all parts of a large block is left out.
 
     Parameters
@@ -46,6 +49,9 @@ def forms(families: Iterable[Family], left: Fields, right: Fields | None = None)
     """
     size = prod(_tail(left, right))
     for family in families:
+        if isinstance(family, Whole):
+            yield family.rows, family.stride, family.forms(left, right)
+            continue
         count, width = family.rows.shape
         step = max(1, BLOCK // max(1, size * width))
         for start in range(0, count, step):
@@ -62,7 +68,9 @@ def forms(families: Iterable[Family], left: Fields, right: Fields | None = None)
                 yield rows[:, i : i + 1], family.stride, _block(first[i : i + 1], one, len(rows))
 
 
-def table(plan: Plan, left: Fields, right: Fields | None = None, families: Iterable[Family] | None = None) -> Field:
+def table(
+    plan: Plan, left: Fields, right: Fields | None = None, families: Iterable[Family | Whole] | None = None
+) -> Field:
     """Return x^T (dT/dp) y of all parameters, (parameters, ...); arguments and halves as of ``forms``."""
     kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
     result = np.zeros((plan.size, *_tail(left, right)), dtype=kind)
@@ -153,9 +161,7 @@ def breaking(plan: Plan) -> NDArray[np.bool_]:
     moves = float(np.abs(motion.relative * per_length).max(initial=0.0)) / length
     loads = float(np.abs(wrench[:joints] / per_length).max(initial=0.0))
     stress = replace(motion, wrench=wrench[..., None], relative=motion.relative[..., None, :])
-    for family in plan.families:
-        if family.kind != "joint":
-            continue
+    for family in plan.only("joint"):
         number, data, rows = family.part(0, len(family.number))
         work = _work(family.rule(stress, number, data))
         broken = work > WORKS * moves * (length if family.field == "orientation" else 1.0) * loads

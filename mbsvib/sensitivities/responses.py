@@ -15,7 +15,7 @@ from mbsvib.reachable import chosen
 from mbsvib.responses.frequency_response import _checked
 from mbsvib.sensitivities.eigenvalues import planned
 from mbsvib.sensitivities.fields import applied, fields, momentum, motions
-from mbsvib.sensitivities.loads import check_ports, feedthrough, loads
+from mbsvib.sensitivities.loads import feedthrough, ported
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.solutions import solutions
 
@@ -65,26 +65,27 @@ def frequency_response_sensitivities(
     Raises
     ------
     ModelError
-        If a parameter is unknown, or the system has forces whose derivatives are not supported.
+        If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
         If a frequency is not finite or is an undamped pole, or a port is unknown.
     """
     w = _checked(omega)
-    plan = planned(system, parameters)
     i = chosen(system.inputs, inputs, "inputs", system.name)
     o = chosen(system.outputs, outputs, "outputs", system.name)
-    network = plan.network
-    acting, seeing = loads(system, network, i, "inputs"), loads(system, network, o, "outputs")
-    check_ports(system, network, (i, acting), (o, seeing))
+    network, acting, seeing = ported(system, i, o)
+    plan = planned(system, parameters, network)
     turns = feedthrough(system, (i, acting), (o, seeing))[1]
     result = np.empty((len(plan.variables.names), len(o), len(i), len(w)), dtype=complex)
-    block = max(1, BLOCK // (len(network.point) * 12 * (len(i) + len(o))))
+    block = max(1, BLOCK // ((len(network.point) + 1) * 12 * (len(i) + len(o))))
     for start in range(0, len(w), block):
         part = slice(start, start + block)
         size = np.abs(w[part])
         s: Complex = (1j * size).astype(complex)
         powers = np.ones(len(s), dtype=complex), s, s * s
-        forms = derivatives(plan, (acting, seeing), powers, _vectors(system, i, o, size), turns)
+        vectors = _vectors(system, i, o, size)
+        forms = derivatives(plan, (acting, seeing), powers, vectors, turns)
+        if plan.whole is not None:
+            plan.whole.with_ports(forms, (i, o), powers, vectors)
         forms[plan.breaking] = np.nan
         result[..., part] = plan.variables.chain(forms)
     result[..., w < 0.0] = result[..., w < 0.0].conj()
@@ -140,7 +141,7 @@ def derivatives(
     right = fields(network, x, *powers, load=on_right)
     left = _seeing(network, y, seeing, powers, on_left)
     result: Field = -table(plan, left, right)
-    bodies = [family for family in plan.families if family.kind == "body"]
+    bodies = plan.only("body")
     for at in np.flatnonzero(acting.carried.any(axis=(0, 1))):
         one, carried = np.ones(1), acting.carried[:, :, at, None, None]
         by_base = replace(right, body=carried, body_wrench=momenta[:, :, at, None, None], square=one)
@@ -169,7 +170,7 @@ def _move_ports(
 ) -> None:  # fmt: skip
     """Ports at centres of mass move with these: dG = wrench . (angular x dp)."""
     (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    for family in plan.only("body", ("position",)):
+    for family in plan.only("body", "position"):
         for body, rows in zip(family.number.tolist(), family.rows, strict=True):
             asked = rows >= 0
             for i in np.flatnonzero(acting.centre == body):

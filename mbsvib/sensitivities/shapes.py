@@ -122,7 +122,7 @@ def mode_sensitivities(system: System, parameters: Asked = None) -> ModeSensitiv
     Raises
     ------
     ModelError
-        If a parameter is unknown, or the system has forces whose derivatives are not supported.
+        If a parameter is unknown, or the system does not change smoothly with it.
 
     Source: Nelson, AIAA J. 14 (1976) 1201, for shapes; here bordered and for quadratic problems.
     """

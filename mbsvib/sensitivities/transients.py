@@ -62,7 +62,7 @@ def time_response_sensitivities(
     Raises
     ------
     ModelError
-        If a parameter is unknown, or the system has forces or ports whose derivatives are not supported.
+        If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
         If times do not ascend, shapes do not match, or the hold is unknown.
     """

@@ -1,0 +1,279 @@
+"""Derivatives of whole matrices, for parameters that do more than one part's rule tells.
+
+What moves the equilibrium, changes forces in joints, couples coordinates, spins or has no mass acts everywhere at once.
+There the equations of variants of the model say how they change, in the pose as it is and along the motions q by which
+the equilibrium gives way, with the forces R that are left over along them:
+
+dF/dp = F_p + F_q dq/dp,  R_q dq/dp = -R_p
+
+The partial derivatives are extrapolated differences (11 digits); variants need not balance.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.sensitivities.differences import slope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from mbsvib.kinematics import Array
+    from mbsvib.model import Model
+    from mbsvib.parameters import Parameter
+    from mbsvib.system import System
+
+KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+# The first step, against the value of a parameter or the size that it is measured by; how much smaller the next is.
+STEP, SMALLER, TRIALS = 2.0**-6, 0.125, 4
+# Differences agree as soon as they are this close, against what the matrices are over the scale of the parameter.
+AGREED = 1e-11
+# Slopes that agree no better than this are refused.
+WORST = 1e-7
+# Entries are as good as this share of the largest in their matrix deserves.
+SMALL = 1e-6
+# Forces against the stiffness of the mechanism that are rounding, and motions that nothing holds.
+STILL, LOOSE = 1e-9, 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Derivatives of M, C, K, B, Cq, Cv, Ca and D to k parameters, (k, ...) each; not a number where a parameter takes
+    degrees of freedom away.
+    """
+
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+
+
+class Variants:
+    """The equations of a system's model with other values of its parameters, and in other poses."""
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._found: dict[str, Array] = {}
+        self._refused: dict[str, ModelError] = {}
+
+    def slopes(self, parameters: Sequence[Parameter], every: bool = False) -> Slopes:
+        """Return the derivatives of the system's matrices to some parameters, each computed once.
+
+        Parameters
+        ----------
+        parameters : sequence of Parameter
+            What changes.
+        every : bool
+            Whether these are all there are, so that what is refused is not a number instead.
+
+        Returns
+        -------
+        Slopes
+            Whole matrices.
+
+        Raises
+        ------
+        ModelError
+            If the matrices do not change smoothly, or the parameter loads a motion that nothing holds.
+        """
+        for parameter in parameters:
+            name = parameter.name
+            if name not in self._found:
+                try:
+                    self._found[name] = self._slope(parameter)
+                except ModelError as refusal:
+                    self._found[name], self._refused[name] = np.full(self._count, np.nan), refusal
+            if name in self._refused and not every:
+                raise self._refused[name]
+        flat = np.array([self._found[parameter.name] for parameter in parameters])
+        shapes = [getattr(self._system, key).shape for key in KEYS]
+        parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
+        return Slopes(*(part.reshape(len(flat), *shape) for part, shape in zip(parts, shapes, strict=True)))
+
+    def _slope(self, parameter: Parameter) -> Array:
+        name, scale = parameter.name, self._scale(parameter)
+
+        def at(change: float) -> Array:
+            return self._equations({name: parameter.value + change}, {})
+
+        try:
+            found = self._extrapolated(at, scale, f"parameter '{name}'")
+        except _OtherMobility:
+            return np.full(self._count, np.nan)
+        return self._settled(found, scale, name)
+
+    def _settled(self, found: Array, scale: float, name: str) -> Array:
+        """Let the equilibrium give way to the forces that a parameter leaves over."""
+        change, force = found[: self._count], found[self._count :]
+        if not np.abs(force * scale).max(initial=0.0) > STILL * self._loads:
+            return change
+        along = self._poses
+        stiffness = -along[:, self._count :].T
+        unit = 1.0 / np.sqrt(np.maximum(np.abs(stiffness).max(axis=0, initial=0.0), np.finfo(float).tiny))
+        row = 1.0 / np.sqrt(np.maximum(np.abs(stiffness).max(axis=1, initial=0.0), np.finfo(float).tiny))
+        left, sizes, right = np.linalg.svd(row[:, None] * stiffness * unit, full_matrices=False)
+        holds = sizes > LOOSE * sizes.max(initial=0.0)
+        pushed = row * force
+        motion = right[holds].T @ ((left[:, holds].T @ pushed) / sizes[holds])
+        over = pushed - row * (stiffness @ (unit * motion))
+        if np.abs(over).max(initial=0.0) > STILL * np.abs(pushed).max(initial=0.0):
+            raise ModelError(
+                f"sensitivities: '{name}' moves the equilibrium of '{self._system.name}' along a motion that no "
+                f"stiffness holds, or that of a bent beam, so that there is no derivative. Name other parameters, or "
+                f"compare variants by model.with_values.", element=name,
+            )  # fmt: skip
+        return np.asarray(change + (unit * motion) @ along[:, : self._count])
+
+    @cached_property
+    def _count(self) -> int:
+        return sum(getattr(self._system, key).size for key in KEYS)
+
+    @cached_property
+    def _model(self) -> Model:
+        came = self._system.provenance
+        if came.origin is None or came.dropped is not None:
+            raise ModelError(
+                f"sensitivities of '{self._system.name}': it is no system as model.linearize() returns it, so that "
+                f"nothing tells what all of its parameters do; ask that one.", element=self._system.name,
+            )  # fmt: skip
+        return came.origin
+
+    @cached_property
+    def _cut(self) -> tuple[str, ...]:
+        topology = self._system.provenance.topology
+        own = self._model.joints
+        return tuple(name for k in topology.cut if (name := topology.joints[k].name) in own)
+
+    @cached_property
+    def _nominal(self) -> Array:
+        return self._equations({}, {})
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """What entries are measured by: the geometric mean of the largest of their row and of their column, and at
+        least a small share of the largest of all, coordinates being scaled alike.
+        """
+        own, parts = self._system, []
+        unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
+        unit[unit == 0.0] = 1.0
+        scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
+        for key in KEYS:
+            size = np.abs(getattr(own, key))
+            mean = np.sqrt(np.multiply.outer(size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)))
+            left, right = (np.ones(n) if scale is None else scale
+                           for n, scale in zip(size.shape, scales.get(key, (unit, unit)), strict=True))  # fmt: skip
+            unlike = np.multiply.outer(left, right)
+            parts.append((mean + SMALL * float((size / unlike).max(initial=0.0)) * unlike).reshape(-1))
+        return np.concatenate([*parts, np.full(len(self._nominal) - self._count, self._loads)])
+
+    @cached_property
+    def _loads(self) -> float:
+        """The largest of the forces that cancel in the pose along a coordinate, 0 without any load."""
+        statics = self._system.provenance.statics
+        return 0.0 if statics is None else float(statics.size.max(initial=0.0))
+
+    @cached_property
+    def _poses(self) -> Array:
+        """Derivatives along the motions of the pose, (coordinates, ...)."""
+        from mbsvib.equilibrium.moved import coordinates_of
+
+        came = self._system.provenance
+        names = [came.joint_coordinates[i] for i in came.reduction.independent.tolist()]
+        size, known = coordinates_of(self._model, self._cut)
+        names = [name for name in names if name in known]
+        still = dict.fromkeys(names, 0.0)
+
+        def along(name: str) -> Array:
+            return self._extrapolated(lambda q: self._equations({}, still | {name: q}), 1.0 if known[name] else size,
+                                      f"coordinate '{name}'")  # fmt: skip
+
+        return np.array([along(name) for name in names]).reshape(len(names), len(self._nominal))
+
+    def _scale(self, parameter: Parameter) -> float:
+        """What a parameter is measured by: its value, the size of the mechanism, or that of its fellows."""
+        from mbsvib.equilibrium.motion import size_of
+
+        field, value = parameter.field, abs(parameter.value)
+        if field in ("position", "start", "end"):
+            return size_of(self._model)
+        if field == "orientation":
+            return 1.0
+        entry = np.abs(np.array(_field(self._model, parameter), dtype=float))
+        return value or float(entry.max(initial=0.0)) or 1.0
+
+    def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
+        """A slope, with steps made smaller until the differences agree."""
+        best, least, refusal, moves = None, np.inf, None, 0
+        for step in (STEP * scale * SMALLER**k for k in range(TRIALS)):
+            for sides in (0, 1, -1):
+                try:
+                    found, error = slope(at, step, sides)
+                except _OtherMobility:
+                    moves += 1
+                    continue
+                except MbsvibError as problem:
+                    refusal = problem
+                    continue
+                size = self._sizes + scale * np.abs(found)
+                size[self._count :] += scale * np.abs(found[self._count :]).max(initial=0.0)
+                ratio = scale * error / np.where(size > 0.0, size, np.inf)
+                off = float(ratio.max(initial=0.0))
+                if off < least:
+                    best, least = found, off
+                break
+            if least <= AGREED:
+                break
+        if best is None and moves:
+            raise _OtherMobility
+        if best is None or least > WORST:
+            more = f" ({refusal})" if best is None else f" (differences agree to {least:.1e} only)"
+            raise ModelError(
+                f"sensitivities: the equations of '{self._system.name}' do not change smoothly with {what}{more}. "
+                f"Compare variants by model.with_values, or name other parameters.", element=self._system.name,
+            ) from refusal  # fmt: skip
+        return best
+
+    def _equations(self, values: Mapping[str, float], motion: Mapping[str, float]) -> Array:
+        """All matrices of a variant in another pose, then the forces that are left over."""
+        from mbsvib.assembly import scene, system
+        from mbsvib.equilibrium.moved import moved
+
+        own = self._system
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model = self._model.with_values(values) if values else self._model
+            if motion:
+                model = moved(model, motion, cut=self._cut)
+            if model._composed:
+                model = model._expanded()
+            found = system(model, scene(model, self._cut), own.coordinates, checked=False)
+        kept, before = (each.provenance.reduction.independent for each in (found, own))
+        if len(kept) != len(before) or len(found.coordinates) != len(own.coordinates):
+            raise _OtherMobility
+        if found.coordinates != own.coordinates or (kept != before).any():
+            raise ModelError(f"sensitivities of '{own.name}': its coordinates change with what is massless.",
+                             element=own.name)  # fmt: skip
+        statics = found.provenance.statics
+        left = np.zeros(len(kept)) if statics is None else statics.residual
+        return np.concatenate([*(getattr(found, key).reshape(-1) for key in KEYS), left])
+
+
+class _OtherMobility(MbsvibError):
+    """A variant has other degrees of freedom."""
+
+
+def _field(model: Model, parameter: Parameter) -> object:
+    """The whole field that a parameter is an entry of."""
+    own = [entry for name in model.parameters if (entry := model.parameters.entry(name)).part == parameter.part
+           and entry.field == parameter.field]  # fmt: skip
+    return [entry.value for entry in own]

@@ -1,0 +1,146 @@
+"""Sensitivities of loaded scenes through their equilibrium: parameters move the pose, and it moves the equations."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+import mbsvib as mv
+from tests.sensitivities.differences import eigenvalues, step_of
+from tests.sensitivities.test_limits import pendulum
+from tests.support.loaded_models import loaded
+from tests.support.random_models import seeds
+
+# What differences of whole equilibria can tell: their poses are found to some 1e-12.
+RTOL, NOISE = 3e-6, 1e-10
+
+
+def settled(model, system, name, of):
+    """d of(system) / d name by differences of models in their own equilibria."""
+    value, h = model.parameters[name], step_of(model.parameters, name)
+
+    def at(change):
+        there = model.with_values({name: value + change}).equilibrium()
+        return of(there.linearize(independent=system.coordinates, cut=system.cut_joints))
+
+    return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h), h
+
+
+def held(seed, loops, **words):
+    """A random mechanism in balance whose bushings are stiff enough for it to be stable."""
+    model = loaded(seed, 2, loops, **words)
+    system = model.linearize()
+    stiff = {name: 1e6 * (1 + k % 7) for k, name in enumerate(model.parameters) if name.startswith("bush")
+             and ".stiffness." in name}  # fmt: skip
+    assume(system.dof > 0 and stiff)
+    return model.with_values(stiff)
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
+@settings(max_examples=6, deadline=None)
+@given(seeds())
+def test_differences_of_random_equilibria(seed):
+    try:
+        model = held(seed, seed % 2)
+        system = model.linearize()
+        assume(np.linalg.eigvalsh(system.K)[0] > 1e3)
+        rng = np.random.default_rng(seed)
+        fields = (".mass", ".position.", ".start.", ".free_length", ".preload", ".force.", "gravity.", ".orientation.")
+        names = [str(rng.choice([name for name in model.parameters if field in name])) for field in fields
+                 if any(field in name for name in model.parameters)]  # fmt: skip
+        names = [str(name) for name in rng.choice(names, 4, replace=False)]
+        found = system.eigenvalue_sensitivities(names)
+        assume(np.isfinite(found).all())
+        pairs = [settled(model, system, name, lambda s: np.sort_complex(eigenvalues(s) ** 2)) for name in names]
+    except (mv.SingularPoseError, mv.EquilibriumError):
+        assume(False)
+    values = eigenvalues(system)
+    squares = np.sort_complex(values**2)
+    order = np.argsort(values**2)
+    for row, name, (expected, h) in zip(found, names, pairs, strict=True):
+        slopes = (2 * values * row)[order]
+        noise = NOISE * np.abs(squares).max() / h
+        assert np.abs(slopes - expected).max() <= RTOL * np.abs(expected).max() + noise, name
+
+
+def test_pendulum_in_closed_form():
+    """omega^2 = (k + m g r) / (I + m r^2), at rest below its hinge; any of its numbers."""
+    model = pendulum()
+    m, r, g, k, inertia = 3.0, 0.5, 9.81, 40.0, 0.1
+    whole, torque = inertia + m * r * r, k + m * g * r
+    omega = np.sqrt(torque / whole)
+    slopes = {"bob.mass": (g * r - torque / whole * r * r) / whole,
+              "bob.position.z": -(m * g - torque / whole * 2 * m * r) / whole,
+              "hinge.position.z": (m * g - torque / whole * 2 * m * r) / whole,
+              "gravity.z": -m * r / whole, "gravity.x": 0.0, "spiral.stiffness.ry": 1 / whole,
+              "bob.inertia.yy": -torque / whole**2}  # fmt: skip
+    found = model.linearize().eigenvalue_sensitivities(list(slopes))
+    assert found[:, 0].imag / (0.5 / omega) == pytest.approx(list(slopes.values()), rel=1e-11, abs=1e-11)
+    assert np.abs(found.real).max() == 0.0
+
+
+def test_a_spring_hangs_lower_under_more_mass():
+    """Two springs of free length L, from both sides: x'' stiffness k, along y 2 T / l, which the sag changes."""
+    k, free, half, m, g = 2e3, 0.2, 0.3, 1.5, 9.81
+
+    def model(mass):
+        result = mv.Model("string", gravity=(0, 0, -g))
+        result.add_body("bob", mass, (0.01, 0.01, 0.01), position=(0, 0, -0.1))
+        result.add_joint("way", "planar", "ground", "bob", position=(0, 0, -0.1), axis=(1, 0, 0))
+        for side in (-1, 1):
+            result.add_spring(f"cord{side}", "ground", "bob", (0, side * half, 0), (0, 0, -0.1), k, free_length=free)
+        return result.equilibrium()
+
+    import mpmath as mp
+
+    mp.mp.dps = 40
+
+    def square(mass):
+        """Frequency along z: k sums of (z / l)^2 + T / l (y / l)^2 at the sag under this mass."""
+        tension = lambda z: k * (mp.sqrt(half**2 + z**2) - free)  # noqa: E731
+        z = mp.findroot(lambda z: 2 * tension(z) * z / mp.sqrt(half**2 + z**2) - mass * mp.mpf(g), 0.1)
+        length = mp.sqrt(half**2 + z**2)
+        return 2 * (k * (z / length) ** 2 + tension(z) / length * (half / length) ** 2) / mass
+
+    system = model(m).linearize()
+    expected = [float(mp.diff(square, mp.mpf(m)))]
+    lead = system.modes().eigenvalues
+    found = 2 * lead * system.eigenvalue_sensitivities("bob.mass")[0]
+    at = int(np.argmin(np.abs(lead**2 + float(square(mp.mpf(m))))))
+    assert found[at] == pytest.approx(-expected[0], rel=1e-9)
+
+
+def test_responses_and_matrices_follow_the_equilibrium():
+    """A crank under gravity, held by a spring: its compliance, and D of what joints carry."""
+    model = mv.Model("crank", gravity=(0, 0, -9.81))
+    model.add_body("arm", 2.0, (0.02, 0.02, 0.02), position=(0.3, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "arm", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("cord", "ground", "arm", (0.2, 0, 0.5), (0.4, 0, 0), 800.0, damping=3.0, free_length=0.45)
+    model.add_input("push", "arm", "z", position=(0.6, 0, 0))
+    model.add_output("tip", "arm", "z", position=(0.6, 0, 0))
+    model.add_force_output("bearing", "hinge", "x")
+    model = model.equilibrium()
+    system = model.linearize()
+    names = ["arm.mass", "cord.free_length", "cord.stiffness", "cord.start.x", "hinge.position.z", "arm.position.x"]
+    w = np.array([0.0, 10.0, 40.0])
+    found = system.frequency_response_sensitivities(w, names)
+    matrices = system.matrix_derivatives(names)
+    for k, name in enumerate(names):
+        expected, _ = settled(model, system, name, lambda s: s.frequency_response(w))
+        assert np.abs(found[k] - expected).max() <= 1e-6 * np.abs(expected).max()
+        for key in ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D"):
+            at, h = settled(model, system, name, lambda s, key=key: getattr(s, key))
+            size = np.abs(getattr(system, key)).max(initial=0.0) / h
+            assert np.abs(getattr(matrices, key)[k] - at).max() <= 1e-6 * np.abs(at).max() + 1e-10 * size, (name, key)
+
+
+def test_what_nothing_holds_is_refused_by_name():
+    """A body on a guide across gravity has no equilibrium once gravity is tilted."""
+    model = mv.Model("sledge", gravity=(0, 0, -9.81))
+    model.add_body("box", 2.0, (0.1, 0.1, 0.1))
+    model.add_joint("way", "prismatic", "ground", "box", position=(0, 0, 0), axis=(1, 0, 0))
+    system = model.linearize()
+    with pytest.raises(mv.ModelError, match=r"'gravity\.x' moves the equilibrium of 'sledge' along a motion that no"):
+        system.eigenvalue_sensitivities("gravity.x")
+    every = system.matrix_derivatives()
+    lost = [name for name, change in zip(every.variables, every.M, strict=True) if np.isnan(change).any()]
+    assert lost == ["way.orientation.ry", "gravity.x"]
