@@ -40,11 +40,16 @@ class Elements:
 
     def only(self, keep: NDArray[np.bool_]) -> Elements:
         """Return the rows picked by a mask."""
-        if keep.all():
+        kept = keep.nonzero()[0]
+        if len(kept) == len(keep):
             return self
-        rows = Rows(*(getattr(self.rows, key)[..., keep] for key in Rows.__slots__))
-        return Elements(rows, self.stiffness[..., keep], self.damping[..., keep], self.owner[keep],
-                        self.unit[..., keep, :])  # fmt: skip
+        rows = self.rows
+        return Elements(
+            Rows(rows.first.take(kept), rows.second.take(kept), rows.point.take(kept, axis=-1),
+                 rows.force.take(kept, axis=-1), rows.moment.take(kept, axis=-1)),
+            self.stiffness.take(kept, axis=-1), self.damping.take(kept, axis=-1), self.owner.take(kept),
+            self.unit.take(kept, axis=-2),
+        )  # fmt: skip
 
 
 def stack(springs: Iterable[Bushing | Spring | Maxwell], number: Mapping[str, int]) -> Elements:

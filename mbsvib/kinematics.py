@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Index = NDArray[np.intp]
 
+# x y z x y: both shifts of a cross product are slices of vectors with these components
+CYCLE = np.array((0, 1, 2, 0, 1))
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
 
 
@@ -96,13 +98,13 @@ class Triplets:
 
     def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
         """Return the rows start..stop, those that ``keep`` picks of them, as an array (..., rows, columns)."""
-        first, last = self.row.searchsorted(start), self.row.searchsorted(stop)
+        first, last = self.row.searchsorted((start, stop)).tolist()
         row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
-        count = stop - start
-        if not (keep is None or keep.all()):
-            picked = keep[row]
-            row, column, value = (np.cumsum(keep) - 1)[row[picked]], column[picked], value[..., picked]
-            count = int(np.count_nonzero(keep))
+        count = stop - start if keep is None else int(np.count_nonzero(keep))
+        if keep is not None and count < len(keep):
+            picked = keep.take(row).nonzero()[0]
+            row = (keep.cumsum() - 1).take(row.take(picked))
+            column, value = column.take(picked), value.take(picked, axis=-1)
         result = np.zeros((*value.shape[:-1], count, self.shape[1]))
         if value.ndim == 1:
             result[row, column] = value
@@ -191,19 +193,17 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
-    sign = coordinates.path[:-1].astype(float)
-    vx, vy, vz = coordinates.linear[..., None, :]
-    wx, wy, wz = coordinates.angular[..., None, :]
-    px, py, pz = coordinates.point[..., None, :]
-    rx, ry, rz = position[..., :1] - px, position[..., 1:2] - py, position[..., 2:] - pz
-    x = (wy * rz - wz * ry + vx) * sign
-    result = np.empty((*x.shape[:-1], 6, sign.shape[1]))
-    result[..., 0, :] = x
-    np.multiply(wz * rx - wx * rz + vy, sign, out=result[..., 1, :])
-    np.multiply(wx * ry - wy * rx + vz, sign, out=result[..., 2, :])
-    np.multiply(wx, sign, out=result[..., 3, :])
-    np.multiply(wy, sign, out=result[..., 4, :])
-    np.multiply(wz, sign, out=result[..., 5, :])
+    sign = coordinates.path[:-1, None].astype(float)
+    linear = coordinates.linear.swapaxes(0, -2)[..., None, :, :]
+    angular = coordinates.angular.take(CYCLE, axis=0).swapaxes(0, -2)[..., None, :, :]
+    point = coordinates.point.take(CYCLE, axis=0).swapaxes(0, -2)[..., None, :, :]
+    arm = position.take(CYCLE, axis=-1)[..., None] - point
+    moved = angular[..., 1:4, :] * arm[..., 2:, :]
+    moved -= angular[..., 2:, :] * arm[..., 1:4, :]
+    moved = moved + linear
+    result = np.empty((*moved.shape[:-2], 6, sign.shape[2]))
+    np.multiply(moved, sign, out=result[..., :3, :])
+    np.multiply(angular[..., :3, :], sign, out=result[..., 3:, :])
     return result
 
 
@@ -226,8 +226,8 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
 
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
-    sign = coordinates.path[rows.second] - coordinates.path[rows.first]
-    flat = np.flatnonzero(sign != 0)
+    sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
+    flat = (sign != 0).reshape(-1).nonzero()[0]
     row, column = np.divmod(flat, max(1, sign.shape[1]))
     moment, point, force = (array.take(row, axis=-1) for array in (rows.moment, rows.point, rows.force))
     start, linear, angular = (
@@ -235,14 +235,13 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     )
     if moment.ndim + point.ndim + force.ndim + start.ndim + linear.ndim + angular.ndim > 12:
         moment, point, force, start, linear, angular = _lifted([moment, point, force, start, linear, angular])
-    rx, ry, rz = point - start
-    fx, fy, fz = force
-    moment[0] += ry * fz - rz * fy
-    moment[1] += rz * fx - rx * fz
-    moment[2] += rx * fy - ry * fx
-    moment *= angular
-    moment += force * linear
-    value = (moment[0] + moment[1] + moment[2]) * sign.reshape(-1)[flat]
+    arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)
+    turned = arm[1:4] * wide[2:]
+    turned -= arm[2:] * wide[1:4]
+    turned = turned + moment
+    turned *= angular
+    turned += force * linear
+    value = np.add.reduce(turned) * sign.reshape(-1).take(flat)
     return Triplets(row, column, value, sign.shape)
 
 

@@ -85,12 +85,15 @@ class Reduction:
         result = motion.reshape(*lead, 6 * bodies, n) @ self.matrix
         return result.reshape(*result.shape[:-2], bodies, 6, result.shape[-1])
 
-    def apply_exactly(self, rows: Array) -> Array:
-        """Return rows in minimal coordinates with exact zeros where loops take a motion away but for rounding."""
+    def apply_exactly(self, rows: Array, count: int | None = None) -> Array:
+        """Return rows in minimal coordinates, the first ``count`` of them (default: all) with exact zeros where loops
+        take a motion away but for rounding.
+        """
         result = self.apply(rows)
         if self.matrix is not None:
-            noise = np.abs(rows) @ np.abs(self.matrix)
-            result[np.abs(result) <= ZERO_ENTRY * rows.shape[-1] * noise] = 0.0
+            exact = result[..., :count, :]
+            noise = np.abs(rows[..., :count, :]) @ np.abs(self.matrix)
+            exact[np.abs(exact) <= ZERO_ENTRY * rows.shape[-1] * noise] = 0.0
         return result
 
 
