@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from mbsvib import elements as _elements
+from mbsvib._given import a_model
 from mbsvib._memory import keep_freed_memory
 from mbsvib.gram import gram, product
 from mbsvib.inertia import check_mass, spatial_inertia
@@ -159,7 +160,7 @@ def linearize(
 
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
-    origin = model
+    origin = a_model(model, "linearize")
     if model._composed:
         if values is not None:
             model._refuse_composed("linearize(values=...)", "linearize variants one by one, with model.with_values")

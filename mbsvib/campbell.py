@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib._given import a_model
 from mbsvib.errors import ModelError, nearest
 from mbsvib.tracking import Station, alone, follow, reference, step, upper
 
@@ -150,6 +151,7 @@ def campbell(
     ModelError
         If a rotor is unknown, there is none, or the speeds do not ascend.
     """
+    a_model(model, "campbell")
     ratios = _ratios(model, rotors)
     w = _ascending(speeds)
     sweep = _sweep(model, ratios)

@@ -6,6 +6,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from mbsvib._given import a_model
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
 from mbsvib.files.text import json_text, yaml_text
@@ -36,7 +37,7 @@ def save(model: Model, path: str | PathLike[str]) -> Path:
         If the suffix is none of these, or the file cannot be written.
     """
     write = json_text if suffix_of(path) == ".json" else yaml_text
-    text = write(described(model))
+    text = write(described(a_model(model, "save")))
     try:
         return write_whole(path, lambda stream: stream.write(text.encode()))
     except OSError as error:

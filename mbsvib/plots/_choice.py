@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
+from mbsvib._given import a_system
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.system import System
 
@@ -16,7 +17,8 @@ MOST_PANELS = 12
 
 def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, System]]:
     """Return systems with the labels they carry in a legend."""
-    group = [systems] if isinstance(systems, System) else list(systems)
+    several = systems if isinstance(systems, Iterable) and not isinstance(systems, str) else [systems]
+    group = [a_system(each, "plots", "systems") for each in several]
     if not group:
         raise ResponseError("no system is given; pass one or a list of them.")
     names = list(labels) if labels is not None else [system.name for system in group]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import a_system
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
@@ -48,9 +49,9 @@ def energy(system: System, kind: str = "strain") -> Figure:
     ResponseError
         If there is no such kind, or no mode.
     """
-    if kind not in TITLES:
+    if not isinstance(kind, str) or kind not in TITLES:
         raise ResponseError(f"kind = {kind!r}: expected 'strain' or 'kinetic'.")
-    if system.dof == 0:
+    if a_system(system, "plots.energy").dof == 0:
         raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
     from matplotlib.ticker import MaxNLocator
 

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.system import System
+from mbsvib.plots._choice import listed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+
+    from mbsvib.system import System
 
     Array = NDArray[np.float64]
 
@@ -51,7 +53,7 @@ def time_grid(systems: System | Sequence[System], duration: float | None = None)
     ResponseError
         If the duration is not positive.
     """
-    poles = upper_eigenvalues([systems] if isinstance(systems, System) else systems)
+    poles = upper_eigenvalues([system for _, system in listed(systems, None)])
     if duration is None:
         decaying = -poles.real[poles.real < 0.0]
         swinging = poles.imag[poles.imag > 0.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib._given import a_system
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, triad
@@ -45,7 +46,10 @@ def mechanism(source: Model | System, view: View = "3-D", names: bool = True) ->
     """
     from mbsvib.model import Model
 
-    scene = _scene.of_model(source) if isinstance(source, Model) else _scene.of_system(source.name, source.provenance)
+    if isinstance(source, Model):
+        scene = _scene.of_model(source)
+    else:
+        scene = _scene.of_system(a_system(source, "mechanism", "source").name, source.provenance)
     with style.context():
         figure = style.new_figure(6.4, 5.0)
         axes = figure.subplots()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import a_system
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
@@ -40,7 +41,7 @@ def modes(system: System) -> Figure:
     ResponseError
         If the system has no degree of freedom.
     """
-    if system.dof == 0:
+    if a_system(system, "plots.modes").dof == 0:
         raise ResponseError(f"system '{system.name}' is fully locked: it has no modes to draw.")
     result = system.modes()
     number = np.arange(1.0, system.dof + 1.0)

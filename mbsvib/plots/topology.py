@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import a_system
 from mbsvib.plots import _style as style
 from mbsvib.plots import _tree_layout as layout
 
@@ -40,6 +41,7 @@ def topology(system: System) -> Figure:
     matplotlib.figure.Figure
         Joints of the tree black, cut joints red and dashed, springs orange.
     """
+    a_system(system, "topology")
     graph = layout.graph(system.provenance.topology, system.provenance.parts)
     nodes, edges = graph["nodes"], graph["edges"]
     at = np.array([node[1:3] for node in nodes], dtype=float)

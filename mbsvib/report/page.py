@@ -7,6 +7,7 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from mbsvib._given import a_model
 from mbsvib.errors import ExportError, ModelError
 from mbsvib.report.data import collect
 from mbsvib.system import System
@@ -47,7 +48,7 @@ def html(source: Model | System, inputs: Names = None, outputs: Names = None) ->
         If a name is unknown.
     """
     script = _plotly()
-    system = source if isinstance(source, System) else _linearized(source)
+    system = source if isinstance(source, System) else _linearized(a_model(source, "report", "source"))
     data = collect(system, inputs, outputs)
     pieces = {
         "TITLE": escape(system.name),
