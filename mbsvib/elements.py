@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 # Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
 ZERO_EIGENVALUE = 1e-14
+_SIX = np.eye(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +109,12 @@ def _of_lines(lines: list[tuple[int, Spring]], number: Mapping[str, int]) -> Ele
 
 
 def _of_bushings(bushings: list[tuple[int, Bushing]], number: Mapping[str, int]) -> Elements:
-    coefficient = np.array([(b.stiffness, b.damping) for _, b in bushings], dtype=float).reshape(-1, 2, 6)
-    which, direction = np.nonzero(coefficient.any(axis=1))
-    unit = np.zeros((len(which), 6))
-    unit[np.arange(len(which)), direction] = 1.0
-    return _rows([b for _, b in bushings], number, which, unit, coefficient[which, 0, direction],
-                 coefficient[which, 1, direction], np.array([i for i, _ in bushings], dtype=np.intp))  # fmt: skip
+    k = np.array([b.stiffness for _, b in bushings], dtype=float).reshape(-1)
+    c = np.array([b.damping for _, b in bushings], dtype=float).reshape(-1)
+    used: Index = ((k != 0.0) | (c != 0.0)).nonzero()[0]
+    which, direction = np.divmod(used, 6)
+    return _rows([b for _, b in bushings], number, which, _SIX.take(direction, axis=1).T, k.take(used), c.take(used),
+                 np.array([i for i, _ in bushings], dtype=np.intp))  # fmt: skip
 
 
 def _of_matrices(full: list[tuple[int, Bushing]], number: Mapping[str, int]) -> Elements:

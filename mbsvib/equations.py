@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +31,8 @@ class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
     without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
-    inputs, then the outputs themselves, ``origin`` the model as it was; ``planar`` says that loops are redundant as
+    inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
+    ``settled``; ``planar`` says that loops are redundant as
     planar ones are, in every pose.
     """
 
@@ -45,6 +47,7 @@ class Provenance:
     ports: tuple[Part, ...] = ()
     origin: Model | None = None
     planar: bool = False
+    settled: bool = False
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -95,8 +98,7 @@ class Equations:
     null_inertia: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            array = getattr(self, name)
+        for array in _arrays(self):
             if array is not None:
                 array.setflags(write=False)
 
@@ -154,4 +156,5 @@ class Equations:
         return dict(zip(self.bodies, self.body_motion @ vector, strict=True))
 
 
-_ARRAYS = tuple(item.name for item in fields(Equations) if "Array" in str(item.type) or "NDArray" in str(item.type))
+_arrays = attrgetter(*(item.name for item in fields(Equations) if "Array" in str(item.type)))
+

@@ -26,9 +26,9 @@ def gram(factor: Array) -> Array:
 def product(rows: Array, value: Array) -> Array:
     """Return rows^T diag(value) rows, exactly symmetric; either may have an axis of variants in front."""
     if value.ndim == 1 and rows.ndim == 2:
-        used = value != 0.0
-        if not used.all():
-            rows, value = rows[used], value[used]
+        used = value.nonzero()[0]
+        if len(used) < len(value):
+            rows, value = rows.take(used, axis=0), value.take(used)
         if rows.shape[1] >= MANY:
             column = single_entries(rows)
             if column is not None:
@@ -39,7 +39,7 @@ def product(rows: Array, value: Array) -> Array:
         return _combined(rows, value)
     half: Array = rows * np.sqrt(np.abs(value))[..., None]
     negative = value < 0.0
-    if not negative.any():
+    if not np.count_nonzero(negative):
         return half.swapaxes(-1, -2) @ half
     if half.ndim == 2:
         plus, minus = half[~negative], half[negative]

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
 MASSLESS = 1e-14
-_DIAGONAL = np.arange(3)
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
@@ -58,13 +57,13 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
         Factors of the masses and tensors.
     """
     table = np.array([(body.mass, *body.inertia) for body in bodies])
-    whole = float(table[:, :4].min()) > 0.0
-    if table[:, 4:].any():
+    whole = np.count_nonzero(table[:, :4] > 0.0) == 4 * len(bodies)
+    if np.count_nonzero(table[:, 4:]):
         root = roots(table[:, 1:])
-        whole = whole and bool(root[:, _DIAGONAL, _DIAGONAL].all())
+        whole = whole and np.count_nonzero(root.reshape(-1, 9)[:, ::4]) == 3 * len(bodies)
     else:
         root = np.zeros((len(bodies), 3, 3))
-        root[:, _DIAGONAL, _DIAGONAL] = np.sqrt(table[:, 1:4])
+        root.reshape(-1, 9)[:, ::4] = np.sqrt(table[:, 1:4])
     if any(body.orientation is not IDENTITY for body in bodies):
         root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
     return SpatialInertia(np.sqrt(table[:, 0]), root, whole)
@@ -99,16 +98,18 @@ def check_mass(mass: Array, names: tuple[str, ...]) -> None:
     if not names:
         return
     diagonal = mass.diagonal()
-    if float(diagonal.min()) > 0.0:
-        scale = 1.0 / np.sqrt(diagonal)
-        scaled = mass * scale[:, None] * scale
-        factor, failed = lapack.dpotrf(scaled)
-        pivots = np.linalg.eigvalsh(scaled) if failed else factor.diagonal() ** 2
-        if float(pivots.min()) > MASSLESS:
+    lowest = int(diagonal.argmin())
+    if diagonal[lowest] > 0.0:
+        factor, failed = lapack.dpotrf(mass.T)
+        if failed:
+            scale = 1.0 / np.sqrt(diagonal)
+            pivots = np.linalg.eigvalsh(mass * scale[:, None] * scale)
+        else:
+            pivots = factor.diagonal() ** 2 / diagonal
+        lowest = int(pivots.argmin())
+        if pivots[lowest] > MASSLESS:
             return
-        lowest = failed - 1 if failed else int(pivots.argmin())
-    else:
-        lowest = int(diagonal.argmin())
+        lowest = failed - 1 if failed else lowest
     raise ModelError(
         f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass "
         f"but for rounding. Give the bodies it moves an inertia about its axis, or make what is tiny exactly zero: "

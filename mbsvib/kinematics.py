@@ -77,7 +77,11 @@ class Rows:
         parts = [part for part in parts if len(part.first)] or parts[:1]
         if len(parts) == 1:
             return parts[0]
-        return Rows(*(_joined([getattr(part, key) for part in parts]) for key in Rows.__slots__))
+        return Rows(
+            np.concatenate([part.first for part in parts]), np.concatenate([part.second for part in parts]),
+            _joined([part.point for part in parts]), _joined([part.force for part in parts]),
+            _joined([part.moment for part in parts]),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +231,7 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """
     sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
-    flat = (sign != 0).reshape(-1).nonzero()[0]
+    flat: Index = (sign != 0).reshape(-1).nonzero()[0]
     row, column = np.divmod(flat, max(1, sign.shape[1]))
     moment, point, force = (array.take(row, axis=-1) for array in (rows.moment, rows.point, rows.force))
     start, linear, angular = (

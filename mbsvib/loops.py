@@ -9,11 +9,13 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
+from operator import sub
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
+from mbsvib._given import names
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, nearest
 from mbsvib.kinematics import Rows, Twists
 
@@ -153,7 +155,7 @@ def reduce(
 
     Source: Jiang, Chen & Luo (2011), cut-joint constraint matrix B''.
     """
-    pinned = _pinned(coordinates, independent) if independent else None
+    pinned = None if independent is None else _pinned(coordinates, independent)
     n = len(coordinates.names)
     if cuts is None:
         return Reduction(np.arange(n), None, ())
@@ -177,7 +179,7 @@ def reduce(
 
 def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
     pinned = np.zeros(len(coordinates.names), dtype=bool)
-    for name in [independent] if isinstance(independent, str) else independent or ():
+    for name in () if independent is None else names(independent, "linearize", "independent", ModelError):
         if name not in coordinates.names:
             raise ModelError(
                 f"independent = {name!r} is no joint coordinate of the tree.{nearest(str(name), coordinates.names)} "
@@ -210,8 +212,8 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
         return [(row, np.flatnonzero(touched.any(axis=0)))]
     ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(row) + 1)]
     return [
-        (np.concatenate([row[ends[loop] : ends[loop + 1]] for loop in loops]),
-         np.flatnonzero(touched[loops].any(axis=0)))
+        (row[ends[loops[0]] : ends[loops[0] + 1]], touched[loops[0]].nonzero()[0]) if len(loops) == 1 else
+        (np.concatenate([row[ends[loop] : ends[loop + 1]] for loop in loops]), touched[loops].any(axis=0).nonzero()[0])
         for _, loops in groups
     ]  # fmt: skip
 
@@ -221,23 +223,24 @@ def _solve(
 ) -> tuple[LoopGroup, Index, Index, Array]:
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
     cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
-    points = np.concatenate((cuts.rows.point[:, cut], coordinates.point[:, columns]), axis=1)
-    low, high = points.min(axis=1), points.max(axis=1)
-    length, distance = float((high - low).max()), float(max(high.max(), -low.min()))
+    points = np.concatenate((cuts.rows.point.take(cut, axis=1), coordinates.point.take(columns, axis=1)), axis=1)
+    low, high = np.minimum.reduce(points, axis=1).tolist(), np.maximum.reduce(points, axis=1).tolist()
+    length, distance = max(map(sub, high, low)), max(*high, -min(low))
     if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding
         length = 1.0
-    scale = np.where(coordinates.turns[columns], 1.0, length)
+    scale = np.where(coordinates.turns.take(columns), 1.0, length)
     scale *= _preference(len(columns))
-    a = scaled(phi[rows[:, None], columns], cuts, rows, scale, length)
+    a = scaled(phi.take(rows, axis=0).take(columns, axis=1), cuts, rows, scale, length)
     held = candidate = None
     if pinned is not None and pinned[columns].any():
         held, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
     qr, order, tau = pivoted_qr(a if candidate is None else a[:, candidate])
-    pivots = np.abs(qr.diagonal())
+    pivots = list(map(abs, qr.diagonal().tolist()))
     # positions are rounded relative to the origin, entries of Phi therefore relative to origin distance / loop size
     noise = EPS * max(a.shape) * max(1.0, distance / length)
-    largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
-    rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
+    largest = pivots[0] if pivots and pivots[0] > 0.0 else 1.0
+    limit = RANK_FACTOR * noise * max(1.0, largest)
+    rank = sum([pivot > limit for pivot in pivots])
     right = qr[:rank, rank:]
     if held is not None:
         product = a[:, held]
@@ -246,18 +249,18 @@ def _solve(
         _check_pins(coordinates, columns[held], product[rank:], RANK_FACTOR * noise)
         right = np.concatenate((right, product[:rank]), axis=1)
     group = LoopGroup(
-        tuple(cuts.joints[k] for k in dict.fromkeys(cuts.joint[rows].tolist())), rows, columns, rank,
-        float(pivots[rank - 1]) / largest if rank else 1.0,
-        float(pivots[rank]) / largest if rank < len(pivots) else 0.0, length,
+        tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())]), rows, columns, rank,
+        pivots[rank - 1] / largest if rank else 1.0, pivots[rank] / largest if rank < len(pivots) else 0.0, length,
         _redundant(a, rank, rows, cuts),
     )  # fmt: skip
     _check_gap(group)
     dependent, others = order[:rank], order[rank:]
     if candidate is not None and held is not None:
         dependent, others = candidate[dependent], np.concatenate((candidate[others], held))
-    block = lapack.dtrtrs(qr[:rank, :rank], right)[0] if rank and len(others) else np.zeros((rank, len(others)))
-    block *= -scale[dependent, None] / scale[others]
-    return group, columns[dependent], columns[others], block
+    # not dtrtrs: with two threads OpenBLAS's hands the smallest of equations over, and waits
+    block = blas.dtrsm(1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
+    block *= -scale.take(dependent)[:, None] / scale.take(others)
+    return group, columns.take(dependent), columns.take(others), block
 
 
 @lru_cache
@@ -270,7 +273,7 @@ def _preference(n: int) -> Array:
 
 def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
     """Return Phi with translations over ``length`` and rotations as they are, so that rank knows no units."""
-    return phi * cuts.row_scale(length)[rows, None] * column_scale
+    return phi * cuts.row_scale(length).take(rows)[:, None] * column_scale
 
 
 def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:

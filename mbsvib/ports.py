@@ -93,12 +93,11 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
             force_inputs.append(i)
             rows.append(row(source))
             input_units.append(unit(source.wrench, _FORCE))
-    springs = list(model.springs)
     for i, output in enumerate(model.outputs.values()):
         if isinstance(output, ForceOutput):
             wrench = np.array(output.wrench)
             if output.element in model.springs:
-                force_outputs.append((i, springs.index(output.element), wrench))
+                force_outputs.append((i, list(model.springs).index(output.element), wrench))
             elif output.element in number:
                 wrench_outputs.append((i, "body", number[output.element], wrench))
             else:
