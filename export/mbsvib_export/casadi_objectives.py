@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.system import System
 from mbsvib_export.casadi_ import INSTALL
@@ -150,8 +151,8 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
         key = p.tobytes()
         if key not in last:
             try:
-                found = origin.with_values(dict(zip(names, p.tolist(), strict=True))).linearize(
-                    system.coordinates, system.cut_joints, method="dense")  # fmt: skip
+                _, found = settled(origin.with_values(dict(zip(names, p.tolist(), strict=True))),
+                                   independent=system.coordinates, cut=system.cut_joints, method="dense")  # fmt: skip
             except MbsvibError:
                 found = None
             last.clear()

@@ -62,7 +62,7 @@ def limits(system: System) -> tuple[Limit, ...]:
         who = _loading(parts, system.name)
         falls = any(isinstance(part, Gravity) for part in parts)
         allowed = (_STIFFNESS, _DAMPING, _INERTIA) if falls else (_STIFFNESS, _DAMPING, _INERTIA, _MASS)
-        result.append(Limit(who, frozenset(allowed)))
+        result.append(Limit(who, frozenset((_DAMPING, _INERTIA) if came.settled else allowed)))
     rotor = next((part for part in parts if isinstance(part, Rotor)), None)
     if rotor is not None or system.gyroscopic is not None:
         who = system.name if rotor is None else rotor.name

@@ -6,7 +6,8 @@ the equilibrium gives way, with the forces R that are left over along them:
 
 dF/dp = F_p + F_q dq/dp,  R_q dq/dp = -R_p
 
-The partial derivatives are extrapolated differences (11 digits); variants need not balance.
+The partial derivatives are extrapolated differences (11 digits); variants need not balance. Where a model had to find
+its equilibrium far from where it is described, each variant finds its own.
 """
 
 from __future__ import annotations
@@ -102,9 +103,10 @@ class Variants:
 
     def _slope(self, parameter: Parameter) -> Array:
         name, scale = parameter.name, self._scale(parameter)
+        value = self._model.parameters[name]
 
         def at(change: float) -> Array:
-            return self._equations({name: parameter.value + change}, {})
+            return self._equations({name: value + change}, {})
 
         try:
             found = self._extrapolated(at, scale, f"parameter '{name}'")
@@ -247,16 +249,20 @@ class Variants:
         """All matrices of a variant in another pose, then the forces that are left over."""
         from mbsvib.assembly import scene, system
         from mbsvib.equilibrium.moved import moved
+        from mbsvib.equilibrium.settled import settled
 
         own = self._system
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model = self._model.with_values(values) if values else self._model
-            if motion:
-                model = moved(model, motion, cut=self._cut)
-            if model._composed:
-                model = model._expanded()
-            found = system(model, scene(model, self._cut), own.coordinates, checked=False)
+            if own.provenance.settled:
+                _, found = settled(model, independent=own.coordinates, cut=self._cut, method="dense")
+            else:
+                if motion:
+                    model = moved(model, motion, cut=self._cut)
+                if model._composed:
+                    model = model._expanded()
+                found = system(model, scene(model, self._cut), own.coordinates, checked=False)
         kept, before = (each.provenance.reduction.independent for each in (found, own))
         if len(kept) != len(before) or len(found.coordinates) != len(own.coordinates):
             raise _OtherMobility
@@ -264,7 +270,7 @@ class Variants:
             raise ModelError(f"sensitivities of '{own.name}': its coordinates change with what is massless.",
                              element=own.name)  # fmt: skip
         statics = found.provenance.statics
-        left = np.zeros(len(kept)) if statics is None else statics.residual
+        left = np.zeros(len(kept)) if statics is None or own.provenance.settled else statics.residual
         return np.concatenate([*(getattr(found, key).reshape(-1) for key in KEYS), left])
 
 

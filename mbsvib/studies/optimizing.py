@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import counted
 from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity
@@ -160,7 +161,7 @@ def _optimum(search: Search, z: Array, found: Found, began: float) -> Optimum:
     optimality = _left_over(search, z)
     names, moved = search.design.variables, search.design.values(place.values)
     return Optimum(
-        search.model.with_values(moved), dict(place.values), moved,
+        settled(search.model.with_values(moved))[0], dict(place.values), moved,
         dict(zip(names, search.scales.start.tolist(), strict=True)), objective, began, search.objective.label,
         {each.label: value for each, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
         violation <= FEASIBLE and (found.success or optimality <= OPTIMAL), found.message, found.iterations,

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.batch.values import refused
+from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import MbsvibError
 from mbsvib.studies.question import follow
 from mbsvib.system import System
@@ -83,9 +84,10 @@ class Task:
 
     def _single(self, values: Mapping[str, Any]) -> Outcome:
         try:
-            system = self.model.with_values(self.design.values(values)).linearize()
+            model, system = settled(self.model.with_values(self.design.values(values)))
             if self.kind == "batch" and self.question.takes_batch:
-                batch = self.model.linearize(values=self.design.values({k: np.array([v]) for k, v in values.items()}))
+                name, value = next(iter(model.parameters.items()))
+                batch = model.linearize(values={name: np.array([value])})
                 return {label: value[0] for label, value in self.question.ask_batch(batch).items()}
             return self.question.ask(system)
         except Exception as error:  # whatever fails in a point is kept as its outcome
@@ -129,6 +131,8 @@ def task(model: Model, design: Design, question: Question) -> Task:
             follow(system, item)
     if not isinstance(system, System):
         return Task(model, design, question, "single")
+    if system.provenance.statics is not None and not question.batched:  # where the pose follows, point by point
+        return Task(model, design, question, "single", system.dof)
     moved = set(design.values(design.start))
     try:
         batch = model.linearize(values={name: np.repeat(model.parameters[name], 2) for name in moved})

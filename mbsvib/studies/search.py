@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
@@ -84,7 +85,7 @@ class Search:
         values = dict(zip(self.design.variables, self.scales.values(x).tolist(), strict=True))
         try:
             changed = self.model.with_values(self.design.values(values))
-            return checked(changed.linearize(independent=self._independent))
+            return checked(settled(changed, independent=self._independent)[1])
         except MbsvibError as error:
             error.add_note(f"at {_said(values)}")
             raise

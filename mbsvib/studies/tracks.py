@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.studies.design import design
 from mbsvib.studies.place import station
@@ -165,7 +166,7 @@ class _Way:
 
     def system(self, one: int, other: int = 0, share: float = 0.0) -> Any:
         values = {name: float(x[one] + share * (x[other] - x[one])) for name, x in self.columns.items()}
-        return self.model.with_values(self.design.values(values)).linearize()
+        return settled(self.model.with_values(self.design.values(values)))[1]
 
     def between(self, one: int, other: int) -> Callable[[float], Station]:
         def at(share: float) -> Station:
