@@ -109,6 +109,11 @@ class Parameters(Mapping[str, float]):
         return self._of_part[part.name].get(name)
 
     @property
+    def entries(self) -> tuple[Parameter, ...]:
+        """All parameters with what is known of each."""
+        return tuple(self._entries.values())
+
+    @property
     def parts(self) -> Mapping[str, Part]:
         """The parts themselves, by name."""
         return self._parts

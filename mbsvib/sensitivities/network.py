@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -269,13 +269,24 @@ def _incidence(first: Index, second: Index, bodies: int) -> csr_array:
 def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:
     """Coefficients as 6x6 matrices in world axes, of line springs on the motion at their start."""
     result = np.zeros((len(springs), 6, 6))
-    for i, part in enumerate(springs):
-        if isinstance(part, Spring):
-            result[i, :3, :3] = getattr(part, field) * np.outer(part.line, part.line)
-            continue
-        value = np.array(getattr(part, field))
-        turn = np.kron(np.eye(2), np.array(part.orientation))
-        result[i] = turn @ (np.diag(value) if value.ndim == 1 else value) @ turn.T
+    if not springs:
+        return result
+    lines = np.array([isinstance(part, Spring) for part in springs])
+    along = np.array([part.line for part in springs if isinstance(part, Spring)]).reshape(-1, 3)
+    values: list[Any] = [getattr(part, field) for part in springs]
+    size = np.array([value for value, line in zip(values, lines.tolist(), strict=True) if line])
+    result[lines, :3, :3] = size[:, None, None] * along[:, :, None] * along[:, None, :]
+    local = np.zeros((len(springs) - len(along), 6, 6))
+    turn = np.zeros_like(local)
+    axes = [part.orientation for part in springs if not isinstance(part, Spring)]
+    if axes:
+        turn[:, :3, :3] = turn[:, 3:, 3:] = np.array(axes)
+        given = [value for value, line in zip(values, lines.tolist(), strict=True) if not line]
+        whole = np.array([isinstance(value[0], tuple) for value in given])
+        diagonal = np.array([value for value in given if not isinstance(value[0], tuple)]).reshape(-1, 6)
+        local[~whole] = diagonal[:, :, None] * _SIX
+        local[whole] = np.array([value for value in given if isinstance(value[0], tuple)]).reshape(-1, 6, 6)
+        result[~lines] = turn @ local @ turn.transpose(0, 2, 1)
     return result
 
 

@@ -112,8 +112,12 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
         parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
     groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
     whole: list[int] = []
+    rule: dict[tuple[str, str], bool] = {}
     for place, parameter in enumerate(asked.parameters):
-        if not _has_rule(network, parameter, parts.get(parameter.part)):
+        own = (parameter.part, parameter.field)
+        if own not in rule:
+            rule[own] = _has_rule(network, parameter, parts.get(parameter.part))
+        if not rule[own]:
             whole.append(place)
             continue
         kind, number, part = parts[parameter.part]

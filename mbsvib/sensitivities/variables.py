@@ -69,7 +69,7 @@ def variables(known: Parameters, asked: str | Iterable[str] | Mapping[str, Mappi
         If a name is unknown, a pattern picks nothing, or a rate is no number.
     """
     if asked is None:
-        entries = tuple(known.entry(name) for name in known)
+        entries = known.entries
         every = np.arange(len(entries))
         return Variables(tuple(known), entries, every, every, np.ones(len(entries)))
     if not isinstance(asked, (str, Iterable)):
