@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.assembly import linearize
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
+    from mbsvib.mjcf import load_mjcf
     from mbsvib.modes import Modes
     from mbsvib.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
@@ -48,6 +49,7 @@ __all__ = [
     "library",
     "linearize",
     "load",
+    "load_mjcf",
     "load_urdf",
     "optimize",
     "plots",
@@ -68,6 +70,7 @@ _HOMES = {
     "plots": "mbsvib.plots",
     "linearize": "mbsvib.assembly",
     "load": "mbsvib.files",
+    "load_mjcf": "mbsvib.mjcf",
     "load_urdf": "mbsvib.urdf",
     "optimize": "mbsvib.studies",
     "save": "mbsvib.files",

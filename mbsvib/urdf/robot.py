@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,8 @@ import numpy as np
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.model import Model
-from mbsvib.urdf.reading import Hinge, Link, Robot, read
+from mbsvib.urdf.groups import Group
+from mbsvib.urdf.reading import Hinge, Robot, read
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 GROUND = "ground"
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.
 KINDS = {"revolute": ("revolute", 5), "continuous": ("revolute", 5), "prismatic": ("prismatic", 2)}
-# Parts of symmetric tensors below this share of the largest entry are rounding of turned frames.
-ROUNDING = 1e-15
 
 
 def load_urdf(
@@ -91,45 +89,16 @@ def load_urdf(
     return model
 
 
-@dataclass(slots=True, eq=False)
-class _Group:
-    """Links that move as one: mass, first and second moments about the world's origin."""
-
-    name: str
-    mass: float = 0.0
-    first: Array = field(default_factory=lambda: np.zeros(3))
-    links: list[tuple[Link, Array, Array]] = field(default_factory=list)
-    axes: Array = field(default_factory=lambda: np.eye(3))
-
-    def take(self, link: Link, origin: Array, axes: Array) -> None:
-        if not self.links:
-            self.axes = axes
-        self.links.append((link, origin + axes @ link.centre, axes @ link.inertia @ axes.T))
-        self.mass += link.mass
-        self.first += link.mass * self.links[-1][1]
-
-    def add(self, model: Model) -> None:
-        centre = self.first / self.mass if self.mass else self.links[0][1]
-        tensor = np.zeros((3, 3))
-        for link, at, own in self.links:
-            arm = at - centre
-            tensor += own + link.mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
-        tensor = self.axes.T @ tensor @ self.axes
-        tensor = 0.5 * (tensor + tensor.T)
-        tensor[np.abs(tensor) <= ROUNDING * np.abs(tensor).max()] = 0.0
-        model.add_body(self.name, self.mass, tensor, centre, self.axes)
-
-
-def _groups(robot: Robot, places: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, _Group]:
+def _groups(robot: Robot, places: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, Group]:
     """The group of each link, by the link's name; ``places`` has parents before children."""
     carried = {joint.child: joint for joint in robot.joints.values()}
-    groups: dict[str, _Group] = {}
+    groups: dict[str, Group] = {}
     for link in places:
         joint = carried.get(link)
         if joint is None:
-            groups[link] = _Group(link if floating else GROUND)
+            groups[link] = Group(link if floating else GROUND)
         else:
-            groups[link] = groups[joint.parent] if joint.kind == "fixed" else _Group(link)
+            groups[link] = groups[joint.parent] if joint.kind == "fixed" else Group(link)
         groups[link].take(robot.links[link], *places[link])
     return groups
 
@@ -175,7 +144,7 @@ def _placed(robot: Robot, positions: dict[str, float]) -> dict[str, tuple[Array,
 
 
 def _add(
-    model: Model, name: str, joint: Hinge, groups: dict[str, _Group], places: dict[str, tuple[Array, Array]],
+    model: Model, name: str, joint: Hinge, groups: dict[str, Group], places: dict[str, tuple[Array, Array]],
     stiffness: Any, damping: Any,
 ) -> None:  # fmt: skip
     first, second = groups[joint.parent].name, groups[joint.child].name
@@ -212,7 +181,7 @@ def _six(values: Array, own: int | None) -> Array:
     return result
 
 
-def _add_tip(model: Model, tip: str, groups: dict[str, _Group], places: dict[str, tuple[Array, Array]]) -> None:
+def _add_tip(model: Model, tip: str, groups: dict[str, Group], places: dict[str, tuple[Array, Array]]) -> None:
     if tip not in places:
         raise ModelError(f"tip = {tip!r} is no link.{nearest(tip, places)}", element=tip, field="tip")
     body = groups[tip].name

@@ -1,0 +1,5 @@
+"""Models from MuJoCo's files (MJCF): bodies, joints, springs, tendons, actuators and closed loops, in any pose."""
+
+from mbsvib.mjcf.scene import load_mjcf
+
+__all__ = ["load_mjcf"]

@@ -1,0 +1,255 @@
+"""What MuJoCo makes of a file, in a pose: it resolves defaults, includes, frames, and inertia from shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from os import PathLike
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# Numbers of a joint's position, by its type in MuJoCo: free, ball, slide, hinge.
+WIDTHS = (7, 4, 1, 1)
+FREE, BALL, SLIDE, HINGE = range(4)
+# What may be left out by name, and the group of actuators that is then switched off.
+LEAVABLE = ("actuator", "tendon", "equality")
+OFF = 30
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compiled:
+    """MuJoCo's model ``m`` and data ``d`` in the pose asked for; ``api`` is its module."""
+
+    path: str
+    api: Any
+    m: Any
+    d: Any
+
+    def count(self, kind: str) -> int:
+        """Return how many of a kind there are: body, joint, tendon, actuator, equality, site, key, geom."""
+        m = self.m
+        if kind == "actuator":
+            return len(m.actuator_trntype)
+        return int({"body": m.nbody, "joint": m.njnt, "tendon": m.ntendon, "equality": m.neq, "site": m.nsite,
+                    "key": m.nkey, "geom": m.ngeom}[kind])  # fmt: skip
+
+    def name(self, kind: str, i: int) -> str:
+        """Return the name of an element, or what stands for it: its kind and number, a joint's body with '.joint'."""
+        given = self.api.mj_id2name(self.m, getattr(self.api.mjtObj, f"mjOBJ_{kind.upper()}"), i)
+        if given:
+            return str(given)
+        if kind == "joint":
+            body = int(self.m.jnt_bodyid[i])
+            several = int(self.m.body_jntnum[body]) > 1
+            return f"{self.name('body', body)}.joint{i - int(self.m.body_jntadr[body]) + 1 if several else ''}"
+        return f"{kind}{i if kind == 'body' else i + 1}"
+
+    def names(self, kind: str) -> list[str]:
+        """Return the names of all elements of a kind."""
+        return [self.name(kind, i) for i in range(self.count(kind))]
+
+    def refuse(self, kind: str, i: int, what: str, field: str | None = None) -> ModelError:
+        """Build the error that names the file and the element."""
+        name = self.name(kind, i)
+        way = f" Leave it out by leave=[{name!r}]." if kind in LEAVABLE else ""
+        return ModelError(f"{self.path}: {kind} '{name}': {what}{way}", element=name, field=field)
+
+    def off(self, *flags: str) -> bool:
+        """Tell whether the file's options switch something off; versions differ in what the flags are called."""
+        bits = [int(getattr(self.api.mjtDisableBit, f"mjDSBL_{flag}", 0)) for flag in flags]
+        return any(int(self.m.opt.disableflags) & bit for bit in bits)
+
+    def value(self, field: str, i: int) -> Any:
+        """Return entry i of a field that older versions do not have, or zero."""
+        values = getattr(self.m, field, None)
+        return 0.0 if values is None else values[i]
+
+    def position(self, i: int) -> Array:
+        """Return the position of a joint: one number, or a quaternion, or both point and quaternion."""
+        start = int(self.m.jnt_qposadr[i])
+        return np.array(self.d.qpos[start : start + WIDTHS[int(self.m.jnt_type[i])]])
+
+
+def compiled(
+    path: str | PathLike[str], pose: Mapping[str, Any], keyframe: str | int | None, control: Mapping[str, float],
+    leave: Iterable[str],
+) -> Compiled:  # fmt: skip
+    """Have MuJoCo read a file and place it in a pose.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+    pose : mapping of str to float or array-like
+        Positions of joints; others are the keyframe's or the file's.
+    keyframe : str, int or None
+        Name or number of a keyframe.
+    control : mapping of str to float
+        Controls of actuators; others are the keyframe's or 0.
+    leave : iterable of str
+        Names or patterns of actuators, tendons and equality constraints to be left out.
+
+    Returns
+    -------
+    Compiled
+        Its model and data.
+
+    Raises
+    ------
+    ModelError
+        If MuJoCo is not installed or refuses the file, or a name or value is refused.
+    """
+    try:
+        import mujoco as api
+    except ImportError as error:
+        raise ModelError('load_mjcf needs MuJoCo; install it with:  pip install "mbsvib[mjcf]"',
+                         element=str(path)) from error  # fmt: skip
+    _check_kind(path)
+    try:
+        m = api.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise ModelError(f"{path}: MuJoCo refuses it: {error}", element=str(path)) from error
+    made = Compiled(str(path), api, m, None)
+    _leave(made, leave)
+    made = Compiled(str(path), api, m, api.MjData(m))
+    key = _keyframe(made, keyframe)
+    if key is None:
+        api.mj_resetData(m, made.d)
+    else:
+        api.mj_resetDataKeyframe(m, made.d, key)
+    made.d.qvel[:] = 0.0
+    _place(made, pose)
+    _command(made, control)
+    api.mj_forward(m, made.d)
+    return made
+
+
+def root_of(path: str | PathLike[str]) -> str:
+    """Return the name of an XML file's outermost element.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The file.
+
+    Returns
+    -------
+    str
+        Its name, such as "mujoco" or "robot".
+
+    Raises
+    ------
+    ModelError
+        If the file cannot be read or is no XML.
+    """
+    try:
+        for _, element in ElementTree.iterparse(path, events=("start",)):
+            return str(element.tag)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror or error}.", element=str(path)) from error
+    except ElementTree.ParseError as error:
+        raise ModelError(f"{path}: no XML: {error}.", element=str(path)) from error
+    return ""
+
+
+def _check_kind(path: str | PathLike[str]) -> None:
+    tag = root_of(path)
+    if tag == "robot":
+        raise ModelError(f"{path}: the file's element is <robot>, a URDF; read it by load_urdf.", element=str(path))
+    if tag != "mujoco":
+        raise ModelError(f"{path}: the file's element is <{tag}>; expected <mujoco>, as MJCF has it.",
+                         element=str(path))  # fmt: skip
+
+
+def _leave(file: Compiled, leave: Iterable[str]) -> None:
+    """Switch off what the user wants to leave out, before anything is computed."""
+    m = file.m
+    if isinstance(leave, str):
+        leave = (leave,)
+    for pattern in leave:
+        hits = [(kind, i) for kind in LEAVABLE for i, name in enumerate(file.names(kind)) if fnmatchcase(name, pattern)]
+        if not hits:
+            known = [name for kind in LEAVABLE for name in file.names(kind)]
+            raise ModelError(f"{file.path}: leave: {pattern!r} is no actuator, tendon or equality constraint."
+                             f"{nearest(str(pattern), known)}", element=str(pattern), field="leave")  # fmt: skip
+        for kind, i in hits:
+            if kind == "equality":
+                m.eq_active0[i] = 0
+                continue
+            if kind == "actuator":
+                m.actuator_group[i] = OFF
+                m.opt.disableactuator |= 1 << OFF
+            fields = ("stiffness", "stiffnesspoly", "damping", "armature", "frictionloss", "springyield")
+            for values in (getattr(m, f"{kind}_{field}", None) for field in fields):
+                if values is not None:
+                    values[i] = 0.0
+
+
+def _keyframe(file: Compiled, keyframe: str | int | None) -> int | None:
+    known = file.names("key")
+    if keyframe is None:
+        return None
+    if isinstance(keyframe, str) and keyframe in known:
+        return known.index(keyframe)
+    if isinstance(keyframe, int) and not isinstance(keyframe, bool) and 0 <= keyframe < len(known):
+        return keyframe
+    there = f"There are {', '.join(known)}." if known else "The file has none."
+    raise ModelError(f"{file.path}: keyframe = {keyframe!r} is none of it.{nearest(str(keyframe), known)} {there}",
+                     element=file.path, field="keyframe")  # fmt: skip
+
+
+def _place(file: Compiled, pose: Mapping[str, Any]) -> None:
+    m, d = file.m, file.d
+    numbers = {name: i for i, name in enumerate(file.names("joint"))}
+    for name, given in pose.items():
+        i = known(name, numbers, "pose", "joint")
+        start, width = int(m.jnt_qposadr[i]), WIDTHS[int(m.jnt_type[i])]
+        expected = ("a number", "", "", "a quaternion (w, x, y, z)", "", "",
+                    "a point and a quaternion (x, y, z, qw, qx, qy, qz)")[width - 1]  # fmt: skip
+        values = [given] if width == 1 and not hasattr(given, "__len__") else given
+        d.qpos[start : start + width] = check.numbers(values, (width,), f"joint '{name}'", "pose", expected)
+        quaternion = d.qpos[start + width - 4 : start + width]
+        if width > 1 and not quaternion.any():
+            raise check.refuse(f"joint '{name}'", "pose", given, expected, "This quaternion is zero.")
+    file.api.mj_normalizeQuat(m, d.qpos)
+
+
+def _command(file: Compiled, control: Mapping[str, float]) -> None:
+    """Set controls; where an actuator has a state of its own, the state is what makes its force."""
+    numbers = {name: i for i, name in enumerate(file.names("actuator"))}
+    for name, given in control.items():
+        i = known(name, numbers, "control", "actuator")
+        value = check.number(given, f"actuator '{name}'", "control")
+        state = int(file.m.actuator_actadr[i])
+        if state >= 0:
+            file.d.act[state] = value
+        else:
+            file.d.ctrl[int(file.m.actuator_ctrladr[i]) if hasattr(file.m, "actuator_ctrladr") else i] = value
+
+
+def known(name: str, numbers: Mapping[str, int], field: str, what: str) -> int:
+    """Return the number of an element that an argument names.
+
+    Raises
+    ------
+    ModelError
+        If there is none of this name.
+    """
+    if name not in numbers:
+        there = f"There are {', '.join(numbers)}." if numbers else "The file has none."
+        raise ModelError(f"{field}: {name!r} is no {what}.{nearest(str(name), numbers)} {there}",
+                         element=str(name), field=field)  # fmt: skip
+    return numbers[name]

@@ -1,0 +1,110 @@
+"""Equality constraints: loops closed by ideal joints, coordinates tied by couplers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.mjcf.bodies import OWN
+from mbsvib.mjcf.scene import Scene
+from mbsvib.mjcf.tendons import Path, joint_path, sums
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# Loops gape by this share of the model's size: rounding, what is said, and what is refused.
+CLOSED, OPEN = 1e-9, 1e-3
+
+
+def add_ties(scene: Scene, tendons: Mapping[int, Path | None]) -> None:
+    """Add all equality constraints that act.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is built.
+    tendons : mapping of int to Path
+        The tendons' paths by their numbers.
+    """
+    file, m = scene.file, scene.file.m
+    if file.off("CONSTRAINT", "EQUALITY"):
+        return
+    kinds = file.api.mjtEq
+    for i in range(m.neq):
+        if not m.eq_active0[i]:
+            continue
+        kind = int(m.eq_type[i])
+        if kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            _look_at_gap(scene, i)
+            _close(scene, i, kind == kinds.mjEQ_WELD)
+        elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+            _look_at_gap(scene, i)
+            _couple(scene, i, tendons, kind == kinds.mjEQ_TENDON)
+        else:
+            what = str(kinds(kind)).rpartition("_")[2].lower()
+            raise file.refuse("equality", i, f"is of kind {what}; connect, weld, joint and tendon are known here.")
+
+
+def _look_at_gap(scene: Scene, i: int) -> None:
+    """Refuse a constraint that the pose violates."""
+    file, d = scene.file, scene.file.d
+    equality = int(file.api.mjtConstraint.mjCNSTR_EQUALITY)
+    rows = [j for j in range(int(d.nefc)) if int(d.efc_type[j]) == equality and int(d.efc_id[j]) == i]
+    gap = max((abs(float(d.efc_pos[j])) for j in rows), default=0.0)
+    size = float(file.m.stat.extent)
+    if gap > OPEN * size:
+        raise file.refuse("equality", i, f"gapes by {gap:.3g} in this pose. Read the file in a pose that closes it, "
+                          f"and go on from there by model.moved().", "pose")  # fmt: skip
+    if gap > CLOSED * size:
+        scene.remark("gap in this pose of", f"'{file.name('equality', i)}' ({gap:.2g})")
+
+
+def _close(scene: Scene, i: int, weld: bool) -> None:
+    file, m, d = scene.file, scene.file.m, scene.file.d
+    ends = [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
+    data = np.array(m.eq_data[i])
+    if hasattr(m, "eq_objtype") and m.eq_objtype[i] == file.api.mjtObj.mjOBJ_SITE:
+        at = np.array(d.site_xpos[ends[0]])
+        ends = [int(m.site_bodyid[site]) for site in ends]
+    else:
+        carrier = ends[1] if weld else ends[0]
+        at = np.array(d.xpos[carrier]) + np.array(d.xmat[carrier]).reshape(3, 3) @ data[:3]
+    first, second = (scene.bodies[body] for body in ends)
+    if first != second:
+        # a weld whose torques count nothing holds a point alone
+        kind = "fixed" if weld and data[10] != 0.0 else "spherical"
+        scene.model.add_joint(scene.fresh(file.name("equality", i), "tie"), kind, first, second, at)
+
+
+def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons: bool) -> None:
+    file, m = scene.file, scene.file.m
+    data = np.array(m.eq_data[i])
+    if data[2:5].any() and int(m.eq_obj2id[i]) >= 0:
+        raise file.refuse("equality", i, f"polycoef = {data[:5].tolist()} is no straight line; only its first two "
+                          f"numbers have a place in a model.", "polycoef")  # fmt: skip
+    terms: dict[str, float] = {}
+    for target, factor in ((int(m.eq_obj1id[i]), 1.0), (int(m.eq_obj2id[i]), -float(data[1]))):
+        if target < 0 or factor == 0.0:
+            continue
+        if not of_tendons and OWN[int(m.jnt_type[target])] is None:
+            raise file.refuse("equality", i, f"'{file.name('joint', target)}' is no hinge and no slide.")
+        path = tendons[target] if of_tendons else joint_path(scene, target)
+        if path is None or path.ends:
+            raise file.refuse("equality", i, f"its tendon '{file.name('tendon', target)}' is no fixed one.")
+        for coordinate, value in sums(scene, path, factor).items():
+            terms[coordinate] = terms.get(coordinate, 0.0) + value
+    terms = {coordinate: value for coordinate, value in terms.items() if value}
+    name = scene.fresh(file.name("equality", i), "tie")
+    if len(terms) > 1:
+        scene.model.add_coupler(name, terms)
+    elif terms:  # one coordinate that does not move
+        joint = scene.model.joints[next(iter(terms)).rpartition(".")[0]]
+        if joint.kind == "free":
+            raise file.refuse("equality", i, f"locks '{joint.name}', whose bearings give way; give it one stiffness, "
+                              f"not six.", "stiffness")  # fmt: skip
+        scene.model.add_joint(name, "fixed", joint.first, joint.second, joint.position)

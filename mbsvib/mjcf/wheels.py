@@ -1,0 +1,64 @@
+"""Wheels on the ground that couplers turn: what moves with a sum of joint coordinates, and nothing else.
+
+A fixed tendon's length is L = sum of c_i q_i. A wheel without mass of radius R turns by L / R; a spring on it is one of
+the tendon, its inertia I adds I L'^2 / 2 R^2 to the energy. A second wheel takes half of the inertia and turns the
+other way, so that both push the ground with no moment and feel no turning of it: armature is inertia of a joint alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.mjcf.scene import Scene
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+# Of the largest coefficient: the wheel turns by less than the joints, whose coordinates remain those of the model.
+RADIUS = 10.0
+
+
+def add_wheel(
+    scene: Scene, name: str, terms: Mapping[str, float], inertia: float, at: NDArray[np.float64]
+) -> tuple[str, float]:
+    """Add a wheel on the ground that turns with a sum of coordinates.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is built.
+    name : str
+        Name of the wheel.
+    terms : mapping of str to float
+        Coefficients of joint coordinates, "JOINT.rz".
+    inertia : float
+        What moves with the sum [kg m^2, kg].
+    at : array, shape (3,)
+        Where it is drawn [m].
+
+    Returns
+    -------
+    (str, float)
+        Name of its body, and its radius R: it turns by the sum over R, about z of the world.
+    """
+    radius = RADIUS * max(abs(value) * _size(scene, coordinate) for coordinate, value in terms.items())
+    moment = inertia * radius**2
+    wheels = [(scene.fresh(name, "wheel"), 1.0)]
+    if inertia:
+        wheels.append((scene.fresh(f"{name}.counter", "wheel"), -1.0))
+    for body, sign in wheels:
+        share = moment / len(wheels)
+        scene.model.add_body(body, 0.0, (0.5 * share, 0.5 * share, share), at)
+        axis = scene.fresh(f"{body}.axis", "joint")
+        scene.model.add_joint(axis, "revolute", "ground", body, at)
+        turned = {coordinate: -sign * value / radius for coordinate, value in terms.items()}
+        scene.model.add_coupler(scene.fresh(f"{body}.turns", "coupler"), {f"{axis}.rz": 1.0, **turned})
+    return wheels[0][0], radius
+
+
+def _size(scene: Scene, coordinate: str) -> float:
+    """What makes travel comparable with turning."""
+    return 1.0 if coordinate.rpartition(".")[2].startswith("r") else float(scene.file.m.stat.extent)

@@ -1,0 +1,1 @@
+"""Tests of models from MuJoCo's files."""

@@ -1,0 +1,76 @@
+"""MuJoCo's own matrices in the same coordinates: mass, and damping and stiffness by differences of its forces."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import mbsvib as mv
+from mbsvib.mjcf.compiled import compiled
+from tests.mjcf.peer import matrices, projected, settled
+from tests.mjcf.scenes import ARM, FLOATING, FOUR_BAR, GANTRY, HAND, SWING, write
+
+pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'mbsvib[mjcf]'")
+
+
+def assert_same(system, file, rtol=1e-9):
+    M, C, K = matrices(file)
+    np.testing.assert_allclose(system.M, M, atol=1e-13 * np.abs(M).max())
+    np.testing.assert_allclose(system.C, C, atol=rtol * np.abs(C).max(initial=1e-9))
+    np.testing.assert_allclose(system.K, K, atol=rtol * np.abs(K).max())
+
+
+def in_order(system, file):
+    """MuJoCo's coordinates are the joints' in their order, which the toolbox's need not be."""
+    order = []
+    for i in range(file.m.njnt):
+        name = file.name("joint", i)
+        own = ("x", "y", "z", "rx", "ry", "rz") if file.m.jnt_type[i] == 0 else ("rx", "ry", "rz")
+        order += [c for c in (f"{name}.{d}" for d in own) if c in system.coordinates] if file.m.jnt_type[i] != 2 else \
+            [f"{name}.z"]  # fmt: skip
+    return order
+
+
+@pytest.mark.filterwarnings("ignore:.*turned spring in 'wrist'")
+@pytest.mark.parametrize(("scene", "control"), [(ARM, {}), (GANTRY, {"belt": 0.1}), (HAND, {"hold": 0.2, "odd": 0.7})])
+def test_matrices_under_load(tmp_path, scene, control):
+    """Springs, servos, tendons and armature of bodies with several joints, settled under gravity."""
+    path = write(tmp_path, scene)
+    file, pose = settled(path, control)
+    model = mv.load_mjcf(path, pose=pose, control=control)
+    system = model.linearize()
+    assert list(system.coordinates) == in_order(system, file)
+    assert_same(system, file)
+    found = mv.load_mjcf(path, control=control).equilibrium().linearize()  # from the pose of the file
+    squares = [eigh(each.K, each.M, eigvals_only=True) for each in (found, system)]
+    np.testing.assert_allclose(*squares, rtol=1e-8)
+
+
+def test_a_floating_body(tmp_path):
+    path = write(tmp_path, FLOATING)
+    pose = {"float": (0.1, -0.2, 0.3, 0.9, 0.1, -0.3, 0.2)}
+    file = compiled(path, pose, None, {}, ())
+    with pytest.warns(UserWarning, match="turned spring in 'float'"):
+        model = mv.load_mjcf(path, pose=pose, gravity=(0, 0, 0))
+    system = model.replace("float.k", preload=None).linearize()
+    turn = np.eye(7)
+    turn[3:6, 3:6] = np.array(file.d.xmat[1]).reshape(3, 3).T  # MuJoCo turns it in its own axes
+    M, _, _ = matrices(file)
+    np.testing.assert_allclose(system.M, turn.T @ M @ turn, atol=1e-13 * np.abs(M).max())
+
+
+def test_a_closed_four_bar(tmp_path):
+    """On the null space of MuJoCo's own constraint Jacobian."""
+    path = write(tmp_path, FOUR_BAR)
+    system = mv.load_mjcf(path, gravity=(0, 0, 0)).linearize()
+    assert system.dof == 1
+    path.write_text(path.read_text(encoding="utf-8").replace("0 0 -9.81", "0 0 0"), encoding="utf-8")
+    expected = projected(compiled(path, {}, None, {}, ()))
+    np.testing.assert_allclose(2 * np.pi * system.modes().frequencies, expected, rtol=1e-8)
+
+
+def test_a_loaded_loop(tmp_path):
+    """A parallelogram that hangs is a pendulum."""
+    system = mv.load_mjcf(write(tmp_path, SWING)).linearize()
+    inertia = 2 * (0.03 + 2 * 0.3**2) + 3 * 0.5**2
+    moment = 9.81 * (2 * 2 * 0.3 + 3 * 0.5)
+    np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(moment / inertia) / (2 * np.pi)], rtol=1e-12)
