@@ -9,6 +9,7 @@ collocation, root_locus, force_feedback_optimum      what a law can do
 passive    quantities for ``studies.optimize``, best values of springs, dampers, masses and places, Pareto fronts
 unfolded   relaxation legs as springs, dampers and nodes, whose derivatives are known
 struts, ring      ideal legs J^T k J, and their ends as variables
+platform          radius, height, spread and angle of both rings of ends as variables, legs with bodies following
 """
 
 from mbsvib.isolation.actuated import Active, actuated
@@ -29,6 +30,7 @@ from mbsvib.isolation.noise import BaseNoise, Shaped, Table, shaped, table, whit
 from mbsvib.isolation.octaves import vc_curve
 from mbsvib.isolation.pareto import Front
 from mbsvib.isolation.passive import Passive, passive
+from mbsvib.isolation.platform import Platform, platform
 from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts
@@ -38,7 +40,8 @@ from mbsvib.isolation.vibration import Vibration
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",
-    "Passive", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "actuated", "collocation",
-    "controller", "force_feedback", "force_feedback_optimum", "hinf", "lqg", "passive", "ring", "root_locus", "shaped",
-    "skyhook", "struts", "study", "table", "unfolded", "vc_curve", "velocity_feedback", "white",
+    "Passive", "Platform", "RootLocus", "SampledLoop", "Shaped", "Struts", "Table", "Vibration", "actuated",
+    "collocation", "controller", "force_feedback", "force_feedback_optimum", "hinf", "lqg", "passive", "platform",
+    "ring", "root_locus", "shaped", "skyhook", "struts", "study", "table", "unfolded", "vc_curve", "velocity_feedback",
+    "white",
 ]  # fmt: skip

@@ -308,7 +308,8 @@ class Passive:
         return Leaf(label, lambda place: squares.at(place, outputs))
 
     def _mean(self, outputs: Sequence[str], noise: BaseNoise, span: tuple[float, float] | None) -> MeanSquares:
-        return MeanSquares(outputs, [f"base.{direction}" for direction in noise.directions], noise, span)
+        laws = {leg.stroke: (leg.force, *leg.law) for leg in self.scene.legs if leg.law}
+        return MeanSquares(outputs, [f"base.{direction}" for direction in noise.directions], noise, span, laws)
 
     @cached_property
     def _shared(self) -> dict[Any, MeanSquares]:

@@ -12,7 +12,7 @@ from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism import GROUND
 from mbsvib.model import ADDERS, Model
-from mbsvib.parts import Bushing
+from mbsvib.parts import Bushing, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.superelements.superelement import Superelement
 
@@ -32,11 +32,14 @@ REFERENCES = ("first", "second", "body", "a", "b")
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """What is measured of a spring-damper: the outputs ``stroke`` [m] and ``force`` [N]."""
+    """What is measured of a spring-damper: the outputs ``stroke`` [m] and ``force`` [N]. The stroke is measured along
+    its line in the given pose; where that moves, the force tells it by the ``law``, the parameters k and c in k + c s.
+    """
 
     name: str
     stroke: str
     force: str
+    law: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +190,12 @@ def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, .
     return DIRECTIONS[:3], (f"The base is shaken along x, y, z only: {fixed[0]} and does not turn with it.",)
 
 
+def _law(name: str, both: Array, i: int) -> tuple[str, str] | None:
+    """Parameters of a bushing's one direction, if nothing couples it with others."""
+    alone = np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
+    return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if alone else None
+
+
 def _measured(model: Model) -> tuple[Leg, ...]:
     legs = []
     for name, spring in model.springs.items():
@@ -194,11 +203,14 @@ def _measured(model: Model) -> tuple[Leg, ...]:
             axes, both = np.array(spring.orientation), np.abs(spring.stiffness) + np.abs(spring.damping)
             for i, direction in enumerate("xyz"):
                 if both[i].any():
-                    legs.append(Leg(f"{name}.{direction}", f"{name}.{direction}.stroke", f"{name}.{direction}.force"))
+                    legs.append(Leg(f"{name}.{direction}", f"{name}.{direction}.stroke", f"{name}.{direction}.force",
+                                    _law(name, both, i)))  # fmt: skip
                     model.add_output(legs[-1].stroke, spring.second, axes[:, i], spring.position, spring.first)
                     model.add_force_output(legs[-1].force, name, direction)
             continue
-        legs.append(Leg(name, f"{name}.stroke", f"{name}.force"))
+        law = (f"{name}.stiffness", f"{name}.damping")
+        alone = isinstance(spring, Spring) and bool(spring.stiffness or spring.damping)
+        legs.append(Leg(name, f"{name}.stroke", f"{name}.force", law if alone else None))
         model.add_output(legs[-1].stroke, spring.second, spring.line, spring.start, spring.first)
         model.add_force_output(legs[-1].force, name)
     return tuple(legs)

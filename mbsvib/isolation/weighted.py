@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
+    Law = tuple[str, str, str]
 
 _KNOWN: WeakKeyDictionary[System, tuple[Any, MatrixDerivatives]] = WeakKeyDictionary()
 
@@ -84,6 +86,37 @@ def _with_slopes(place: Place, w: Array, outputs: Sequence[str], inputs: Sequenc
     return value, np.array(slopes)
 
 
+def _by_laws(
+    place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str], laws: Mapping[str, Law]
+) -> tuple[Complex, Complex]:
+    """Responses and derivatives, some of the outputs by their laws."""
+    asked = [laws[name][0] if name in laws else name for name in outputs]
+    unique = list(dict.fromkeys(asked))
+    rows = [unique.index(name) for name in asked]
+    value, slope = (part.take(rows, axis=part.ndim - 3) for part in _with_slopes(place, w, unique, inputs))
+    known = place.system.parameters
+    rates = _rates(place, [name for output in outputs if output in laws for name in laws[output][1:]])
+    for row, name in enumerate(outputs):
+        if name in laws:
+            _, stiffness, damping = laws[name]
+            z = known[stiffness] + 1j * w * known[damping]
+            value[row] /= z
+            change = rates[stiffness][:, None] + 1j * w * rates[damping][:, None]
+            slope[:, row] = (slope[:, row] - value[row] * change[:, None]) / z
+    return value, slope
+
+
+def _rates(place: Place, parameters: Sequence[str]) -> dict[str, Array]:
+    """How fast each variable moves some parameters."""
+    result = {name: np.array([rates.get(name, 0.0) for rates in place.rates.values()]) for name in parameters}
+    for i, rates in enumerate(place.rates.values()):
+        for pattern, rate in rates.items():
+            if any(sign in pattern for sign in "*?["):
+                for name in parameters:
+                    result[name][i] += rate if name != pattern and fnmatchcase(name, pattern) else 0.0
+    return result
+
+
 def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> MatrixDerivatives:
     """Derivatives of the matrices, kept as long as the system."""
     found = _KNOWN.get(system)
@@ -106,12 +139,16 @@ class MeanSquares:
         Its densities.
     band : (float, float) or None
         First and last frequency [Hz].
+    laws : mapping of str to (str, str, str)
+        Outputs that are another one over k + i w c, by the names of that output and of the parameters k and c.
     """
 
     def __init__(
-        self, outputs: Sequence[str], inputs: Sequence[str], noise: BaseNoise, band: tuple[float, float] | None
-    ) -> None:
+        self, outputs: Sequence[str], inputs: Sequence[str], noise: BaseNoise, band: tuple[float, float] | None,
+        laws: Mapping[str, Law],
+    ) -> None:  # fmt: skip
         self.outputs, self.inputs, self.noise, self.band = list(outputs), list(inputs), noise, band
+        self._laws = laws
         self._last: tuple[System, Any, Array, Array] | None = None
 
     def wanted(self, outputs: Sequence[str]) -> MeanSquares:
@@ -129,7 +166,7 @@ class MeanSquares:
 
     def _computed(self, place: Place) -> tuple[Array, Array]:
         f, weight = _nodes(place.system, Ports(self.outputs, self.inputs), self.noise, self.band)
-        g, slope = _with_slopes(place, 2.0 * np.pi * f, self.outputs, self.inputs)
+        g, slope = _by_laws(place, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
         # (G S) of each output, conjugated: the other half of the square
         half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()
         value = np.einsum("ojn,ojn->o", half, g).real

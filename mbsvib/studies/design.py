@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,6 +34,7 @@ _TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 class Design:
     """The ``variables`` of a study, what they are at the model as given (``start``), and the ``ties`` that make
     ``parameters`` of them, each with the variables that it takes. What several ties move, each adds its change to.
+    ``known`` are names by the patterns that were met.
     """
 
     variables: tuple[str, ...]
@@ -41,6 +42,7 @@ class Design:
     units: Mapping[str, str]
     ties: tuple[Bound, ...]
     parameters: Parameters
+    known: dict[str, list[str]] = field(default_factory=dict, repr=False, compare=False)
 
     def values(self, columns: Mapping[str, Any]) -> dict[str, Any]:
         """Return the parameters' values for values of the variables, numbers or arrays of one length."""
@@ -72,7 +74,10 @@ class Design:
         return result
 
     def _each(self, given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-        return ((name, value) for pattern, value in given.items() for name in self.parameters.matching(pattern))
+        for pattern, value in given.items():
+            if pattern not in self.known:
+                self.known[pattern] = self.parameters.matching(pattern)
+            yield from [(name, value) for name in self.known[pattern]]
 
 
 def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Design:

@@ -1,0 +1,260 @@
+"""Geometry of platforms on legs: radius, height, spread and angle of the rings of their ends, legs following.
+
+Where the ends of a leg go, its bodies, joints, springs and bushings follow. What belongs to an end keeps its place
+against it, and all turn with the line from end to end: by the least rotation R that brings its old direction u0 to the
+new one u. With A the start, L the length and s its share of it, a point p0 comes to
+
+    p = A + R (p0 - A0) + s (L - L0) u,    R = exp([w]x),    w = (a / sin a) u0 x u,    cos a = u0 . u.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib import _checks as check
+from mbsvib.errors import ModelError, nearest
+from mbsvib.isolation.following import Following
+from mbsvib.isolation.legs import legs_between
+from mbsvib.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.isolation.legs import Leg
+    from mbsvib.model import Model
+
+    Array = NDArray[np.float64]
+    Index = NDArray[np.intp]
+
+UNITS = {"radius": "m", "height": "m", "spread": "rad", "angle": "rad"}
+ON_AXIS = 1e-9  # distance from the axis, in parts of the ring's size, that is none
+ALIKE = 1e-6  # angles that differ by less are one [rad]
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """Ends of legs around an axis, (legs,) each: ``radius`` and ``height`` [m], ``angle`` [rad], and by ``side`` which
+    way the spread turns them, -1 or 1, 0 where legs make no pairs; ``half`` of the angle between pairs [rad].
+    """
+
+    radius: Array
+    height: Array
+    angle: Array
+    side: Array
+    half: float
+
+    @property
+    def start(self) -> dict[str, float]:
+        """The ring as it is: means."""
+        spread = {"spread": self.half} if self.side.any() else {}
+        return {"radius": float(self.radius.mean()), "height": float(self.height.mean()), **spread, "angle": 0.0}
+
+    def at(self, off: Mapping[str, Any]) -> tuple[Array, Array]:
+        """Return radius and angle of the ends (..., legs), for what the variables are off their start."""
+        added = {what: np.asarray(off.get(what, 0.0), dtype=float)[..., None] for what in UNITS}
+        return self.radius + added["radius"], self.angle + self.side * added["spread"] + added["angle"]
+
+    def shifts(self, off: Mapping[str, Any]) -> Array:
+        """Return how far the ends are off their start, (..., legs, 3), the axis along the last entry."""
+        radius, angle = self.at(off)
+        across = [radius * turn(angle) - self.radius * turn(self.angle) for turn in (np.cos, np.sin)]
+        along = np.asarray(off.get("height", 0.0), dtype=float)[..., None]
+        return np.stack(np.broadcast_arrays(*across, along), axis=-1)
+
+    def slope(self, what: str, off: Mapping[str, float]) -> Array:
+        """Return the derivatives of the ends to a variable, (legs, 3)."""
+        radius, angle = self.at(off)
+        none, one = np.zeros_like(radius), np.ones_like(radius)
+        if what == "height":
+            return np.stack([none, none, one], axis=-1)
+        if what == "radius":
+            return np.stack([np.cos(angle), np.sin(angle), none], axis=-1)
+        arm = radius * (self.side if what == "spread" else one)
+        return np.stack([-arm * np.sin(angle), arm * np.cos(angle), none], axis=-1)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Platform:
+    """A platform whose ``rings`` of leg ends may be changed: variables with their ``start`` and ``units``, and what
+    they make of the parameters of the ``legs``.
+    """
+
+    legs: tuple[Leg, ...]
+    rings: Mapping[str, Ring]
+    frame: Array = field(repr=False)
+    start: Mapping[str, float]
+    units: Mapping[str, str]
+    following: Following = field(repr=False)
+
+    @property
+    def ties(self) -> dict[str, Platform]:
+        """The variables, as ``ties`` of ``optimize``, ``sweep`` and others."""
+        return dict.fromkeys(self.start, self)
+
+    def values(self, variables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of all parameters of the legs, for ``model.with_values``.
+
+        Parameters
+        ----------
+        variables : mapping of str to float or array, shape (n,)
+            Values of some of the variables [m, rad]; the others are as they start.
+
+        Returns
+        -------
+        dict of str to float or array, shape (n,)
+            Positions and orientations.
+
+        Raises
+        ------
+        ModelError
+            If a variable is unknown or no number, a ring gets no radius, or a leg no length.
+        """
+        off = self._off(variables)
+        low, high = np.broadcast_arrays(*self._shifts(off))
+        return self.following.values(low, high, variables)
+
+    def rates(self, variables: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Return the derivatives of these values to the variables that are given.
+
+        Parameters
+        ----------
+        variables : mapping of str to float
+            Values of some of the variables [m, rad].
+
+        Returns
+        -------
+        dict of str to dict of str to float
+            {variable: {parameter: rate}}.
+
+        Raises
+        ------
+        ModelError
+            As ``values`` does.
+        """
+        off = self._off(variables)
+        low, high = self._shifts(off)
+        slopes = []
+        for name in variables:
+            which, what = name.split(".")
+            slope = self.rings[which].slope(what, off[which]) @ self.frame.T
+            slopes.append([slope if ring == which else np.zeros_like(slope) for ring in self.rings])
+        found = self.following.rates(low, high, np.array(slopes), variables)
+        return dict(zip(variables, found, strict=True))
+
+    def _off(self, variables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """How far variables are off their start, by ring."""
+        result: dict[str, dict[str, Any]] = {which: {} for which in self.rings}
+        for name, value in variables.items():
+            if name not in self.start:
+                raise ModelError(f"platform: there is no variable '{name}'.{nearest(str(name), self.start)} Variables "
+                                 f"are: {', '.join(self.start)}.", element=str(name))  # fmt: skip
+            number = value if isinstance(value, np.ndarray) else check.number(value, "platform", name)
+            which, what = name.split(".")
+            result[which][what] = number - self.start[name]
+        return result
+
+    def _shifts(self, off: Mapping[str, Mapping[str, Any]]) -> list[Array]:
+        """How far starts and ends of legs are off theirs, world axes."""
+        for which, ring in self.rings.items():
+            radius, _ = ring.at(off[which])
+            if not (radius > 0.0).all():
+                leg = self.legs[int(np.argmin(radius) % len(self.legs))].name
+                raise ModelError(f"platform: {which}.radius leaves the end of leg '{leg}' at {radius.min():.6g} m from "
+                                 f"the axis; expected more than 0.", element=leg, field=f"{which}.radius")  # fmt: skip
+        return [ring.shifts(off[which]) @ self.frame.T for which, ring in self.rings.items()]
+
+    def __repr__(self) -> str:
+        return f"Platform({len(self.legs)} legs: {', '.join(f'{k} {v:.6g}' for k, v in self.start.items())})"
+
+
+def platform(
+    model: Model, body: str, base: str = GROUND, *, legs: str | Sequence[str] | None = None,
+    centre: ArrayLike = (0, 0, 0), axis: ArrayLike = (0, 0, 1),
+) -> Platform:  # fmt: skip
+    """Return the geometry of a platform as variables: radius, height, spread and angle of the rings that the ends of
+    its legs make on base and platform, with bodies, joints, springs and bushings of the legs following.
+
+    Variables are ``base.radius``, ``base.height`` [m], ``base.spread``, ``base.angle`` [rad] and those of ``platform``.
+    Radius and height are means; where ends have others, they keep the difference. The spread is half the angle between
+    neighbours, paired so that they are nearest; the angle turns a ring as a whole. A leg is a line spring, a rod, or a
+    chain of bodies with a joint that slides along it: what is below that goes with the base, what is above with the
+    platform, and all turns with the leg. The platform's mass stays where it is, and so do inputs and outputs.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism, as it is where the variables start.
+    body : str
+        The platform.
+    base : str
+        What the legs stand on.
+    legs : str or sequence of str, optional
+        Names or patterns of parts, one or more of each leg. Default: every chain between base and platform.
+    centre, axis : array-like, shape (3,)
+        A point of the axis of both rings, from where heights count, and its direction [m].
+
+    Returns
+    -------
+    Platform
+        ``ties`` for ``optimize``, and ``values`` for ``model.with_values``.
+
+    Raises
+    ------
+    ModelError
+        If there is no leg, one is no chain between base and platform, does not slide, or has an end on the axis.
+    """
+    for what, name in (("body", body), ("base", base)):
+        known = [*model.bodies, *([GROUND] if what == "base" else [])]
+        if name not in known:
+            raise ModelError(f"platform: {what} = {name!r}; expected a body of model '{model.name}'."
+                             f"{nearest(str(name), known)}", element=str(name), field=what)  # fmt: skip
+    if body == base:
+        raise ModelError(f"platform: body and base are both '{body}'; legs lead from one to the other.",
+                         element=body, field="base")  # fmt: skip
+    origin = np.array(check.vector(centre, "platform", "centre"))
+    frame = np.array(check.frame_along(check.axis(axis, "platform", "axis")))
+    found = legs_between(model, body, base, legs)
+    low, high = ((np.array(ends) - origin) @ frame for ends in
+                 ([leg.start for leg in found], [leg.end for leg in found]))  # fmt: skip
+    rings = {"base": _ring(low, high, found, "base"), "platform": _ring(high, low, found, "platform")}
+    start = {f"{which}.{what}": value for which, ring in rings.items() for what, value in ring.start.items()}
+    return Platform(found, rings, frame, start, {name: UNITS[name.split(".")[1]] for name in start},
+                    Following.of(found))  # fmt: skip
+
+
+def _ring(ends: Array, others: Array, legs: Sequence[Leg], which: str) -> Ring:
+    radius, angle = np.hypot(ends[:, 0], ends[:, 1]), np.arctan2(ends[:, 1], ends[:, 0])
+    for leg, r in zip(legs, radius.tolist(), strict=True):
+        if r <= ON_AXIS * np.abs(ends).max():
+            raise ModelError(f"platform: the end of leg '{leg.name}' on the {which} is on the axis, and has no "
+                             f"direction to move in; give another centre or axis, or legs without it.",
+                             element=leg.name, field="centre")  # fmt: skip
+    side, half = np.zeros(len(legs)), 0.0
+    if len(legs) % 2 == 0:
+        lower, upper = _pairs(angle, np.arctan2(others[:, 1], others[:, 0]))
+        side[lower], side[upper] = -1.0, 1.0
+        half = 0.5 * float(_turn(angle[upper] - angle[lower]).mean())
+    return Ring(radius, ends[:, 2], angle, side, half)
+
+
+def _pairs(angle: Array, other: Array) -> tuple[Index, Index]:
+    """Neighbours on a ring, the nearest ones: those at the lower and those at the upper angle."""
+    towards = _turn(other - angle + np.pi)
+    places = np.round(_turn(angle + ALIKE) / ALIKE)
+    order = np.lexsort((towards, places))  # ends at one place: sorted by where their legs lead to
+    gaps = _turn(np.diff(angle[order], append=angle[order[0]]) + ALIKE) - ALIKE
+    one, two = gaps[0::2].sum(), gaps[1::2].sum()
+    first = int(np.flatnonzero(order == 0)[0])
+    if two < one - ALIKE or (abs(two - one) <= ALIKE and first % 2):
+        order = np.roll(order, -1)
+    return order[0::2], order[1::2]
+
+
+def _turn(angle: Array) -> Array:
+    """Angles from 0 to a whole turn."""
+    return np.asarray(np.mod(angle, 2.0 * np.pi))
