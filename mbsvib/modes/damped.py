@@ -97,10 +97,10 @@ def damped(system: System, basis: Undamped, rtol: float) -> Damped:
 def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
     """Return why damping is classical ("" if it is not) and Gamma, as its diagonal (m,) or whole (m, m)."""
     c, k = system.damping, system.stiffness
-    if not c.any():
+    if not np.count_nonzero(c):
         return "no damper", np.zeros(system.dof)
     if proportional(system):
-        return "damping proportional to stiffness", float((c / k).mean()) * basis.square
+        return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
     used = c != 0.0
     half = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(np.abs(c[used]))[:, None]
     gamma = half.T @ half if (c >= 0.0).all() else half.T @ (half * np.sign(c[used])[:, None])
@@ -115,12 +115,12 @@ def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
 def proportional(system: System) -> bool:
     """Return whether every damping is the same multiple of its stiffness, none included: known without the modes."""
     c, k = system.damping, system.stiffness
-    if not c.any():
+    if not np.count_nonzero(c):
         return True
-    if not k.all():
+    if np.count_nonzero(k) < len(k):
         return False
     ratio = c / k
-    return float(ratio.max() - ratio.min()) <= 4.0 * EPS * abs(float(ratio[0]))
+    return bool(ratio[ratio.argmax()] - ratio[ratio.argmin()] <= 4.0 * EPS * abs(ratio[0]))
 
 
 def quadratic_roots(square: Array, gamma: Array) -> Complex:
@@ -130,7 +130,7 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
     inside = np.where(square > 0.0, (half - omega) * (half + omega), half * half - square)
     root = np.sqrt(np.abs(inside))
     pairs: Complex = np.empty((len(square), 2), dtype=complex)
-    if float(inside.max(initial=-np.inf)) < 0.0:
+    if np.count_nonzero(inside < 0.0) == len(inside):
         pairs.real = 0.0 - half[:, None]
         pairs.imag[:, 0], pairs.imag[:, 1] = root, -root
         return pairs
@@ -144,16 +144,18 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
 
 def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array) -> Array:
     """First-order errors of the roots: those of omega and, of the same order, of gamma."""
+    first, second = pairs.T
     size = np.abs(pairs)
-    gap = np.abs(pairs[:, :1] - pairs[:, 1:])
-    moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * size.max(axis=1, initial=0.0)
+    gap, moves = np.abs(first - second), size > 0.0
+    moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * np.maximum(size[:, 0], size[:, 1])
     # stiffness of both signs may cancel to an omega of exactly zero, whose relative error is not finite
-    spread = np.multiply(basis.errors, moved, out=np.zeros_like(moved), where=moved > 0.0)
+    spread = np.multiply(basis.errors, moved, out=np.zeros(len(moved)), where=moved > 0.0)
     # at critical damping the root moves with the square root of a perturbation
-    worst = np.minimum(np.divide(spread[:, None], gap, out=np.full_like(gap, np.inf), where=gap > 0.0),
-                       np.sqrt(spread)[:, None])  # fmt: skip
-    relative: Array = np.divide(worst, size, out=np.zeros_like(size), where=size > 0.0)
-    return relative + 2.0 * EPS * (size > 0.0)
+    worst = np.sqrt(spread)
+    np.minimum(np.divide(spread, gap, out=worst.copy(), where=gap > 0.0), worst, out=worst)
+    relative: Array = np.divide(worst[:, None], size, out=np.zeros(size.shape), where=moves)
+    relative += 2.0 * EPS * moves
+    return relative
 
 
 def _split_rigid(basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:

@@ -84,13 +84,13 @@ class _Scene:
     """
 
     def __init__(self, system: System) -> None:
-        used = system.stiffness != 0.0
-        every = bool(used.all())
-        self.k = system.stiffness if every else system.stiffness[used]
-        self.rows = system.elastic_rows if every else system.elastic_rows[used]
+        used = system.stiffness.nonzero()[0]
+        every = len(used) == len(system.stiffness)
+        self.k = system.stiffness if every else system.stiffness.take(used)
+        self.rows = system.elastic_rows if every else system.elastic_rows.take(used, axis=0)
         self.mass = system.M
         self.stiffness = system.K if system.circulatory is None else system.K - system.circulatory
-        self.sign = np.sign(self.k) if float(self.k.min(initial=0.0)) < 0.0 else None
+        self.sign = np.sign(self.k) if np.count_nonzero(self.k < 0.0) else None
         self.null: Array | None = None
         self._factor = system.inertia_factor
 
@@ -145,7 +145,8 @@ def undamped(system: System, rtol: float, clean: bool = True) -> Undamped:
     keep_freed_memory(m)
     scene = _Scene(system)
     shapes, square = by_products(scene)
-    if float(np.abs(square).min()) <= SUSPECT**2 * float(np.abs(square).max()):
+    size = np.abs(square)
+    if size[size.argmin()] <= SUSPECT**2 * size[size.argmax()]:
         scene.null = _null_space(scene, scene.rows)
     if scene.null is None and scene.sign is None:
         result = _as_it_is(scene, shapes, square, rtol, clean)
@@ -178,11 +179,11 @@ def _as_it_is(scene: _Scene, shapes: Array, square: Array, rtol: float, clean: b
     known beforehand. It moves a frequency by as much, and the quotient |E| / |H| by the square of it only.
     """
     power = shapes * shapes
-    inertia, elastic = scene.mass.diagonal() @ power, (scene.stiffness.diagonal() @ power) / square
+    inertia, elastic = scene.mass.diagonal().dot(power), scene.stiffness.diagonal().dot(power) / square
     cancel = np.sqrt(inertia)
     bound = (square[-1] / square) * (1.0 + cancel) + inertia + elastic
     bound *= EPS * (PERTURBED + PERTURBED_MORE * math.sqrt(len(square)))
-    mixed = float(bound.max())
+    mixed = float(bound[bound.argmax()])
     if mixed <= (min(rtol, CLEAN) if clean else CERTAIN * rtol):
         return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
     if clean:
