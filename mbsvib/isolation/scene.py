@@ -192,7 +192,7 @@ def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, .
 
 def _law(name: str, both: Array, i: int) -> tuple[str, str] | None:
     """Parameters of a bushing's one direction, if nothing couples it with others."""
-    alone = np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
+    alone = both.ndim == 1 or np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
     return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if alone else None
 
 
