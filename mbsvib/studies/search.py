@@ -110,8 +110,12 @@ class Search:
         n = len(self.scales.start)
         levels = {each: float(level) * self.unit[each] for each, level in zip(self.largest, z[n:], strict=True)}
         place = self.place(z[:n]).with_levels(levels)
-        f = self._one(self.objective.at(place))
-        g, h = self._bounded(place)
+        try:
+            f = self._one(self.objective.at(place))
+            g, h = self._bounded(place)
+        except MbsvibError as error:
+            error.add_note(f"at {_said(place.values)}")
+            raise
         chain = np.concatenate((np.ones(n), [self.unit[each] for each in self.largest]))
         parts = [Dual(dual.value, np.broadcast_to(dual.slope, (len(dual.value), place.width)) * chain)
                  for dual in (Dual(f.value / self._size, f.slope / self._size), _stacked(g), _stacked(h))]  # fmt: skip
