@@ -39,7 +39,7 @@ def shown(value: Any) -> str:
 def number(value: Any, who: str, field: str, expected: str = "a finite number") -> float:
     """Return ``value`` as a finite float."""
     if type(value) is not float:
-        if isinstance(value, (str, bool)) or value is None:
+        if isinstance(value, (str, bool, complex)) or value is None:
             raise refuse(who, field, value, expected)
         try:
             value = float(value)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mbsvib._checks import shown
 from mbsvib.errors import MbsvibError, ModelError, ResponseError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from numpy.typing import NDArray
 
     from mbsvib.model import Model
     from mbsvib.system import System
@@ -55,3 +60,38 @@ def _refuse(
     given = repr(value) if isinstance(value, (str, type(None))) else \
         f"{type(value).__name__} '{name}'" if isinstance(name, str) else type(value).__name__  # fmt: skip
     return error(f"{caller}: {field} = {given}; expected {expected}. {hint}".rstrip())
+
+
+def names(given: Any, caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError) -> list[str]:
+    """Return names as a list: a text, a part that ``add_...`` returned, or several of either."""
+    several = [given] if isinstance(given, str) or hasattr(given, "name") else given
+    try:
+        listed = [each if isinstance(each, str) else each.name for each in several]
+    except (TypeError, AttributeError):
+        listed = [None]
+    if not all(isinstance(each, str) for each in listed):
+        text = f"{caller}: {field} = {shown(given)}; expected a name, or a list of names."
+        raise error(text, field=field) if error is ModelError else error(text)
+    return listed
+
+
+def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[str], MbsvibError] = ResponseError) -> \
+        NDArray[np.float64]:  # fmt: skip
+    """Return ``value`` as an array of floats; numpy alone drops imaginary parts, so that i omega would become 0."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "c":
+            raise TypeError("complex")
+        return np.asarray(array, dtype=float)
+    except (TypeError, ValueError, OverflowError) as reason:
+        hint = " They are real: give omega, not 1j * omega." if "omega" in field else " Complex ones are refused."
+        hint = hint if str(reason) == "complex" else ""
+        raise error(f"{caller}: {field} = {shown(value)}; expected {expected}.{hint}") from reason
+
+
+def real(value: Any, caller: str, field: str, expected: str, least: float = -np.inf) -> float:
+    """Return ``value`` as a float that is ``least`` or more."""
+    array = reals(value, caller, field, expected)
+    if array.ndim or np.isnan(array) or array < least:
+        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}.")
+    return float(array)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
-from mbsvib._given import a_model
+from mbsvib._given import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
 from mbsvib.tracking import Station, alone, follow, reference, step, upper
 
@@ -161,7 +161,10 @@ def campbell(
     table = np.array([_upper(modes)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
     errors = np.array([modes.pair_errors.max(axis=1)[which] for modes, _, which in steps])
-    critical = [point for n in np.atleast_1d(np.asarray(orders, dtype=float)).tolist()
+    lines = reals(orders, "campbell", "orders", "multiples of the speed", ModelError)
+    if lines.ndim > 1 or not np.isfinite(lines).all():
+        raise check.refuse("campbell", "orders", orders, "finite multiples of the speed, (1.0, 2.0)")
+    critical = [point for n in np.atleast_1d(lines).tolist()
                 for point in _critical(sweep, w, found, order, n)]  # fmt: skip
     critical.sort(key=lambda point: (point.order, point.speed))
     return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical), tuple(found))
@@ -175,7 +178,7 @@ def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | No
         first = next(iter(now.values()))
         return {name: speed / first if all(now.values()) else 1.0 for name, speed in now.items()}
     given = dict(rotors) if isinstance(rotors, Mapping) else dict.fromkeys(
-        [rotors] if isinstance(rotors, str) else rotors, 1.0)  # fmt: skip
+        names(rotors, "campbell", "rotors", ModelError), 1.0)  # fmt: skip
     for name in given:
         if name not in model.rotors:
             raise ModelError(f"campbell: there is no rotor '{name}' in model '{model.name}'."
@@ -185,7 +188,7 @@ def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | No
 
 
 def _ascending(speeds: ArrayLike) -> Array:
-    w = np.atleast_1d(np.asarray(speeds, dtype=float))
+    w = np.atleast_1d(reals(speeds, "campbell", "speeds", "ascending speeds [rad/s]", ModelError))
     if w.ndim != 1 or not len(w) or not np.isfinite(w).all() or (np.diff(w) <= 0.0).any():
         raise ModelError(f"campbell: speeds has shape {w.shape}; expected finite speeds [rad/s], each higher than the "
                          f"one before.", field="speeds")  # fmt: skip

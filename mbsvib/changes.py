@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,6 @@ from mbsvib.parts import spring as _spring
 from mbsvib.parts._part import Numbered
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
     from mbsvib.parameters import Parameters
@@ -81,6 +80,8 @@ def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any
     ModelError
         If a parameter is unknown, or two patterns pick the same one.
     """
+    if not isinstance(values, Mapping):
+        raise check.refuse("values", "values", values, "a mapping of parameters to values, {'body.mass': 1.0}")
     result: dict[str, Any] = {}
     pattern_of: dict[str, str] = {}
     for pattern, value in values.items():

@@ -212,8 +212,8 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
             If the element is unknown or has no such force.
         """
         check_name(name, "output", self._outputs)
-        key = element if isinstance(element, str) else element.name
         who = f"force output '{name}'"
+        key = element if isinstance(element, str) else getattr(element, "name", repr(element))
         part = self._springs.get(key) or self._elements.get(key)
         if part is None and key not in self._joints and key not in self._bodies and key != GROUND:
             hint = nearest(key, [*self._springs, *self._elements, *self._joints, *self._bodies, GROUND]).strip()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import names
 from mbsvib.errors import ResponseError, nearest
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def chosen(known: tuple[str, ...], asked: str | Sequence[str] | None, what: str,
     ResponseError
         If a name is unknown, or there is none.
     """
-    wanted = known if asked is None else (asked,) if isinstance(asked, str) else tuple(asked)
+    wanted = known if asked is None else tuple(names(asked, "reachable", what))
     for each in wanted:
         if each not in known:
             raise ResponseError(f"reachable: '{name}' has no {what[:-1]} {each!r}.{nearest(str(each), known)} It has "

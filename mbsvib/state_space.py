@@ -84,7 +84,7 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     ResponseError
         If the realization is unknown.
     """
-    if realization not in REALIZATIONS:
+    if not isinstance(realization, str) or realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
     if realization == "balanced":

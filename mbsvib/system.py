@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from mbsvib._given import real
 from mbsvib.equations import Equations, Provenance
 from mbsvib.sensitive import Sensitive
 
@@ -51,6 +52,7 @@ class System(Sensitive, Equations):
     def _modes_within(self, rtol: float) -> Modes:
         from mbsvib.modes import modes
 
+        rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         good = float(self._modes.errors.max(initial=0.0)) <= rtol
         return self._modes if good else modes(self, rtol, clean=False)
 
@@ -121,7 +123,7 @@ class System(Sensitive, Equations):
         Raises
         ------
         ResponseError
-            If ``count`` is no positive whole number.
+            If ``count`` is no positive whole number, or ``near`` or ``rtol`` no number.
         """
         result = self._modes if rtol is None else self._modes_within(rtol)
         if count is not None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
+from mbsvib._given import names
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -79,22 +80,22 @@ def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
 
     Source: Chaudhary & Saha (2009), appendix B.
     """
-    if not cut and model._topology is not None:
+    excluded = () if cut is None else _excluded(cut, model)
+    if not excluded and model._topology is not None:
         return model._topology
     if not model.bodies:
         raise ModelError(f"model '{model.name}' has no body; add one with add_body.", element=model.name)
     bodies, joints = tuple(model.bodies), tuple(model.joints.values())
     number = {name: i for i, name in enumerate(bodies)}
     number["ground"] = len(bodies)
-    excluded = _excluded(cut, model)
-    edges = _edges(joints, number, excluded)
+    edges = _edges(joints, number, set(excluded))
     branches, floating = _shortest_paths(len(bodies), edges)
     if excluded:
         _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
     used = {branch.joint for branch in branches}
     left = tuple(k for k in range(len(joints)) if k not in used)
     topology = Topology(bodies, joints, tuple(branches), left, tuple(floating))
-    if not cut:
+    if not excluded:
         model._topology = topology
     return topology
 
@@ -143,13 +144,13 @@ def _shortest_paths(
         heap = [(6, 1, FLOATS, start, ground, 1)]
 
 
-def _excluded(cut: Sequence[str] | None, model: Model) -> set[str]:
-    names = [cut] if isinstance(cut, str) else list(cut or ())
-    for name in names:
+def _excluded(cut: str | Sequence[str], model: Model) -> tuple[str, ...]:
+    asked = names(cut, "linearize", "cut", ModelError)
+    for name in asked:
         if name not in model.joints:
             raise ModelError(f"cut = {name!r} is no joint of model '{model.name}'.{nearest(str(name), model.joints)}",
                              element=str(name), field="cut")  # fmt: skip
-    return set(names)
+    return tuple(asked)
 
 
 def _check_nothing_hangs(

@@ -1,5 +1,6 @@
 """A model where a system is asked for, or the other way round, is refused in words that say what to hand over."""
 
+import numpy as np
 import pytest
 
 import mbsvib as mv
@@ -41,3 +42,84 @@ def test_reports_take_either():
     assert report.html(MODEL) == report.html(SYSTEM)
     with pytest.raises(mv.ModelError, match=r"report: source = 'car.yaml'; expected a Model\. Read files"):
         report.html("car.yaml")
+
+
+@pytest.mark.parametrize("omega", [1j * np.array([1.0, 2.0]), [1j], np.complex128(1j), 10**400, [[1], [1, 2]], None])
+@pytest.mark.parametrize("method", [None, "sparse"])
+def test_frequencies_are_real(omega, method):
+    """The mistake of every control engineer: numpy would drop the imaginary part, and answer at 0."""
+    system = mv.library.chain(3).linearize(method=method)
+    with pytest.raises(mv.ResponseError, match=r"frequency_response: omega .*expected a"):
+        system.frequency_response(omega)
+
+
+def test_an_imaginary_omega_is_told_the_way():
+    with pytest.raises(mv.ResponseError, match=r"They are real: give omega, not 1j \* omega"):
+        SYSTEM.frequency_response(1j * np.array([1.0, 2.0]))
+
+
+T, U = np.linspace(0.0, 1.0, 5), np.zeros((3, 5))
+
+
+@pytest.mark.parametrize("call", [
+    lambda: SYSTEM.time_response(T + 0j, U),
+    lambda: SYSTEM.time_response(T, U + 0j),
+    lambda: SYSTEM.time_response(T, U, hold=np.array([])),
+    lambda: SYSTEM.frequency_grid(n=2.5),
+    lambda: SYSTEM.frequency_grid(n="10"),
+    lambda: SYSTEM.frequency_grid(f_min="low"),
+    lambda: SYSTEM.frequency_grid(f_max=[1.0, 2.0]),
+    lambda: SYSTEM.modes(rtol="tight"),
+    lambda: SYSTEM.modes(rtol=-1.0),
+    lambda: SYSTEM.modes(rtol=[1e-12]),
+    lambda: SYSTEM.modes(1, near=float("nan")),
+    lambda: SYSTEM.modes(1, near="low"),
+    lambda: SYSTEM.modes().check_accuracy(None),
+    lambda: SYSTEM.state_space(np.array([])),
+    lambda: SYSTEM.reachable(1, None),
+    lambda: SYSTEM.reachable(np.zeros((2, 2)), None),
+    lambda: SYSTEM.transmission_zeros(True, "body.z"),
+    lambda: plots.bode(SYSTEM, 1),
+    lambda: plots.bode(SYSTEM, "load", "body.z", frequencies=np.array([1.0, 2j])),
+    lambda: plots.energy(SYSTEM, []),
+    lambda: MODEL.linearize(independent=True),
+    lambda: MODEL.linearize(cut=[1]),
+    lambda: MODEL.linearize(values={"body.mass": np.array([1.0, 1j])}),
+    lambda: MODEL.equilibrium(cut=None),
+    lambda: MODEL.moved(None),
+    lambda: MODEL.moved("hub"),
+    lambda: MODEL.moved({"hub.z": 0.0}, cut=3),
+    lambda: MODEL.with_values(None),
+    lambda: MODEL.with_values({"body.mass": np.complex128(1 + 1j)}),
+    lambda: campbell(mv.library.rotor_stator(), {}),
+    lambda: campbell(mv.library.rotor_stator(), np.array([0.0, 1j])),
+    lambda: campbell(mv.library.rotor_stator(), [0.0, 1.0], rotors=True),
+    lambda: campbell(mv.library.rotor_stator(), [0.0, 1.0], orders="first"),
+    lambda: campbell(mv.library.rotor_stator(), [0.0, 1.0], orders=[[1.0], [2.0]]),
+    lambda: campbell(mv.library.rotor_stator(), [0.0, 1.0], orders=float("nan")),
+    lambda: MODEL.replace("hub", kind=[]),
+    lambda: MODEL.replace("hub", kind=np.array([]), free=("x",)),
+    lambda: MODEL.replace("hub", kind=None, free=np.array(1.0)),
+    lambda: MODEL.replace("hub", kind=None, free=np.zeros((2, 2))),
+    lambda: MODEL.replace("body.z", quantity=np.array([])),
+    lambda: MODEL.replace("body.az", absolute=np.array([])),
+    lambda: MODEL.replace("body.az", absolute="no"),
+    lambda: MODEL.replace("tyre.force", element=None),
+])  # fmt: skip
+def test_what_is_no_number_and_no_name_is_refused_in_words(call):
+    with pytest.raises(mv.MbsvibError, match=r"expected|give"):
+        call()
+
+
+def test_parts_stand_for_their_names():
+    model = mv.library.quarter_car()
+    output, joint = model.outputs["body.z"], model.joints["hub"]
+    other = model.linearize(cut=[], independent=[])
+    assert (other.M == SYSTEM.M).all()
+    found = SYSTEM.transmission_zeros(model.inputs["load"], [output])
+    assert (found == SYSTEM.transmission_zeros("load", "body.z")).all()
+    ladder = mv.library.ladder(1)
+    cut = ladder.joints[ladder.linearize().cut_joints[0]]
+    assert ladder.linearize(cut=cut).cut_joints == (cut.name,)
+    assert ladder.equilibrium(cut=cut.name).linearize().dof == ladder.linearize().dof
+    assert joint.name in other.coordinates[0]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib._checks import shown
+from mbsvib._given import reals
 from mbsvib.changes import resolved, variant, whole_fields
 from mbsvib.errors import ModelError
 from mbsvib.parameters import unit
@@ -140,11 +142,8 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
 
 def _array(name: str, value: Any) -> Array:
     expected = f"a number or a vector of numbers [{unit(name)}]"
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ModelError(f"values['{name}'] = {shown(value)}; expected {expected}.",
-                         element=name, field="values") from error  # fmt: skip
+    array = reals(value, "linearize", f"values['{name}']", expected,
+                  partial(ModelError, element=name, field="values")).copy()  # fmt: skip
     if array.ndim > 1:
         raise ModelError(f"values['{name}'] has shape {array.shape}; expected {expected}, one for each variant.",
                          element=name, field="values")  # fmt: skip

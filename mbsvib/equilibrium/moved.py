@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib._given import names
 from mbsvib.equilibrium.carry import carried
 from mbsvib.equilibrium.motion import along_tree, close, stance
 from mbsvib.equilibrium.pose import start
@@ -16,7 +18,7 @@ from mbsvib.loops import reduce
 from mbsvib.topology import span
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -56,9 +58,11 @@ def moved(
     ModelError
         If a coordinate is unknown or tied to the others, or loops cannot be closed there.
     """
-    given = {name: check.number(value, "moved", name) for name, value in dict(values).items()}
+    if not isinstance(values, Mapping):
+        raise check.refuse("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}")
+    given = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}
     stiff = stiffened(model)
-    cut = _cut_elsewhere(stiff, given) if cut is None else tuple(cut)
+    cut = _cut_elsewhere(stiff, given) if cut is None else tuple(names(cut, "moved", "cut", ModelError))
     here = stance(stiff, start(stiff), cut)
     target = np.zeros(len(here.coordinates.names))
     for name, value in given.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib._given import names
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.carry import bare, carried
 from mbsvib.equilibrium.motion import stance
@@ -13,7 +14,7 @@ from mbsvib.equilibrium.preloads import settled
 from mbsvib.equilibrium.refusal import lacking
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.equilibrium.scaled import with_share
-from mbsvib.errors import EquilibriumError
+from mbsvib.errors import EquilibriumError, ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +45,7 @@ def equilibrium(model: Model, snap: bool = False, cut: Sequence[str] = ()) -> Eq
     EquilibriumError
         If no such pose can be reached.
     """
-    cut = tuple(cut)
+    cut = tuple(names(cut, "equilibrium", "cut", ModelError))
     pose, plain = start(model), bare(model)
     first = stance(plain, pose, cut)
     before = balance(first)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import real
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.damped import Damped, damped, proportional
 from mbsvib.modes.general import General, general, is_general
@@ -150,10 +151,11 @@ class Modes:
         Raises
         ------
         ResponseError
-            If ``count`` is no positive whole number.
+            If ``count`` is no positive whole number, or the frequency no number.
         """
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
+        frequency = real(frequency, "modes", "near", "a frequency [Hz]")
         chosen = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
         which = np.concatenate([np.arange(*self._starts[i : i + 2]) for i in chosen])
         return replace(
@@ -169,7 +171,13 @@ class Modes:
         ----------
         rtol : float
             Relative accuracy asked for.
+
+        Raises
+        ------
+        ResponseError
+            If it is no number, or negative.
         """
+        rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         late = np.nonzero(self._paired(self.errors).max(axis=1, initial=0.0) > rtol)[0]
         if len(late):
             numbers = ", ".join(str(i + 1) for i in late[:8]) + (", ..." if len(late) > 8 else "")

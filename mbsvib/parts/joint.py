@@ -161,25 +161,30 @@ def _turned(axes: Matrix3, six: Six) -> Six:
 
 def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
     if free is None:
-        if kind in KINDS:
+        if isinstance(kind, str) and kind in KINDS:
             return kind, None
         expected = f"one of {', '.join(KINDS)}, or free=(directions)"
         raise check.refuse(who, "kind", kind, expected, nearest(str(kind), KINDS).strip())
-    if kind not in (None, "custom", "free"):
+    if kind is not None and not (isinstance(kind, str) and kind in ("custom", "free")):
         raise ModelError(
             f"{who}: kind = {kind!r} already says what is free; leave out free=, or give kind=None with it.",
             element=who, field="free",
         )  # fmt: skip
-    if not hasattr(free, "__iter__"):
-        raise check.refuse(who, "free", free, "directions out of x y z rx ry rz")
-    given = (free,) if isinstance(free, str) else tuple(free)
+    given = (free,) if isinstance(free, str) else _several(free, who)
     for direction in given:
-        if direction not in DIRECTIONS:
+        if not isinstance(direction, str) or direction not in DIRECTIONS:
             raise check.refuse(who, "free", free, "directions out of x y z rx ry rz",
                                nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
     if len(set(given)) != len(given):
         raise check.refuse(who, "free", free, "each direction once")
     return "custom", tuple(d for d in DIRECTIONS if d in given)
+
+
+def _several(free: Any, who: str) -> tuple[Any, ...]:
+    try:
+        return tuple(free)
+    except TypeError as error:
+        raise check.refuse(who, "free", free, "directions out of x y z rx ry rz") from error
 
 
 def _rod(position: Vector, end: Vector, who: str) -> Vector:

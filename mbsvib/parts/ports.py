@@ -89,10 +89,12 @@ def make_output(
 ) -> Output:
     """Check the values of an output and build it."""
     who = f"output '{name}'"
-    if quantity not in QUANTITIES:
+    if not isinstance(quantity, str) or quantity not in QUANTITIES:
         raise check.refuse(who, "quantity", quantity, "displacement, velocity or acceleration",
                            nearest(str(quantity), QUANTITIES).strip())  # fmt: skip
     body, said, position, relative_to, wrench = _port(who, body, direction, position, relative_to)
+    if absolute is not None and str(absolute) not in ("True", "False"):
+        raise check.refuse(who, "absolute", absolute, "True, False or None")
     if absolute and relative_to != "ground":
         raise ModelError(f"{who}: absolute=True, yet measured relative to body '{relative_to}'; leave one out.",
                          element=who, field="absolute")  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
 from mbsvib._given import a_system
+from mbsvib._given import names as listed_names
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.system import System
 
@@ -41,7 +42,7 @@ def pick(system: System, what: str, names: Names) -> list[str]:
     if not known:
         raise ResponseError(f"system '{system.name}' has no {what}s, so there is no response to draw; "
                             f"add some to the model by add_{what}().")  # fmt: skip
-    asked = list(known) if names is None else [names] if isinstance(names, str) else list(names)
+    asked = list(known) if names is None else listed_names(names, "plots", f"{what}s")
     for name in asked:
         if name not in known:
             raise ResponseError(

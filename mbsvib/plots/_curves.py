@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import reals
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.responses.frequency_grid import placed, roots
@@ -86,7 +87,7 @@ def shared_grid(
         If a name is unknown or the frequencies are not positive.
     """
     if frequencies is not None:
-        grid = np.unique(np.asarray(frequencies, dtype=float))
+        grid = np.unique(reals(frequencies, "plots", "frequencies", "frequencies above 0 [Hz]"))
         if not grid.size or not (np.isfinite(grid).all() and grid[0] > 0.0):
             raise ResponseError("frequencies: expected at least one, each finite and above 0 Hz (log axis).")
         return grid

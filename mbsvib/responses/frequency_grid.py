@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import real
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def placed(places: Complex, poles: Complex, low: float, high: float, n: int | No
     """
     decades = np.log10(high / low)
     count = max(2, round(PER_DECADE * decades) + 1) if n is None else n
-    if count < 2:
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
         raise ResponseError(f"frequency_grid: n = {n!r}; expected at least 2 points, the first and the last.")
     even = np.geomspace(low, high, count)
     # corner frequencies of roots far from the axis ask for a share of the frequency, too
@@ -156,6 +157,9 @@ def _around(half_width: float, center: float, spacing: float) -> Array:
     return np.concatenate((center - away, center + away, own))
 
 
+_ASKED = "frequency_grid", "f_min or f_max", "0 < first < last, both finite [Hz]"
+
+
 def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[float, float]:
     """Return the first and last frequency [Hz]: as given, or from the natural frequencies.
 
@@ -178,8 +182,8 @@ def span(poles: Complex, f_min: float | None, f_max: float | None) -> tuple[floa
     """
     natural = np.abs(poles[poles != 0.0]) / (2.0 * np.pi)
     lowest, highest = (natural.min(), natural.max()) if natural.size else (1.0, 1.0)
-    low = _rounded(0.1 * lowest, down=True) if f_min is None else float(f_min)
-    high = _rounded(3.0 * highest, down=False) if f_max is None else float(f_max)
+    low = _rounded(0.1 * lowest, down=True) if f_min is None else real(f_min, *_ASKED)
+    high = _rounded(3.0 * highest, down=False) if f_max is None else real(f_max, *_ASKED)
     if f_min is None and low >= high:
         low = 0.01 * high
     if f_max is None and high <= low:

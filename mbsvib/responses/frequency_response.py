@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib._given import reals
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.undamped import _sorted_qr as sorted_qr
@@ -106,10 +107,7 @@ def _general(system: System, modal: General, w: Array) -> Complex:
 
 
 def _checked(omega: ArrayLike) -> Array:
-    try:
-        w = np.atleast_1d(np.asarray(omega, dtype=float))
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"frequency_response: omega = {omega!r}; expected a vector of numbers [rad/s].") from error
+    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
         raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
     return w

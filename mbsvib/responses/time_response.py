@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import reals
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
@@ -305,7 +306,7 @@ def _general_blocks(system: System, modal: General, initial: tuple[Array, Array]
 def _checked(
     system: System, t: ArrayLike, u: ArrayLike, hold: str, initial: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[Array, Array, Array]:
-    if hold not in HOLDS:
+    if not isinstance(hold, str) or hold not in HOLDS:
         raise ResponseError(f"time_response: hold = {hold!r}; expected 'zero' or 'first'.")
     time, inputs = _numbers("t", t, "times [s]"), _numbers("u", u, "inputs")
     if time.ndim != 1 or not len(time) or not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
@@ -326,7 +327,4 @@ def _checked(
 
 
 def _numbers(name: str, value: Any, what: str) -> Array:
-    try:
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"time_response: {name} = {value!r}; expected an array of {what}.") from error
+    return reals(value, "time_response", name, f"an array of {what}")

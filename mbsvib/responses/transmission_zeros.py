@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import names as listed
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
@@ -113,7 +114,7 @@ def numbers(system: System, what: str, names: str | Sequence[str] | None) -> lis
         If a name is unknown.
     """
     known = system.inputs if what == "input" else system.outputs
-    asked = known if names is None else [names] if isinstance(names, str) else list(names)
+    asked = list(known) if names is None else listed(names, system.name, what)
     for name in asked:
         if name not in known:
             raise ResponseError(f"{what} {name!r}: system '{system.name}' has no such {what}."

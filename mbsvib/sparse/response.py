@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import reals
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def frequency_response(system: SparseSystem, omega: ArrayLike) -> Complex:
     ResponseError
         If a frequency is not finite or is an undamped pole.
     """
-    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
     if w.ndim != 1 or not np.isfinite(w).all():
         raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
     right = forces(system.layout, system.input_rows)
