@@ -260,4 +260,8 @@ def _along(axis: Array, vectors: Field) -> Field:
 
 def _cross(a: Field, b: Field) -> Field:
     """Vector products of (k, 3, ...)."""
-    return np.stack([a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    result: Field = np.empty(np.broadcast(a, b).shape, dtype=np.result_type(a, b))
+    for axis, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[:, i], b[:, j], out=result[:, axis])
+        result[:, axis] -= a[:, j] * b[:, i]
+    return result

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.beams.beam import Beam
+from mbsvib.loads.reactions import skew
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -253,6 +254,9 @@ def shifted(wrench: Field, arm: Array) -> Field:
     """Return wrenches (w, 6, n) about another point, from which the present one is at ``arm`` (w, 3)."""
     result = np.array(wrench)
     moves: list[bool] = np.asarray(arm.any(axis=0)).tolist()
+    if all(moves):
+        result[:, 3:] += skew(arm.T).transpose(2, 0, 1) @ wrench[:, :3]
+        return result
     for axis, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         if moves[j]:
             result[:, 3 + axis] += arm[:, j, None] * wrench[:, k]
