@@ -120,7 +120,7 @@ def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[st
         entry = parameters.entry(name)
         whole = result.setdefault(entry.part, {})
         if entry.field not in whole:
-            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else _value(
+            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else field_of(
                 parameters.parts[entry.part], entry.field)  # fmt: skip
             start = np.array(given, dtype=float)
             whole[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
@@ -170,7 +170,21 @@ def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
     return result
 
 
-def _value(part: Part, field: str) -> Any:
+def field_of(part: Part, field: str) -> Any:
+    """Return a field of a part, a number or all its entries.
+
+    Parameters
+    ----------
+    part : Part
+        The part.
+    field : str
+        The field, as parameters name it.
+
+    Returns
+    -------
+    float or tuple
+        Its value.
+    """
     return part.number(field) if isinstance(part, Numbered) else getattr(part, field)
 
 

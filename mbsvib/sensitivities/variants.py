@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.changes import field_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.sensitivities.differences import slope
 
@@ -39,8 +40,9 @@ AGREED = 1e-11
 WORST = 1e-7
 # Entries are as good as this share of the largest in their matrix deserves.
 SMALL = 1e-6
-# Forces against the stiffness of the mechanism that are rounding, and motions that nothing holds.
-STILL, LOOSE = 1e-9, 1e-10
+# Forces that are rounding of those that cancel, and what may be left of them where nothing holds a motion: one whose
+# stiffness is less than this share of the largest.
+STILL, LEFT, LOOSE = 1e-12, 1e-9, 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +104,9 @@ class Variants:
         return Slopes(*(part.reshape(len(flat), *shape) for part, shape in zip(parts, shapes, strict=True)))
 
     def _slope(self, parameter: Parameter) -> Array:
-        name, scale = parameter.name, self._scale(parameter)
+        name = parameter.name
         value = self._model.parameters[name]
+        scale = self._scale(parameter, value)
 
         def at(change: float) -> Array:
             return self._equations({name: value + change}, {})
@@ -117,7 +120,8 @@ class Variants:
     def _settled(self, found: Array, scale: float, name: str) -> Array:
         """Let the equilibrium give way to the forces that a parameter leaves over."""
         change, force = found[: self._count], found[self._count :]
-        if not np.abs(force * scale).max(initial=0.0) > STILL * self._loads:
+        rounding = self._loads / scale
+        if not np.abs(force).max(initial=0.0) > STILL * rounding:
             return change
         along = self._poses
         stiffness = -along[:, self._count :].T
@@ -128,7 +132,7 @@ class Variants:
         pushed = row * force
         motion = right[holds].T @ ((left[:, holds].T @ pushed) / sizes[holds])
         over = pushed - row * (stiffness @ (unit * motion))
-        if np.abs(over).max(initial=0.0) > STILL * np.abs(pushed).max(initial=0.0):
+        if (np.abs(over) > LEFT * (np.abs(pushed).max(initial=0.0) + row * rounding)).any():
             raise ModelError(
                 f"sensitivities: '{name}' moves the equilibrium of '{self._system.name}' along a motion that no "
                 f"stiffness holds, or that of a bent beam, so that there is no derivative. Name other parameters, or "
@@ -201,17 +205,16 @@ class Variants:
 
         return np.array([along(name) for name in names]).reshape(len(names), len(self._nominal))
 
-    def _scale(self, parameter: Parameter) -> float:
-        """What a parameter is measured by: its value, the size of the mechanism, or that of its fellows."""
+    def _scale(self, parameter: Parameter, value: float) -> float:
+        """What a parameter is measured by: its value, the size of the mechanism, or the largest entry beside it."""
         from mbsvib.equilibrium.motion import size_of
 
-        field, value = parameter.field, abs(parameter.value)
-        if field in ("position", "start", "end"):
+        if parameter.field in ("position", "start", "end"):
             return size_of(self._model)
-        if field == "orientation":
+        if parameter.field == "orientation":
             return 1.0
-        entry = np.abs(np.array(_field(self._model, parameter), dtype=float))
-        return value or float(entry.max(initial=0.0)) or 1.0
+        beside = np.abs(np.array(field_of(self._model.parameters.parts[parameter.part], parameter.field)))
+        return abs(value) or float(beside.max()) or 1.0
 
     def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
         """A slope, with steps made smaller until the differences agree."""
@@ -276,10 +279,3 @@ class Variants:
 
 class _OtherMobility(MbsvibError):
     """A variant has other degrees of freedom."""
-
-
-def _field(model: Model, parameter: Parameter) -> object:
-    """The whole field that a parameter is an entry of."""
-    own = [entry for name in model.parameters if (entry := model.parameters.entry(name)).part == parameter.part
-           and entry.field == parameter.field]  # fmt: skip
-    return [entry.value for entry in own]
