@@ -11,7 +11,7 @@ from mbsvib import _checks as check
 from mbsvib.beams import Beam
 from mbsvib.couplers.adders import CoupledMechanism
 from mbsvib.equilibrium.methods import Posed
-from mbsvib.errors import ModelError, nearest
+from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.loads.adders import LoadedMechanism
 from mbsvib.massless.adders import RelaxingMechanism
 from mbsvib.mechanism import GROUND, check_name
@@ -365,6 +365,8 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         result.__dict__ = {name: dict(item) if type(item) is dict else item for name, item in vars(self).items()}
         return result
 
+    __copy__ = _snapshot  # what is added to a copy is not added to this one
+
     def _groups(self) -> tuple[tuple[str, Mapping[str, Any]], ...]:
         return (("add_body", self._bodies), ("", self._composed), ("add_joint", self._joints), ("", self._springs),
                 ("", self._couplers), ("add_rotor", self._rotors), ("add_load", self._loads), ("", self._inputs),
@@ -376,9 +378,9 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         return notebook.of_model(self)
 
     def __repr__(self) -> str:
-        counts = ((self._bodies, "bodies"), (self._joints, "joints"), (self._springs, "springs"),
-                  (self._inputs, "inputs"), (self._outputs, "outputs"))  # fmt: skip
-        return f"Model({self.name!r}: {', '.join(f'{len(group)} {what}' for group, what in counts)})"
+        counts = ((self._bodies, "body"), (self._joints, "joint"), (self._springs, "spring"),
+                  (self._inputs, "input"), (self._outputs, "output"))  # fmt: skip
+        return f"Model({self.name!r}: {', '.join(counted(len(group), what) for group, what in counts)})"
 
 
 ADDERS: dict[type, str] = {

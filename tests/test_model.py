@@ -159,3 +159,27 @@ def test_linearize_leaves_the_model_as_it_is():
 
 def test_linearize_as_a_function():
     assert (mv.linearize(arm()).K == arm().linearize().K).all()
+
+
+def test_what_is_added_to_a_copy_is_not_in_the_original():
+    import copy
+
+    model = mv.library.quarter_car()
+    for each in (copy.copy(model), copy.deepcopy(model)):
+        each.add_spring("more", "ground", "body", start=(1, 0, 0), end=(0, 0, 0), stiffness=1e3)
+        assert "more" in each.springs
+    assert "more" not in model.springs
+
+
+def test_texts_count_as_people_do():
+    model = mv.Model("one")
+    model.add_body("b", 1.0, (1, 1, 1))
+    model.add_joint("j", "revolute", "ground", "b", position=(0, 0, 0))
+    model.add_input("t", "b", "rz")
+    system = model.linearize()
+    assert repr(model) == "Model('one': 1 body, 1 joint, 0 springs, 1 input, 0 outputs)"
+    assert repr(system) == "System('one': 1 DOF, 1 input, 0 outputs)"
+    assert repr(model.linearize(method="sparse")) == "SparseSystem('one': 1 DOF, 1 input, 0 outputs)"
+    assert repr(system.state_space()) == "StateSpace('one', physical: 2 states, 1 input, 0 outputs)"
+    assert repr(system.modes()) == "Modes('one': 1 mode, 0 Hz)"
+    assert repr(mv.library.quarter_car().linearize().modes()).startswith("Modes('quarter_car': 2 modes, 1.")

@@ -220,8 +220,9 @@ class Modes:
         return notebook.table(**self.table())
 
     def __repr__(self) -> str:
-        low, high = (self.frequencies[0], self.frequencies[-1]) if len(self) else (0.0, 0.0)
-        return f"Modes({self.name!r}: {len(self)} modes, {low:.6g} to {high:.6g} Hz)"
+        ends = [f"{f:.6g}" for f in self.frequencies[[0, -1] if len(self) > 1 else slice(None)]]
+        reach = f", {' to '.join(ends)} Hz" if ends else ""
+        return f"Modes({self.name!r}: {counted(len(self), 'mode')}{reach})"
 
     @cached_property
     def kinetic_energy(self) -> dict[str, Array]:
@@ -232,6 +233,8 @@ class Modes:
     def strongest(self) -> tuple[tuple[str, str], ...]:
         """Return for each mode the body with most kinetic energy, and the direction in which it moves most.
 
+        Where nothing that moves has mass, it is the body that moves furthest.
+
         Returns
         -------
         tuple of (str, str)
@@ -240,6 +243,8 @@ class Modes:
         if not len(self) or not self.bodies:
             return ()
         energy = self._energy()
+        still = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
+        energy[..., still] = np.abs(self._body_motion @ self.shapes[:, still])
         body = energy.sum(axis=1).argmax(axis=0)
         mode = np.arange(len(self))
         translates = energy[body, :3, mode].sum(axis=1) >= energy[body, 3:, mode].sum(axis=1)

@@ -352,6 +352,16 @@ def test_the_body_that_moves_most():
     assert [direction for _, direction in modes.strongest()] == ["x", "y"]
 
 
+def test_what_moves_most_where_nothing_has_mass():
+    model = mv.Model("relaxing")
+    for name, axis in (("lever", (0, 0, 1)), ("slide", (1, 0, 0))):
+        model.add_body(name, 0.0, (0, 0, 0))
+        kind = "revolute" if name == "lever" else "prismatic"
+        model.add_joint(f"{name}.j", kind, "ground", name, position=(0, 0, 0), axis=axis)
+        model.add_bushing(f"{name}.k", "ground", name, (0, 0, 0), stiffness=(7, 1, 1, 1, 1, 3), damping=(1,) * 6)
+    assert model.linearize().modes().strongest() == (("lever", "rz"), ("slide", "x"))
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_conjugates_pair_in_either_order(sign):
     # corrections of coincident real eigenvalues leave conjugates in the order of their rounding
