@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from mbsvib.errors import ResponseError, nearest
+from mbsvib.errors import ResponseError, counted, nearest
 from mbsvib.modes.general import is_general
 from mbsvib.modes.undamped import triangle
 
@@ -52,8 +52,9 @@ class StateSpace:
                 array.setflags(write=False)
 
     def __repr__(self) -> str:
-        return (f"StateSpace({self.name!r}, {self.realization}: {len(self.states)} states, {len(self.inputs)} inputs, "
-                f"{len(self.outputs)} outputs)")  # fmt: skip
+        groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
+        counts = ", ".join(counted(len(names), what) for names, what in groups)
+        return f"StateSpace({self.name!r}, {self.realization}: {counts})"
 
 
 def state_space(system: System, realization: str = "physical") -> StateSpace:

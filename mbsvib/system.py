@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib._given import real
 from mbsvib.equations import Equations, Provenance
+from mbsvib.errors import counted
 from mbsvib.sensitive import Sensitive
 
 if TYPE_CHECKING:
@@ -346,4 +347,5 @@ class System(Sensitive, Equations):
         return notebook.of_system(self)
 
     def __repr__(self) -> str:
-        return f"System({self.name!r}: {self.dof} DOF, {len(self.inputs)} inputs, {len(self.outputs)} outputs)"
+        ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
+        return f"System({self.name!r}: {self.dof} DOF, {ports})"

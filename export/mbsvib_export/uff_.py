@@ -136,7 +136,7 @@ def _data_set(system: System | SystemData, i: int, j: int, frequency: Array, val
     names = f"{system.outputs[i]} / {system.inputs[j]}"
     if len(names) > LINE or not names.isascii() or names.count(" / ") != 1:
         raise ExportError(f"to_uff: the names '{names}' do not fit into a line of the format; expected at most {LINE} "
-                          f"characters of ASCII without ' / '. Give the input or output a shorter name.")  # fmt: skip
+                          f"characters of ASCII without ' / '. Give the input or output another name.")  # fmt: skip
     units = (system.output_units[i], system.input_units[j])
     table = np.stack([frequency, values.real, values.imag], axis=1)
     # little-endian IEEE numbers behind eleven lines of text

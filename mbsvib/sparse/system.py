@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from mbsvib.errors import ResponseError
+from mbsvib.errors import ResponseError, counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -353,5 +353,5 @@ class SparseSystem:
         raise AttributeError(f"'SparseSystem' object has no attribute {name!r}")
 
     def __repr__(self) -> str:
-        return (f"SparseSystem({self.name!r}: {self.dof} DOF, {len(self.inputs)} inputs, "
-                f"{len(self.outputs)} outputs)")  # fmt: skip
+        ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
+        return f"SparseSystem({self.name!r}: {self.dof} DOF, {ports})"
