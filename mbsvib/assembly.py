@@ -225,15 +225,16 @@ def _loads(model: Model, topology: Topology, number: Mapping[str, int]) -> tuple
     from mbsvib.loads.felt import felt
     from mbsvib.loads.wrenches import applied
 
-    groups = (model._bodies, model._joints, model._springs, model._couplers, model._loads)
-    parts = (model.gravity, *(part for group in groups for part in group.values()))
+    parts: list[Any] = [model.gravity]
+    for group in (model._bodies, model._joints, model._springs, model._couplers, model._loads):
+        parts += group.values()
     kept = model._loading
     if kept is not None and len(kept[0]) == len(parts) and all(map(is_, kept[0], parts)):
         return kept[1]
     acting = applied(model, number)
     coupled = {name.rpartition(".")[0] for coupler in model._couplers.values() for name, _ in coupler.terms}
     result: tuple[Applied, Felt, dict[str, Any]] = (acting, felt(acting, topology.joints, number, coupled), {})
-    model._loading = (parts, result)
+    model._loading = (tuple(parts), result)
     return result
 
 
@@ -263,7 +264,8 @@ def system(
     """
     relative = scene.relative()
     locked, coordinates, felt = scene.locked, scene.coordinates, len(scene.springs.owner)
-    reduction = reduce(coordinates, scene.cuts, scene.closure(relative), independent)
+    phi = scene.closure(relative)
+    reduction = reduce(coordinates, scene.cuts, phi, independent)
     planar = check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
     kept = reduction.independent.tolist()
     names = tuple([coordinates.names[i] for i in kept])
@@ -273,7 +275,7 @@ def system(
     if scene.loads is not None:
         from mbsvib.loads.loaded import load
 
-        statics = load(scene, relative, reduction, found, model.name, checked)
+        statics = load(scene, relative, reduction, found, model.name, checked, phi)
         said = model if origin is None else origin
         parts += (*said._falling, *said.loads.values())
     if scene.port.wrench_outputs:

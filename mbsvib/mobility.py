@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics import body_motion, relative_motion
+from mbsvib.kinematics import CYCLE, body_motion, relative_motion
 from mbsvib.loops import pivoted_qr, scaled
 from mbsvib.parts.joint import POINT_IN_SECOND
 from mbsvib.topology import FLOATS
@@ -201,8 +201,12 @@ def added(a: Array, b: Array) -> Array:
 
 def crossed_product(a: Array, b: Array) -> Array:
     """Return a x b of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
-    (ax, ay, az), (bx, by, bz) = a, b
-    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+    if a.ndim != b.ndim:
+        a, b = (a[:, None], b) if a.ndim < b.ndim else (a, b[:, None])
+    a, b = a.take(CYCLE, axis=0), b.take(CYCLE, axis=0)
+    result: Array = a[1:4] * b[2:]
+    result -= a[2:] * b[1:4]
+    return result
 
 
 def _carriers(topology: Topology) -> tuple[Index, Index]:

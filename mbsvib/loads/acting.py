@@ -32,7 +32,8 @@ class Acting:
     the force on it, and leaves follower loads out; ``touched`` is the same without signs. ``levers`` (k, 3, 6) times a
     wrench is v x f + 1/2 w x tau for the ``turned`` (k,) bodies, as which felt rows turn: these are the first
     of ``one`` (p,), the felt rows that are one factor of a product, each with the pair in ``turner`` (p,) that owns it.
-    ``owners`` are the names of all pairs and of the bodies. The joints of the open tree carry ``tree`` (6, joints, 1),
+    ``owners`` are the names of all pairs and of the bodies, ``owner`` the numbers of those that own the rows of
+    ``geometric``: of bodies, of products, of lines. The joints of the open tree carry ``tree`` (6, joints, 1),
     and ``loops`` (6 joints, locked rows) is what multipliers add to that in all joints.
     """
 
@@ -52,6 +53,7 @@ class Acting:
     one: Index
     turner: Index
     owners: tuple[str, ...]
+    owner: Index
     tree: Array
     loops: Array
 
@@ -101,11 +103,13 @@ def acting(
     turning = np.flatnonzero(felt.carrier < bodies)
     twist = felt.twist[:, turning].reshape(2, 3, -1) * _PARTS
     levers = skew(twist.swapaxes(0, 1)).transpose(3, 0, 2, 1).reshape(-1, 3, 6)
+    turner = np.concatenate((felt.owner[turning], felt.two[0]))
+    owner = np.concatenate((np.arange(count, count + bodies).repeat(6), turner, turner, felt.line_owner))
     memory["acting"] = result = Acting(
         ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
         arms, place, np.abs(place), levers, felt.carrier[turning],
-        np.concatenate((turning, felt.two[1])), np.concatenate((felt.owner[turning], felt.two[0])),
-        (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
+        np.concatenate((turning, felt.two[1])), turner,
+        (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies), owner,
         ways.of_tree(wrench[:, :, None]), ways.of_locked(scene.cuts),
     )  # fmt: skip
     return result

@@ -22,7 +22,7 @@ import numpy as np
 from mbsvib.loops import EPS
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.kinematics import Array
     from mbsvib.loads.acting import Acting
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.pairs import Pairs
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 # Values of a body's form below this share of the forces that make it are rounding.
 ZERO_FORM = 16.0 * EPS
 _DIAGONAL = np.arange(3)
-_HALVES = np.array((0.5, -0.5))
 # Six rotations (x, y, z, x + y, x + z, y + z), and what each of their squares gets of S_ij, in the order of S's rows.
 SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
 SQUARES = np.array([
@@ -63,7 +62,7 @@ def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
     return result[0], result[1]
 
 
-def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array, Index]:
+def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array]:
     """Return the forms of the bodies as signed squares of six rotations: about x, y, z, and the sums of two of these.
 
     With H = tr(S) 1 - sym S, theta . H theta = sum of H_xy (theta_x + theta_y)^2 and of the rest times theta_x^2.
@@ -80,25 +79,18 @@ def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array
     Returns
     -------
     rows : array, shape (6 bodies, m)
-        Rotations in minimal coordinates.
+        Rotations in minimal coordinates, body by body.
     stiffness : array, shape (6 bodies,)
         Signed values [N m], 0 where nothing but rounding is left.
-    body : array, shape (6 bodies,)
-        Numbers of the bodies.
     """
-    outer = (np.concatenate((force, force), axis=1)[:, None] * acting.arms).reshape(9, 2 * force.shape[1])
-    values = SQUARES @ (outer @ acting.place)
-    limit = ZERO_FORM * np.maximum.reduce(np.abs(outer)) @ acting.touched
-    values[np.abs(values) <= limit] = 0.0
-    bodies = len(motion)
-    return ((SUMS @ motion[:, 3:]).reshape(6 * bodies, motion.shape[2]), values.T.reshape(-1),
-            np.repeat(np.arange(bodies), 6))  # fmt: skip
+    outer = (force[:, None, None] * acting.arms.reshape(3, 2, -1)).reshape(9, -1)
+    values = SQUARES.dot(outer.dot(acting.place))
+    values *= np.abs(values) > ZERO_FORM * np.maximum.reduce(np.abs(outer)).dot(acting.touched)
+    return (SUMS @ motion[:, 3:]).reshape(6 * len(motion), motion.shape[2]), values.T.reshape(-1)
 
 
-def turning_rows(
-    felt: Felt, acting: Acting, wrench: Array, moved: Array, motion: Array
-) -> tuple[Array, Array, Index]:
-    """Return what forces add that turn with their first body, as rows, signed stiffness and the pairs that own them.
+def turning_rows(felt: Felt, acting: Acting, wrench: Array, moved: Array, motion: Array) -> tuple[Array, Array]:
+    """Return what forces add that turn with their first body, as rows and signed stiffness.
 
     Parameters
     ----------
@@ -115,20 +107,19 @@ def turning_rows(
 
     Returns
     -------
-    rows : array, shape (rows, m)
-        Rows in minimal coordinates.
-    stiffness : array, shape (rows,)
+    rows : array, shape (2 p, m)
+        Rows in minimal coordinates, two for each product of ``acting``.
+    stiffness : array, shape (2 p,)
         Signed values.
-    owner : array, shape (rows,)
-        Pairs.
     """
-    count, owner, one = len(acting.turned), acting.turner, moved[acting.one]
-    lever = acting.levers @ wrench.T[owner[:count], :, None]
-    other = (lever.swapaxes(1, 2) @ motion[acting.turned, 3:])[:, 0]
+    count, owner = len(acting.turned), acting.turner
+    lever = acting.levers @ wrench.take(owner[:count], axis=1).T[:, :, None]
+    other = (lever.swapaxes(1, 2) @ motion.take(acting.turned, axis=0)[:, 3:])[:, 0]
     if felt.two.size:
-        half = 0.5 * np.einsum("cn,cn->n", wrench[3:, owner[count:]], felt.cross)
-        other = np.concatenate((other, half[:, None] * moved[felt.two[2]]))
-    return products(one, other, owner)
+        half = np.add.reduce(wrench[3:].take(owner[count:], axis=1) * felt.cross)
+        half *= 0.5
+        other = np.concatenate((other, half[:, None] * moved.take(felt.two[2], axis=0)))
+    return products(moved.take(acting.one, axis=0), other)
 
 
 def line_rows(felt: Felt, force: Array, moved: Array, motion: Array) -> tuple[Array, Array]:
@@ -153,37 +144,33 @@ def line_rows(felt: Felt, force: Array, moved: Array, motion: Array) -> tuple[Ar
         Signed values [N/m].
     """
     rows = moved[len(felt.owner) :]
-    swings = np.flatnonzero(felt.line_carrier < len(motion))
+    swings = (felt.line_carrier < len(motion)).nonzero()[0]
     if len(swings):
-        turns = motion[felt.line_carrier[swings], 3:]
+        turns = motion.take(felt.line_carrier.take(swings), axis=0)[:, 3:]
         rows = rows.copy()
-        rows[swings] += (felt.swing[:, swings].T[:, None] @ turns)[:, 0]
-    return rows, np.einsum("cn,cn->n", force[:, felt.line_owner], felt.line) / -felt.length
+        rows[swings] += (felt.swing.take(swings, axis=1).T[:, None] @ turns)[:, 0]
+    return rows, np.add.reduce(force.take(felt.line_owner, axis=1) * felt.line) / -felt.length
 
 
-def products(one: Array, other: Array, owner: Index) -> tuple[Array, Array, Index]:
+def products(one: Array, other: Array) -> tuple[Array, Array]:
     """Return rows and signed stiffness whose energy is the sum of the products of two stacks of rows.
 
     Parameters
     ----------
     one, other : array, shape (n, m)
         Factors of each product.
-    owner : array, shape (n,)
-        Whose it is.
 
     Returns
     -------
-    rows : array, shape (k, m)
-        Two for each product that is not zero.
-    stiffness : array, shape (k,)
-        1/2 and -1/2.
-    owner : array, shape (k,)
-        Whose they are.
+    rows : array, shape (2 n, m)
+        Sums, then differences.
+    stiffness : array, shape (2 n,)
+        1/2, then -1/2; 0 for a product that is zero.
     """
-    sizes = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
-    used = sizes[0] * sizes[1] != 0.0
-    if not used.all():
-        one, other, owner, sizes = one[used], other[used], owner[used], (sizes[0][used], sizes[1][used])
-    scale = np.sqrt(np.sqrt(sizes[1] / sizes[0]))[:, None]
-    a, b = scale * one, other / scale
-    return np.concatenate((a + b, a - b)), _HALVES.repeat(len(owner)), np.concatenate((owner, owner))
+    first, second = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
+    none = first * second == 0.0
+    if np.count_nonzero(none):
+        first[none] = second[none] = 1.0
+    scale = np.sqrt(np.sqrt(second / first))[:, None]
+    a, b, half = scale * one, other / scale, np.where(none, 0.0, 0.5)
+    return np.concatenate((a + b, a - b)), np.concatenate((half, -half))

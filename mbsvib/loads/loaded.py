@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 
 def load(
-    scene: Scene, relative: Triplets, reduction: Reduction, found: dict[str, Any], name: str, checked: bool = True
+    scene: Scene, relative: Triplets, reduction: Reduction, found: dict[str, Any], name: str, checked: bool = True,
+    phi: Array | None = None,
 ) -> Statics:
     """Add to the matrices of a mechanism what its loads do, and return the forces at its pose.
 
@@ -40,6 +41,8 @@ def load(
         Name of the model.
     checked : bool
         Whether a pose that is not in balance is refused; if not, ``Statics.residual`` is what is left over.
+    phi : array, shape (locked rows, n), optional
+        ``scene.closure(relative)``, where it is known already.
 
     Returns
     -------
@@ -58,9 +61,8 @@ def load(
     residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion)
     if checked:
         check_balance(residual, size, found["K"], scene, reduction, name)
-    to_joints = reactions(
-        known.ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative), known.loops
-    )
+    phi = scene.closure(relative) if phi is None else phi
+    to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, phi, known.loops)
     carried = to_joints.closed(known.tree)[:, :, 0]
     wrench = np.concatenate((known.pairs, carried), axis=1)
     pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
@@ -105,15 +107,17 @@ def geometric_rows(
     """
     felt, pairs = statics.felt, statics.pairs
     wrench = np.concatenate((pairs.force, pairs.torque))
-    rows, stiffness, owner = body_rows(known, pairs.force, motion)
-    stacks = [(rows, stiffness, len(pairs.first) + owner), turning_rows(felt, known, wrench, moved, motion)]
+    owner = known.owner
+    stacks = [body_rows(known, pairs.force, motion), turning_rows(felt, known, wrench, moved, motion)]
     if len(felt.line_owner):
-        stacks.append((*line_rows(felt, pairs.force, moved, motion), felt.line_owner))
-    if statics.applied.follower.any():
-        stacks.append(follower_rows(statics.applied, motion))
-    rows, stiffness, owner = (np.concatenate(parts) for parts in zip(*stacks, strict=True))
-    used = np.flatnonzero(stiffness * rows.any(axis=1))
-    return rows[used], stiffness[used], springs + owner[used]
+        stacks.append(line_rows(felt, pairs.force, moved, motion))
+    if np.count_nonzero(statics.applied.follower):
+        *more, loads = follower_rows(statics.applied, motion)
+        stacks.append((more[0], more[1]))
+        owner = np.concatenate((owner, loads))
+    rows, stiffness = (np.concatenate(parts) for parts in zip(*stacks, strict=True))
+    used = (stiffness * rows.any(axis=1)).nonzero()[0]
+    return rows.take(used, axis=0), stiffness.take(used), springs + owner.take(used)
 
 
 def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index) -> None:
@@ -131,5 +135,5 @@ def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index)
     for key, value in (("elastic_rows", rows), ("stiffness", stiffness), ("damping", np.zeros(len(rows))),
                        ("row_owner", owner)):  # fmt: skip
         found[key] = np.concatenate((found[key], value))
-    more = rows.T @ (stiffness[:, None] * rows)
+    more = rows.T.dot(stiffness[:, None] * rows)
     found["K"] = found["K"] + 0.5 * (more + more.T)

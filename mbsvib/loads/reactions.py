@@ -138,7 +138,7 @@ class Reactions:
         assert self.cuts is not None
         twist, at = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.carriers.joint_of
         # what the open tree's joints lack along their own free directions; of floating bodies, last, nothing depends
-        held = np.einsum("ck,ckn->kn", twist, tree[:, at])
+        held = np.add.reduce(twist[:, :, None] * tree.take(at, axis=1))
         result = np.zeros((len(self.cuts.names), tree.shape[2]))
         dependent = np.ones(len(at), dtype=bool)
         dependent[self.reduction.independent] = False
@@ -146,9 +146,9 @@ class Reactions:
             columns = group.columns[dependent[group.columns]]
             if not len(columns):
                 continue
-            matrix = self.phi[group.rows[:, None], columns].T
+            matrix = self.phi.take(group.rows, axis=0).take(columns, axis=1).T
             if matrix.shape[0] == matrix.shape[1]:
-                result[group.rows] = lapack.dgesv(matrix, held[columns])[2]
+                result[group.rows] = lapack.dgesv(matrix, held.take(columns, axis=0))[2]
                 continue
             scale = group.length * self.cuts.row_scale(group.length)[group.rows]
             result[group.rows] = np.linalg.lstsq(matrix * scale, held[columns], rcond=None)[0] * scale[:, None]

@@ -78,7 +78,7 @@ def balance(wrench: Array, size: Array, motion: Array) -> tuple[Array, Array]:
     m = motion.shape[-1]
     vectors = motion.reshape(2 * len(motion), 3, m)
     lengths = np.sqrt(np.einsum("bcm,bcm->bm", vectors, vectors))
-    return wrench.T.reshape(-1) @ motion.reshape(6 * len(motion), m), size.T.reshape(-1) @ lengths
+    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), size.T.reshape(-1).dot(lengths)
 
 
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
@@ -125,7 +125,7 @@ def check_balance(
     EquilibriumError
         If more is left over than ``BALANCE`` of what should cancel and what rounding of the pose does.
     """
-    off = np.flatnonzero(np.abs(residual) > BALANCE * size)
+    off = (np.abs(residual) > BALANCE * size).nonzero()[0]
     if not len(off):
         return
     turns = scene.coordinates.turns[reduction.independent]

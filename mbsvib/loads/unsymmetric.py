@@ -54,7 +54,8 @@ def follower_rows(applied: Applied, motion: Array) -> tuple[Array, Array, Index]
         other += [0.5 * size * (a @ body[3:]), 0.5 * size * (b @ body[3:])]
         owner += [k, k]
     shape = (len(owner), motion.shape[-1])
-    return products(np.array(one).reshape(shape), np.array(other).reshape(shape), np.array(owner, dtype=np.intp))
+    rows, stiffness = products(np.array(one).reshape(shape), np.array(other).reshape(shape))
+    return rows, stiffness, np.array(owner + owner, dtype=np.intp)
 
 
 def circulatory(applied: Applied, position: Array, motion: Array) -> Array | None:
