@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.isolation.legs import Leg
+    from mbsvib.isolation.chains import Leg
 
     Array = NDArray[np.float64]
     Index = NDArray[np.intp]

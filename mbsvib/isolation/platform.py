@@ -9,6 +9,7 @@ new one u. With A the start, L the length and s its share of it, a point p0 come
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -18,64 +19,22 @@ from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.following import Following
 from mbsvib.isolation.legs import legs_between
+from mbsvib.isolation.rings import UNITS, ring_of
 from mbsvib.mechanism import GROUND
+from mbsvib.parts.ports import Port
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.isolation.legs import Leg
+    from mbsvib.isolation.chains import Leg
+    from mbsvib.isolation.rings import Ring
     from mbsvib.model import Model
 
     Array = NDArray[np.float64]
-    Index = NDArray[np.intp]
 
-UNITS = {"radius": "m", "height": "m", "spread": "rad", "angle": "rad"}
-ON_AXIS = 1e-9  # distance from the axis, in parts of the ring's size, that is none
-ALIKE = 1e-6  # angles that differ by less are one [rad]
-
-
-@dataclass(frozen=True, slots=True)
-class Ring:
-    """Ends of legs around an axis, (legs,) each: ``radius`` and ``height`` [m], ``angle`` [rad], and by ``side`` which
-    way the spread turns them, -1 or 1, 0 where legs make no pairs; ``half`` of the angle between pairs [rad].
-    """
-
-    radius: Array
-    height: Array
-    angle: Array
-    side: Array
-    half: float
-
-    @property
-    def start(self) -> dict[str, float]:
-        """The ring as it is: means."""
-        spread = {"spread": self.half} if self.side.any() else {}
-        return {"radius": float(self.radius.mean()), "height": float(self.height.mean()), **spread, "angle": 0.0}
-
-    def at(self, off: Mapping[str, Any]) -> tuple[Array, Array]:
-        """Return radius and angle of the ends (..., legs), for what the variables are off their start."""
-        added = {what: np.asarray(off.get(what, 0.0), dtype=float)[..., None] for what in UNITS}
-        return self.radius + added["radius"], self.angle + self.side * added["spread"] + added["angle"]
-
-    def shifts(self, off: Mapping[str, Any]) -> Array:
-        """Return how far the ends are off their start, (..., legs, 3), the axis along the last entry."""
-        radius, angle = self.at(off)
-        across = [radius * turn(angle) - self.radius * turn(self.angle) for turn in (np.cos, np.sin)]
-        along = np.asarray(off.get("height", 0.0), dtype=float)[..., None]
-        return np.stack(np.broadcast_arrays(*across, along), axis=-1)
-
-    def slope(self, what: str, off: Mapping[str, float]) -> Array:
-        """Return the derivatives of the ends to a variable, (legs, 3)."""
-        radius, angle = self.at(off)
-        none, one = np.zeros_like(radius), np.ones_like(radius)
-        if what == "height":
-            return np.stack([none, none, one], axis=-1)
-        if what == "radius":
-            return np.stack([np.cos(angle), np.sin(angle), none], axis=-1)
-        arm = radius * (self.side if what == "spread" else one)
-        return np.stack([-arm * np.sin(angle), arm * np.cos(angle), none], axis=-1)
+ALIKE = 1e-6  # distance, in parts of the platform's size, of points that are one
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -183,7 +142,8 @@ def platform(
     Radius and height are means; where ends have others, they keep the difference. The spread is half the angle between
     neighbours, paired so that they are nearest; the angle turns a ring as a whole. A leg is a line spring, a rod, or a
     chain of bodies with a joint that slides along it: what is below that goes with the base, what is above with the
-    platform, and all turns with the leg. The platform's mass stays where it is, and so do inputs and outputs.
+    platform, and all turns with the leg. The platform's mass stays where it is, and so do inputs and outputs: a warning
+    tells of those along legs.
 
     Parameters
     ----------
@@ -221,40 +181,27 @@ def platform(
     found = legs_between(model, body, base, legs)
     low, high = ((np.array(ends) - origin) @ frame for ends in
                  ([leg.start for leg in found], [leg.end for leg in found]))  # fmt: skip
-    rings = {"base": _ring(low, high, found, "base"), "platform": _ring(high, low, found, "platform")}
+    names = [leg.name for leg in found]
+    rings = {"base": ring_of(low, high, names, "base"), "platform": ring_of(high, low, names, "platform")}
     start = {f"{which}.{what}": value for which, ring in rings.items() for what, value in ring.start.items()}
+    left = _left_behind(model, found)
+    if left:
+        warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(left[:4])}"
+                      f"{', ...' if left[4:] else ''}; leave them out, and add them to the mechanism that is found.",
+                      stacklevel=2)  # fmt: skip
     return Platform(found, rings, frame, start, {name: UNITS[name.split(".")[1]] for name in start},
                     Following.of(found))  # fmt: skip
 
 
-def _ring(ends: Array, others: Array, legs: Sequence[Leg], which: str) -> Ring:
-    radius, angle = np.hypot(ends[:, 0], ends[:, 1]), np.arctan2(ends[:, 1], ends[:, 0])
-    for leg, r in zip(legs, radius.tolist(), strict=True):
-        if r <= ON_AXIS * np.abs(ends).max():
-            raise ModelError(f"platform: the end of leg '{leg.name}' on the {which} is on the axis, and has no "
-                             f"direction to move in; give another centre or axis, or legs without it.",
-                             element=leg.name, field="centre")  # fmt: skip
-    side, half = np.zeros(len(legs)), 0.0
-    if len(legs) % 2 == 0:
-        lower, upper = _pairs(angle, np.arctan2(others[:, 1], others[:, 0]))
-        side[lower], side[upper] = -1.0, 1.0
-        half = 0.5 * float(_turn(angle[upper] - angle[lower]).mean())
-    return Ring(radius, ends[:, 2], angle, side, half)
-
-
-def _pairs(angle: Array, other: Array) -> tuple[Index, Index]:
-    """Neighbours on a ring, the nearest ones: those at the lower and those at the upper angle."""
-    towards = _turn(other - angle + np.pi)
-    places = np.round(_turn(angle + ALIKE) / ALIKE)
-    order = np.lexsort((towards, places))  # ends at one place: sorted by where their legs lead to
-    gaps = _turn(np.diff(angle[order], append=angle[order[0]]) + ALIKE) - ALIKE
-    one, two = gaps[0::2].sum(), gaps[1::2].sum()
-    first = int(np.flatnonzero(order == 0)[0])
-    if two < one - ALIKE or (abs(two - one) <= ALIKE and first % 2):
-        order = np.roll(order, -1)
-    return order[0::2], order[1::2]
-
-
-def _turn(angle: Array) -> Array:
-    """Angles from 0 to a whole turn."""
-    return np.asarray(np.mod(angle, 2.0 * np.pi))
+def _left_behind(model: Model, legs: Sequence[Leg]) -> list[str]:
+    """Ports that lie on legs, or act on their bodies along a direction or at a point of their own."""
+    bodies = {name for leg in legs for name in leg.bodies}
+    points = np.array([point for leg in legs for point in leg.points.values()])
+    result = []
+    for port in (*model.inputs.values(), *model.outputs.values()):
+        if isinstance(port, Port):
+            own = port.position is not None or not isinstance(port.direction, str)
+            off = np.inf if port.position is None else np.abs(points - port.position).max(axis=1).min()
+            if off <= ALIKE * np.ptp(points) or (own and bodies & {port.body, port.relative_to}):
+                result.append(port.name)
+    return result

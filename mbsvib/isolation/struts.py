@@ -101,7 +101,8 @@ def ring(
     """Return variables that move the ends of legs on a ring, as ties for ``optimize``: radius, height and spread.
 
     The ``spread`` moves neighbours apart along the ring [m], every other end the other way: with the radius it gives
-    the ends any angle that keeps the symmetry. Legs have to be line springs without bodies of their own.
+    the ends any angle that keeps the symmetry. Legs have to be line springs without bodies of their own; ``platform``
+    takes others too.
 
     Parameters
     ----------

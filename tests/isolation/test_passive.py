@@ -106,6 +106,29 @@ def test_gradients_against_differences():
         assert (np.abs(exact - differences) <= 1e-5 * np.abs(differences).max(axis=0) + rounding).all(), one.label
 
 
+@pytest.mark.parametrize("coupled", [False, True])
+def test_strokes_of_bushings_with_and_without_couplings(coupled):
+    # a direction by itself tells its stroke by its force, one that is coupled by its motion
+    k = np.diag([4e4, 5e4, 6e4, 300.0, 400.0, 500.0])
+    k[0, 4] = k[4, 0] = 800.0 if coupled else 0.0
+    model = mv.Model("mounted")
+    model.add_body("payload", MASS, (0.2, 0.3, 0.4), (0.02, 0.01, 0.3))
+    model.add_bushing("mount", "ground", "payload", (0, 0, 0.1), stiffness=k, damping=1e-3 * k)
+    goal = isolation.passive(model, "payload")
+    under = isolation.study(model, "payload").under(NOISE, band=BAND)
+    assert goal.legs == ("mount.x", "mount.y", "mount.z")
+    assert [leg.law is None for leg in goal.scene.legs] == [coupled, False, False]
+    assert np.allclose(goal.stroke(NOISE, BAND)(goal.scene.system), list(under.stroke.values()), rtol=1e-9)
+    names = ["mount.stiffness.z", "mount.damping.y", "mount.st*.rx", "payload.mass"]
+    exact = goal.stroke(NOISE, BAND).gradient(goal.scene.system, names)
+    for i, name in enumerate(names):
+        known = goal.scene.model.parameters
+        value = known[known.matching(name)[0]]
+        up, down = (goal.stroke(NOISE, BAND)(goal.scene.model.with_values({name: value * (1 + h)}).linearize())
+                    for h in (1e-5, -1e-5))  # fmt: skip
+        assert np.allclose(exact[:, i] * value, (up - down) / 2e-5, rtol=1e-6, atol=1e-9 * up.max()), name
+
+
 def test_angles_of_joints_in_closed_form():
     # phi'' + 2 zeta w phi' + w^2 phi = -a m r / J under white noise a: <phi^2> = S (m r / J)^2 / (8 zeta w^3)
     mass, r, inertia, k, c = 2.0, 0.5, 0.1, 40.0, 0.8

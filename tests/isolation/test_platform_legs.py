@@ -101,7 +101,7 @@ def test_legs_without_bodies_agree_with_linear_rings():
         relaxed = isolation.platform(unfolded, "platform", legs=legs)
         assert len(relaxed.legs) == 6
         points = {"leg1.k.static.start", "leg1.k.node.position", "leg1.k.damper.end", "leg1.k.guide.position"}
-        assert (points <= set(relaxed.legs[0].points)) == (legs != "*.static")
+        assert points <= set(relaxed.legs[0].points)
         assert relaxed.start == pytest.approx(geometry.start, rel=1e-13)
 
 
@@ -230,3 +230,11 @@ def test_free_lengths_and_legs_of_no_length_are_refused():
         geometry.values({"platform.height": math.nan})
     with pytest.raises(mv.ModelError, match=r"Did you mean 'platform\.height'"):
         geometry.rates({"platform.heigth": 0.1})
+
+
+def test_ports_along_legs_are_warned_of():
+    with pytest.warns(UserWarning, match=r"stay where they are, leg1\.f, leg2\.f, leg3\.f, leg4\.f, \.\.\.; leave"):
+        isolation.platform(library.stewart(ports="legs"), "platform")
+    with pytest.warns(UserWarning, match=r"leg1\.f"):  # no bodies, but a point of a leg
+        isolation.platform(library.cubic_hexapod(ports="legs"), "platform")
+    isolation.platform(library.stewart(ports=("platform", "base")), "platform")
