@@ -56,6 +56,10 @@ class AccuracyWarning(UserWarning):
     """A result whose estimated error is larger than what was asked for."""
 
 
+class LeftOutWarning(UserWarning):
+    """Elements of a file that was read for which a model has no place, and that it does without."""
+
+
 class ResponseError(MbsvibError, ValueError):
     """A response asked for where it does not exist, or with data of the wrong shape."""
 

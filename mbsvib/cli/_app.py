@@ -19,7 +19,7 @@ from mbsvib.cli import _shell as shell
 app = typer.Typer(
     cls=shell.Group, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="MODEL is a model file (.yaml or .json) or the name of a built-in model, see: mbsvib models",
+    epilog="MODEL is a model file (.yaml, .json, .xml of MuJoCo, .urdf) or a built-in model's name, see: mbsvib models",
 )  # fmt: skip
 
 

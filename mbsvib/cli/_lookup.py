@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mbsvib.model import Model
     from mbsvib.system import System
 
-SUFFIXES = (".yaml", ".yml", ".json")
+SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
 
 ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="Model file, or name of a built-in model.")]
 InputOption = Annotated[
@@ -31,7 +31,7 @@ def model_of(word: str) -> Model:
     Parameters
     ----------
     word : str
-        A path that ends in .yaml, .yml or .json, or a built-in name.
+        A path that ends in .yaml, .yml or .json, in .xml (MJCF or URDF) or .urdf, or a built-in name.
 
     Returns
     -------
@@ -50,9 +50,7 @@ def model_of(word: str) -> Model:
         if not path.is_file():
             beside = [str(path.parent / each.name) for each in _models_beside(path)]
             raise UsageProblem(f"there is no file '{word}'.{nearest(word, beside)}")
-        from mbsvib.files import load
-
-        return load(path)
+        return _read(path)
     from mbsvib import library
 
     try:
@@ -64,6 +62,26 @@ def model_of(word: str) -> Model:
             f"there is no model '{word}': it is no file that ends in {', '.join(SUFFIXES)}, and no built-in name."
             f"{nearest(word, library.models())} Built in: {', '.join(library.models())}."
         ) from error
+
+
+def _read(path: Path) -> Model:
+    """Read a file by its suffix; XML tells by its outermost element whether it is MJCF or URDF."""
+    suffix = path.suffix.lower()
+    if suffix == ".xml":
+        from mbsvib.mjcf.compiled import root_of
+
+        suffix = ".urdf" if root_of(path) == "robot" else ".xml"
+    if suffix == ".xml":
+        from mbsvib.mjcf import load_mjcf
+
+        return load_mjcf(path)
+    if suffix == ".urdf":
+        from mbsvib.urdf import load_urdf
+
+        return load_urdf(path)
+    from mbsvib.files import load
+
+    return load(path)
 
 
 def system_of(word: str) -> System:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.mjcf.bodies import GROUND
+from mbsvib.mjcf.bodies import GROUND, matrix_of
 from mbsvib.mjcf.compiled import BALL, FREE
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, attach, drive, joint_path
@@ -143,10 +143,9 @@ def _drive_six(scene: Scene, i: int, gear: Array) -> None:
             scene.model.add_input(name, body, six, np.array(d.site_xpos[target]))
         return
     link, own = scene.links[target], int(m.jnt_bodyid[target])
-    inner = m.actuator_trntype[i] == file.api.mjtTrn.mjTRN_JOINT
-    free = m.jnt_type[target] == FREE
-    frame = own if inner else int(m.body_parentid[own])
-    axes = np.array(d.xmat[frame]).reshape(3, 3)
+    free, axes = m.jnt_type[target] == FREE, np.array(d.xmat[own]).reshape(3, 3)
+    if m.actuator_trntype[i] != file.api.mjtTrn.mjTRN_JOINT:  # in the axes that the body has before the joint turns it
+        axes = axes @ matrix_of(file.position(target)[-4:], file).T
     force, torque = (gear[:3], gear[3:]) if free else (np.zeros(3), gear[:3])
     scene.model.add_input(name, link.second, np.concatenate((force, axes @ torque)), link.at, relative_to=link.first)
 

@@ -36,7 +36,7 @@ def add_bodies(scene: Scene) -> None:
     for i in range(1, m.nbody):
         moves = int(m.body_jntnum[i]) > 0
         groups[i] = Group(file.name("body", i)) if moves else groups[int(m.body_parentid[i])]
-        own = _matrix(m.body_iquat[i], file)
+        own = matrix_of(m.body_iquat[i], file)
         mass = Mass(groups[i].name, float(m.body_mass[i]), np.array(m.body_ipos[i]),
                     own @ np.diag(m.body_inertia[i]) @ own.T)  # fmt: skip
         groups[i].take(mass, np.array(d.xpos[i]), np.array(d.xmat[i]).reshape(3, 3))
@@ -54,7 +54,8 @@ def add_bodies(scene: Scene) -> None:
             scene.model.add_load(name, scene.bodies[i], force, position=np.array(d.xipos[i]))
 
 
-def _matrix(quaternion: Array, file: Compiled) -> Array:
+def matrix_of(quaternion: Array, file: Compiled) -> Array:
+    """Return the rotation matrix of a quaternion (w, x, y, z)."""
     result = np.zeros(9)
     file.api.mju_quat2Mat(result, quaternion)
     return result.reshape(3, 3)
@@ -157,7 +158,7 @@ def _add_scalar(scene: Scene, link: Link, stiffness: Any, damping: Any, force: f
     """Add a hinge or slide, with torque and angle, or force and travel."""
     assert link.own is not None
     model, k, c = scene.model, np.ravel(stiffness), np.ravel(damping)
-    axes = np.array(check.frame_along(check.axis(tuple(link.z), link.name, "axis")))
+    axes = link.axes
     kind = "free" if max(len(k), len(c)) == 6 else "revolute" if link.own == 5 else "prismatic"
     model.add_joint(link.name, kind, link.first, link.second, link.at, axes)
     if k.any() or c.any():
@@ -216,7 +217,7 @@ def add_armature(scene: Scene) -> None:
         wide = ("x", "y", "z", "rx", "ry", "rz") if m.jnt_type[i] == FREE else ("rx", "ry", "rz")
         for coordinate in (f"{link.name}.{each}" for each in wide) if own is None else (own,):
             name = f"{link.name}.armature" if own else f"{coordinate}.armature"
-            add_wheel(scene, name, {coordinate: 1.0}, inertia, link.at)
+            add_wheel(scene, name, {coordinate: 1.0}, inertia, link)
 
 
 def add_ports(scene: Scene, patterns: Sequence[str]) -> None:

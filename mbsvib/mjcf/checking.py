@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from mbsvib.errors import ModelError
-from mbsvib.mjcf.compiled import Compiled
+from mbsvib.mjcf.compiled import HINGE, SLIDE, Compiled
 from mbsvib.mjcf.scene import Scene
 
 # Forces that are to agree with MuJoCo's, beside the largest of them.
 SAME = 1e-9
+# As near to its limit as this [rad, m] a joint touches it.
+AT_LIMIT = 1e-9
+LIMIT = "limit that touches in this pose of"
 
 
 def refuse_unknown(file: Compiled) -> None:
@@ -56,21 +59,16 @@ def compare(scene: Scene) -> None:
         If they differ, by the joint.
     """
     file, d = scene.file, scene.file.d
-    found = np.array(d.qfrc_spring) + np.array(d.qfrc_fluid) + np.array(d.qfrc_actuator)
-    ours = file.d.qfrc_gravcomp * _by_actuators(file) + scene.felt
-    size = max(np.abs(found).max(initial=0.0), np.abs(scene.felt).max(initial=0.0))
+    # either of the two has what lifts weight, which loads of the model's own gravity do
+    found = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
+    ours = scene.felt
+    size = max(np.abs(each).max(initial=0.0) for each in (found, ours, d.qfrc_gravcomp))
     off = np.abs(found - ours)
     if off.size and off.max() > SAME * size:
         i = int(off.argmax())
         raise file.refuse("joint", int(file.m.dof_jntid[i]), f"MuJoCo has {found[i]:.9g} N or N m of springs and "
                           f"actuators on it in this pose, and what was read makes {ours[i]:.9g}: something acts "
-                          f"that has no place here, a limit of the forces of all actuators or wind.")  # fmt: skip
-
-
-def _by_actuators(file: Compiled) -> np.ndarray:
-    """One where weight is lifted by actuators, in whose sum it is then."""
-    m = file.m
-    return np.array([float(m.jnt_actgravcomp[j]) for j in m.dof_jntid])
+                          f"that has no place here: magnets, wind or a limit of actuator forces.")  # fmt: skip
 
 
 def look_for_left(scene: Scene) -> None:
@@ -84,11 +82,17 @@ def look_for_left(scene: Scene) -> None:
     file, m, d, kinds = scene.file, scene.file.m, scene.file.d, scene.file.api.mjtConstraint
     if float(m.opt.viscosity):
         scene.remark("drag of the medium of", f"viscosity {float(m.opt.viscosity):g}")
+    for i in range(m.njnt) if not file.off("CONSTRAINT", "LIMIT") else ():
+        low, high = m.jnt_range[i]
+        scalar = int(m.jnt_type[i]) in (SLIDE, HINGE) and bool(m.jnt_limited[i])
+        # just at its limit a joint feels it in every second half of a swing, though MuJoCo counts it as free
+        if scalar and min(file.position(i)[0] - low, high - file.position(i)[0]) <= AT_LIMIT:
+            scene.remark(LIMIT, f"'{file.name('joint', i)}'")
     names: dict[int, tuple[str, str]] = {
         int(kinds.mjCNSTR_FRICTION_DOF): ("dry friction in", "dof"),
         int(kinds.mjCNSTR_FRICTION_TENDON): ("dry friction in", "tendon"),
-        int(kinds.mjCNSTR_LIMIT_JOINT): ("limit that touches in this pose of", "joint"),
-        int(kinds.mjCNSTR_LIMIT_TENDON): ("limit that touches in this pose of", "tendon"),
+        int(kinds.mjCNSTR_LIMIT_JOINT): (LIMIT, "joint"),
+        int(kinds.mjCNSTR_LIMIT_TENDON): (LIMIT, "tendon"),
     }
     for row in range(int(d.nefc)):
         if int(d.efc_type[row]) not in names:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib.errors import LeftOutWarning
 from mbsvib.mjcf.compiled import Compiled, compiled
 from mbsvib.model import Model
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+MOST_NAMES = 8  # that a warning lists of each sort
 UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model whose file gives it no name
 
 
@@ -37,6 +39,11 @@ class Link:
     at: Array
     z: Array
     own: int | None
+
+    @property
+    def axes(self) -> Array:
+        """The joint's axes as columns, z along its axis."""
+        return np.array(check.frame_along(check.axis(tuple(self.z), self.name, "axis")))
 
     @property
     def coordinate(self) -> str:
@@ -88,7 +95,7 @@ def load_mjcf(
     hinge and slide ``JOINT.torque`` or ``JOINT.force``, of each actuator its control under its own name, of each site
     with a name ``SITE.Fx`` ... ``SITE.Mz``. Outputs: ``JOINT.angle`` or ``JOINT.travel``, ``SITE.x`` ... ``SITE.rz``,
     world axes. What is nonlinear or has no place in a model is refused by name; friction, and limits and contacts that
-    touch in this pose, are left with a warning.
+    touch in this pose, are left with a ``LeftOutWarning``.
 
     Parameters
     ----------
@@ -143,9 +150,14 @@ def load_mjcf(
     checking.compare(scene)
     checking.look_for_left(scene)
     if scene.remarks:
-        told = "; ".join(f"{what} {', '.join(names)}" for what, names in scene.remarks.items())
-        warnings.warn(f"{path}: left out: {told}.", UserWarning, stacklevel=2)
+        told = "; ".join(f"{what} {_listed(names)}" for what, names in scene.remarks.items())
+        warnings.warn(f"{path}: left out: {told}.", LeftOutWarning, stacklevel=2)
     return model
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - MOST_NAMES
+    return ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _name(file: Compiled) -> str:

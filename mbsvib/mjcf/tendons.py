@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import _checks as check
 from mbsvib.mjcf.bodies import GROUND, added, along
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.wheels import add_wheel
@@ -134,15 +133,12 @@ def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float,
         return
     for joint, value in path.terms:
         scene.felt[int(scene.file.m.jnt_dofadr[joint])] += force * value
-    six, orientation = np.zeros(6), None
+    link, six = scene.links[path.terms[0][0]], np.zeros(6)
     if len(path.terms) == 1:
-        link, rate = scene.links[path.terms[0][0]], path.terms[0][1]
-        first, second, at, six[link.own] = link.first, link.second, link.at, rate
-        orientation = np.array(check.frame_along(check.axis(tuple(link.z), link.name, "axis")))
+        first, second, six[link.own] = link.first, link.second, path.terms[0][1]
     else:
         first, (second, six[5]) = GROUND, _wheel(scene, path, 0.0)
-        at = np.array(scene.model.bodies[second].position)
-    scene.model.add_bushing(name, first, second, at, k * six**2, c * six**2, orientation,
+    scene.model.add_bushing(name, first, second, link.at, k * six**2, c * six**2, link.axes,
                             force * six if force else None)  # fmt: skip
 
 
@@ -170,7 +166,8 @@ def drive(scene: Scene, name: str, path: Path, gain: float) -> None:
         model.add_input(name, link.second, along(link, gain * path.terms[0][1]), link.at, relative_to=link.first)
     else:
         wheel, radius = _wheel(scene, path, 0.0)
-        model.add_input(name, wheel, (0.0, 0.0, 0.0, 0.0, 0.0, gain * radius))
+        axis = scene.links[path.terms[0][0]].z
+        model.add_input(name, wheel, np.concatenate((np.zeros(3), gain * radius * axis)))
 
 
 def sums(scene: Scene, path: Path, factor: float = 1.0) -> dict[str, float]:
@@ -198,8 +195,7 @@ def _wheel(scene: Scene, path: Path, inertia: float) -> tuple[str, float]:
     key = f"{path.what} {path.number}"
     if key not in scene.wheels:
         name = f"{scene.file.name(path.what, path.number)}.wheel"
-        at = scene.links[path.terms[0][0]].at
-        scene.wheels[key] = add_wheel(scene, name, sums(scene, path), inertia, at)
+        scene.wheels[key] = add_wheel(scene, name, sums(scene, path), inertia, scene.links[path.terms[0][0]])
     return scene.wheels[key]
 
 

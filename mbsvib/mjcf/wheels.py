@@ -9,21 +9,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib.mjcf.scene import Scene
+from mbsvib.mjcf.scene import Link, Scene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import numpy as np
-    from numpy.typing import NDArray
 
 # Of the largest coefficient: the wheel turns by less than the joints, whose coordinates remain those of the model.
 RADIUS = 10.0
 
 
-def add_wheel(
-    scene: Scene, name: str, terms: Mapping[str, float], inertia: float, at: NDArray[np.float64]
-) -> tuple[str, float]:
+def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: float, beside: Link) -> tuple[str, float]:
     """Add a wheel on the ground that turns with a sum of coordinates.
 
     Parameters
@@ -36,13 +31,13 @@ def add_wheel(
         Coefficients of joint coordinates, "JOINT.rz".
     inertia : float
         What moves with the sum [kg m^2, kg].
-    at : array, shape (3,)
-        Where it is drawn [m].
+    beside : Link
+        The joint at which it is drawn, its axis along the joint's.
 
     Returns
     -------
     (str, float)
-        Name of its body, and its radius R: it turns by the sum over R, about z of the world.
+        Name of its body, and its radius R: it turns by the sum over R about the axis.
     """
     radius = RADIUS * max(abs(value) * _size(scene, coordinate) for coordinate, value in terms.items())
     moment = inertia * radius**2
@@ -51,9 +46,9 @@ def add_wheel(
         wheels.append((scene.fresh(f"{name}.counter", "wheel"), -1.0))
     for body, sign in wheels:
         share = moment / len(wheels)
-        scene.model.add_body(body, 0.0, (0.5 * share, 0.5 * share, share), at)
+        scene.model.add_body(body, 0.0, (0.5 * share, 0.5 * share, share), beside.at, beside.axes)
         axis = scene.fresh(f"{body}.axis", "joint")
-        scene.model.add_joint(axis, "revolute", "ground", body, at)
+        scene.model.add_joint(axis, "revolute", "ground", body, beside.at, beside.axes)
         turned = {coordinate: -sign * value / radius for coordinate, value in terms.items()}
         scene.model.add_coupler(scene.fresh(f"{body}.turns", "coupler"), {f"{axis}.rz": 1.0, **turned})
     return wheels[0][0], radius

@@ -61,10 +61,8 @@ def projected(file):
 
     M, _, K = matrices(file)
     m, d = file.m, file.d
-    if file.api.mj_isSparse(m):
-        J = np.zeros((d.nefc, m.nv))
-        file.api.mju_sparse2dense(J, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
-    else:
-        J = np.array(d.efc_J).reshape(d.nefc, m.nv)
+    J = np.zeros((d.nefc, m.nv))
+    for row, unit in zip(J, np.eye(d.nefc), strict=True):
+        file.api.mj_mulJacTVec(m, d, row, unit)
     free = null_space(J, rcond=1e-9)
     return np.sqrt(eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True))

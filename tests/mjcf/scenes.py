@@ -84,6 +84,17 @@ SWING = """
 </worldbody>
 <equality><connect name="c" site1="end" site2="tip"/></equality>"""
 
+ROD = '<inertial pos="0 0 -.4" mass="2" diaginertia=".03 .03 .001"/>'
+PENDULUM = f'<worldbody><body name="rod"><joint name="hinge" axis="0 1 0"/>{ROD}</body></worldbody>'
+
+
+def body(inner, name="b", at="0 0 0"):
+    return f'<body name="{name}" pos="{at}">{inner}</body>'
+
+
+def world(*inner, more=""):
+    return f"<worldbody>{''.join(inner)}</worldbody>{more}"
+
 
 def write(folder, words, name="scene.xml", head=HEAD):
     path = folder / name

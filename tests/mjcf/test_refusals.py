@@ -1,0 +1,94 @@
+"""What a file has that no model has a place for, and faulty arguments: refused by name."""
+
+import sys
+
+import pytest
+
+import mbsvib as mv
+from tests.mjcf.scenes import GANTRY, PENDULUM, ROD, body, world, write
+
+pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'mbsvib[mjcf]'")
+
+
+def actuator(words):
+    return f"{PENDULUM}<actuator>{words}</actuator>"
+
+
+def sites(words):
+    rod = PENDULUM.replace(ROD, ROD + '<site name="e" pos=".3 0 -.4"/><site name="f"/>').replace(
+        "<worldbody>", '<worldbody><site name="o" pos="1 0 0"/>')
+    return rod + words
+
+
+@pytest.mark.parametrize(("words", "told"), [
+    (actuator('<muscle name="m" joint="hinge" lengthrange="0 1"/>'), "actuator 'm': gain of kind muscle.*leave="),
+    (actuator('<general name="m" joint="hinge" forcerange="-1 1" biastype="affine" biasprm="5 0 0"/>'),
+     "actuator 'm': its force in this pose is 1 in MuJoCo and 5 by its gains"),
+    (sites('<actuator><position name="m" site="e" refsite="o"/></actuator>'), "a site against another one"),
+    (sites('<actuator><general name="m" site="e" biastype="affine" biasprm="1 0 0"/></actuator>'),
+     "not by a motor alone"),
+    (sites('<actuator><general name="m" cranksite="e" slidersite="o" cranklength="1"/></actuator>'), "slidercrank"),
+    (sites('<tendon><spatial name="t" stiffness="1"><site site="e"/><site site="f"/><site site="o"/></spatial>'
+           '</tendon>'),
+     "tendon 't': goes by more than two sites"),
+    (sites('<tendon><spatial name="t"><site site="e"/><site site="f"/><site site="o"/></spatial></tendon><actuator>'
+           '<motor name="m" tendon="t"/></actuator>'), "actuator 'm': its tendon 't' goes by more"),
+    (sites('<tendon><spatial name="t" armature="1"><site site="e"/><site site="o"/></spatial></tendon>'),
+     "armature on a line"),
+    (sites('<equality><connect name="c" site1="e" site2="o"/></equality>'), "equality 'c': gapes by 0.7"),
+    (PENDULUM + '<equality><joint name="c" joint1="hinge" polycoef=".3 0 0 0 0"/></equality>',
+     "equality 'c': gapes by 0.3"),
+    (world(body('<joint name="a"/>' + ROD, "a"), body('<joint name="b"/>' + ROD),
+           more='<equality><joint name="c" joint1="a" joint2="b" polycoef="0 1 2 0 0"/></equality>'),
+     "equality 'c': polycoef = .* no straight line"),
+    (PENDULUM.replace("axis", 'actuatorfrcrange="-1 1" axis') + '<actuator><general joint="hinge" biastype="affine" '
+     'biasprm="5 0 0"/></actuator>', "joint 'hinge': MuJoCo has 1 N or N m .* makes 5"),
+    ("<worldbody><body><joint/></body></worldbody>", "MuJoCo refuses it"),
+    ("<worldbodi/>", "MuJoCo refuses it"),
+])  # fmt: skip
+def test_what_has_no_place_is_refused(tmp_path, words, told):
+    with pytest.raises(mv.ModelError, match=told):
+        mv.load_mjcf(write(tmp_path, words))
+
+
+@pytest.mark.parametrize(("attribute", "told"), [
+    ('stiffness="1 2 3"', "joint 'hinge': stiffness of more than one"), ('springyield="20"', "yields for good")])
+def test_springs_that_are_not_linear_are_refused(tmp_path, attribute, told):
+    import mujoco
+
+    if not hasattr(mujoco.MjModel, "jnt_stiffnesspoly" if "2" in attribute[:14] else "jnt_springyield"):
+        pytest.skip("this MuJoCo has no such springs")
+    with pytest.raises(mv.ModelError, match=told):
+        mv.load_mjcf(write(tmp_path, PENDULUM.replace("axis", f"{attribute} axis")))
+
+
+def test_faulty_arguments_are_told(tmp_path, monkeypatch):
+    path = write(tmp_path, GANTRY)
+    for words, told in (({"pose": {"swin": 1.0}}, "Did you mean 'swing'"), ({"pose": {"swing": (1, 2)}}, "a number"),
+                        ({"stiffness": {"swin": 1.0}}, "no hinge"), ({"damping": (1, 2)}, "one number, or six"),
+                        ({"sites": ["tip"]}, "'tip' is no site"), ({"gravity": 3.0}, "gravity")):  # fmt: skip
+        with pytest.raises(mv.ModelError, match=told):
+            mv.load_mjcf(path, **words)
+    ball = write(tmp_path, world(body('<joint name="ball" type="ball"/>' + ROD), '<site name="o"/>'))
+    with pytest.raises(mv.ModelError, match=r"a quaternion \(w, x, y, z\)"):
+        mv.load_mjcf(ball, pose={"ball": 1.0})
+    with pytest.raises(mv.ModelError, match="This quaternion is zero"):
+        mv.load_mjcf(ball, pose={"ball": (0, 0, 0, 0)})
+    with pytest.raises(mv.ModelError, match="'ball' is a ball or free joint"):
+        mv.load_mjcf(ball, stiffness={"ball": 1.0})
+    with pytest.raises(mv.ModelError, match="fixed to the ground"):
+        mv.load_mjcf(ball, sites=["o"])
+    with pytest.raises(mv.ModelError, match="cannot be read"):
+        mv.load_mjcf(tmp_path / "none.xml")
+    (tmp_path / "robot.xml").write_text('<robot name="r"/>')
+    with pytest.raises(mv.ModelError, match="a URDF; read it by load_urdf"):
+        mv.load_mjcf(tmp_path / "robot.xml")
+    (tmp_path / "other.xml").write_text("<sdf/>")
+    with pytest.raises(mv.ModelError, match="expected <mujoco>"):
+        mv.load_mjcf(tmp_path / "other.xml")
+    (tmp_path / "torn.xml").write_text("<mujoco")
+    with pytest.raises(mv.ModelError, match="no XML"):
+        mv.load_mjcf(tmp_path / "torn.xml")
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(mv.ModelError, match=r'pip install "mbsvib\[mjcf\]"'):
+        mv.load_mjcf(path)
