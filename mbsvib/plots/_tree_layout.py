@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.parts import Bushing, Maxwell, Spring
 from mbsvib.parts._part import Composed
+from mbsvib.parts.coupler import Coupling
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -58,12 +60,12 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     topology : Topology
         The spanning tree.
     parts : iterable of Part
-        What the mechanism is made of, for its springs.
+        What the mechanism is made of, for its springs and couplers.
 
     Returns
     -------
     dict
-        ``nodes``, ground last, and ``edges`` of kind "tree", "cut", "floating" and "spring".
+        ``nodes``, ground last, and ``edges`` of kind "tree", "cut", "floating", "spring" and "coupler".
     """
     places = positions(topology)
     names = (*topology.bodies, "ground")
@@ -80,4 +82,14 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
         if isinstance(part, Spring | Bushing | Maxwell) and part.name not in made:
             what = type(part).__name__.lower()
             edges.append(["spring", part.name, what, number[part.first], number[part.second]])
+        elif isinstance(part, Coupling):
+            turned = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
+            edges += [["coupler", part.name, type(part).__name__.lower(), number[a], number[b]]
+                      for a, b in pairwise(turned)]  # fmt: skip
     return {"nodes": nodes, "edges": edges}
+
+
+def _moved(topology: Topology, coordinate: str) -> str:
+    """The body that a coordinate moves against the other one: where a gear sits."""
+    joint = next(joint for joint in topology.joints if joint.name == coordinate.rpartition(".")[0])
+    return joint.first if joint.second == "ground" else joint.second

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 KINDS = {
     "tree": ("joint of the tree", "#1d2733", 1.6, "-"), "cut": ("cut joint", "#c4321f", 1.6, (0, (5, 2))),
     "spring": ("spring or damper", "#dd7a1f", 1.0, "-"),
+    "coupler": ("gear or coupler", "#2c8a5b", 1.2, (0, (1, 1))),
     "floating": ("no joint: floats", style.MARK, 1.0, (0, (1.5, 1))),
 }  # fmt: skip
 MOST_NAMES = 60
@@ -29,7 +30,7 @@ BOX = {"fc": "white", "ec": "none", "alpha": 0.85, "pad": 0.4}
 
 
 def topology(system: System) -> Figure:
-    """Draw bodies as a tree that grows from the ground, with the joints at which loops are cut and all springs.
+    """Draw bodies as a tree that grows from the ground, with joints at which loops are cut, springs and couplers.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ def topology(system: System) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Joints of the tree black, cut joints red and dashed, springs orange.
+        Joints of the tree black, cut joints red and dashed, springs orange, gears and other couplers green and dotted.
     """
     a_system(system, "topology")
     graph = layout.graph(system.provenance.topology, system.provenance.parts)
@@ -59,8 +60,8 @@ def topology(system: System) -> Figure:
             label, colour, thick, dash = KINDS[kind]
             axes.plot(*points.T, color=colour, linewidth=thick, linestyle=dash, label=label, zorder=2)
             if len(edges) <= MOST_NAMES and kind != "floating":
-                axes.annotate(name, points[5 if kind == "spring" else 9], ha="center", va="center", fontsize=6.5,
-                              color=colour, bbox=BOX, zorder=3)  # fmt: skip
+                place = points[5 if kind in ("spring", "coupler") else 9]
+                axes.annotate(name, place, ha="center", va="center", fontsize=6.5, color=colour, bbox=BOX, zorder=3)
         ground = len(nodes) - 1
         axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)

@@ -52,3 +52,16 @@ def test_topology_shows_tree_cuts_and_springs():
     assert looks.count("joint of the tree") == 13
     assert looks.count("spring or damper") == 6
     assert set(system.cut_joints) <= {text.get_text() for text in axes.texts}
+
+
+def test_topology_shows_gears_and_couplers():
+    """A train of gears does not fall apart into bodies that have nothing to do with each other."""
+    model = mv.Model("train")
+    for i in range(4):
+        model.add_body(f"g{i}", 1.0, (1, 1, 1), position=(i, 0, 0))
+        model.add_joint(f"j{i}", "revolute", "ground", f"g{i}", position=(i, 0, 0))
+    model.add_gear("pair", "j0", "j1", ratio=-2.0)
+    model.add_coupler("belt", {"j1": 1.0, "j2": 2.0, "j3": -1.0})
+    axes = topology(model.linearize()).axes[0]
+    assert [line.get_label() for line in axes.lines].count("gear or coupler") == 3
+    assert {"pair", "belt"} <= {text.get_text() for text in axes.texts}

@@ -102,7 +102,8 @@ function bent(from, to, bend) {
 function drawGraph() {
   const {nodes, edges} = data.topology, ground = nodes.length - 1, seen = {}, at = (i) => [nodes[i][1], nodes[i][2]];
   const kinds = {tree: {name: "joint of the tree", color: INK, width: 2.2}, floating: {name: "no joint: floats", color: "#9aa5b1", width: 1.5, dash: "dot"},
-                 cut: {name: "cut joint", color: RED, width: 2.4, dash: "dash"}, spring: {name: "spring or damper", color: ORANGE, width: 1.3}};
+                 cut: {name: "cut joint", color: RED, width: 2.4, dash: "dash"}, spring: {name: "spring or damper", color: ORANGE, width: 1.3},
+                 coupler: {name: "gear or coupler", color: "#2c8a5b", width: 1.6, dash: "dot"}};
   const drawn = Object.fromEntries(Object.keys(kinds).map((kind) => [kind, {x: [], y: [], mx: [], my: [], text: []}]));
   for (const [kind, name, words, first, second] of edges) {
     const key = `${Math.min(first, second)}-${Math.max(first, second)}`, nth = (seen[key] = (seen[key] ?? -1) + 1);
