@@ -43,7 +43,7 @@ def step(
     model: ModelArgument,
     inputs: InputOption = None,
     outputs: OutputOption = None,
-    until: Annotated[float | None, typer.Option("--until", metavar="S", help="Last time [s].")] = None,
+    until: Annotated[float | None, typer.Option("--until", metavar="SECONDS", help="Last time, in s.")] = None,
     file: FileOption = None,
 ) -> None:
     """Draw responses to unit steps into a file (default: NAME-step.png)."""
