@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Ties = Mapping[str, Mapping[str, float] | Tie]
 Bound = tuple[Tie, tuple[str, ...]]
 
+AS_GIVEN = 1e-9  # what a tie may be off the model where it starts, in parts of the largest of its kind
 _TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 
 
@@ -168,6 +169,9 @@ def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapp
     for pattern, value in values.items():
         check.number(value, who, f"values of '{pattern}'")
     moved = [name for pattern in values for name in parameters.matching(pattern)]
+    if hasattr(tie, "start"):
+        _refuse_other(parameters, {name: values[pattern] for pattern in values
+                                   for name in parameters.matching(pattern)}, who)  # fmt: skip
     for variable, slopes in rates.items():
         if variable not in own:
             raise ModelError(f"{who}: its tie has rates of '{variable}', which it was not given."
@@ -179,6 +183,17 @@ def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapp
                     raise ModelError(f"variable '{variable}': its tie has rates of '{name}', and no values.",
                                      element=name, field="ties")  # fmt: skip
     return moved
+
+
+def _refuse_other(parameters: Parameters, values: Mapping[str, Any], who: str) -> None:
+    """Refuse a tie that says where it starts, if the model is not as given there: its turns would start elsewhere."""
+    size: dict[str, float] = {}
+    for name in values:
+        size[unit(name)] = max(size.get(unit(name), 0.0), abs(parameters[name]))
+    for name, value in values.items():
+        if abs(value - parameters[name]) > AS_GIVEN * size[unit(name)]:
+            raise ModelError(f"{who}: where its tie starts, '{name}' is {value:.6g}, and {parameters[name]:.6g} in the "
+                             f"model; make the tie for this model.", element=name, field="ties")  # fmt: skip
 
 
 def _units(direct: Linear) -> dict[str, str]:

@@ -21,8 +21,8 @@ SMALL = 1e-4  # square of an angle [rad^2] below which three terms of a series a
 class Tie(Protocol):
     """Parameters as functions of variables: an object of one's own with these two methods moves a model as it likes.
 
-    Optional are the attributes ``start``, the value of each variable at which the model is as given (else 0), and
-    ``units`` of the variables.
+    Optional are the attributes ``start``, the value of each variable at which the model is as given (which is checked;
+    without it variables start at 0), and ``units`` of the variables.
     """
 
     def values(self, variables: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mbsvib import isolation, library, studies
+from mbsvib.errors import ModelError
 from mbsvib.studies.design import design
 
 SHAPE = {"base.radius": 0.13, "base.height": 0.01, "base.spread": math.radians(15), "platform.radius": 0.07,
@@ -153,6 +154,26 @@ def test_sweep_of_geometry():
     for radius, found in zip([0.07, 0.08], swept["modes.frequencies"].reshape(2, 6), strict=True):
         anew = built(**(start | {"platform.radius": radius, "base.angle": 0.05}))
         assert np.allclose(found, anew.linearize().modes().frequencies, rtol=1e-10)
+
+
+def test_tolerances_and_fronts_of_geometry():
+    model = stewart()
+    geometry = isolation.platform(model, "platform")
+    off = studies.tolerances(model, {"base.radius": "1 %", "platform.height": 1e-4}, samples=5, ties=geometry.ties)
+    slope = studies.frequency(0).gradient(model.linearize(), design(model, ["base.radius"], geometry.ties).rates(
+        geometry.start))[0, 0]  # fmt: skip
+    assert off.worst[0] >= abs(slope) * 0.01 * 0.115
+    goal = isolation.passive(model, "platform")
+    sag = goal.sag(load=1.0)
+    bounds = sag(goal.scene.system) * np.array([1.05, 1.005])
+    front = goal.front({"platform.radius": (0.03, 0.12)}, goal.compliance(), sag, bounds, ties=geometry.ties)
+    assert all(each.success for each in front.designs)
+    assert (front.price <= bounds * (1 + 1e-6)).all()
+    # what was found is another model: variables of the old one would turn its legs twice
+    with pytest.raises(ModelError, match="make the tie for this model"):
+        isolation.passive(front.designs[0].model, "platform").optimize(
+            {"base.radius": (0.1, 0.2)}, goal.compliance(), ties=geometry.ties
+        )
 
 
 def test_gradients_against_models_built_anew():

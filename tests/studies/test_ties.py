@@ -22,7 +22,9 @@ class Power:
 
     @property
     def start(self):
-        return {"x": 1.5, "y": 0.5}
+        known = car().parameters
+        x = (known["suspension.stiffness"] / self.scale) ** 0.5
+        return {"x": x, "y": known["suspension.damping"] / (self.scale * x)}
 
     @property
     def units(self):
@@ -63,7 +65,7 @@ def test_linear_maps_and_functions_add_what_they_change():
     k = model.parameters["suspension.stiffness"]
     power, line = Power(1e4), {"suspension.stiffness": 100.0, "tyre.stiffness": 10.0}
     chosen = design(model, ["x", "line", "y"], {"x": power, "y": power, "line": line})
-    assert chosen.start == {"x": 1.5, "y": 0.5, "line": 0.0}
+    assert chosen.start == power.start | {"line": 0.0}
     assert chosen.units == {"x": "m"}
     at = {"x": np.array([1.0, 2.0]), "line": np.array([3.0, 0.0]), "y": np.array([0.1, 0.2])}
     found = chosen.values(at)
@@ -75,7 +77,7 @@ def test_linear_maps_and_functions_add_what_they_change():
     assert rates["line"] == line
     # one of several variables alone: the others are where they start
     alone = design(model, ["x"], {"x": power, "y": power}).values({"x": 2.0})
-    assert alone == {"suspension.stiffness": 4e4, "suspension.damping": 1e4}
+    assert alone["suspension.damping"] == 1e4 * 2.0 * power.start["y"]
     assert design(model, ["line"], {"line": line}).values({"line": 1.0})["suspension.stiffness"] == k + 100.0
 
 
@@ -107,10 +109,10 @@ def test_orientations_turn_from_where_they_are():
 
 def test_functions_are_searched_and_swept():
     model, power = car(), Power(1e4)
-    found = st.optimize(model, {"x": (0.5, 3.0), "y": (0.01, 3.0)}, (st.frequency(0) - 1.3) ** 2 * 100
+    found = st.optimize(model, {"x": (0.5, 3.0), "y": (-0.01, 3.0)}, (st.frequency(0) - 1.3) ** 2 * 100
                         + (st.damping_ratio(0) - 0.3) ** 2, ties={"x": power, "y": power})  # fmt: skip
     assert found.success
-    assert found.start == {"x": 1.5, "y": 0.5}
+    assert found.start == power.start
     modes = found.model.linearize().modes()
     assert modes.frequencies[0] == pytest.approx(1.3, rel=1e-5)
     assert modes.damping_ratios[0] == pytest.approx(0.3, rel=1e-5)
@@ -120,7 +122,7 @@ def test_functions_are_searched_and_swept():
                      ties={"x": power, "y": power})  # fmt: skip
     assert np.allclose(swept["modes.frequencies"][1], modes.frequencies, rtol=1e-12)
     off = st.tolerances(model, {"x": "1 %"}, st.frequency(0), samples=10, ties={"x": power})
-    assert off.tolerance["x"] == pytest.approx(0.015, rel=1e-15)
+    assert off.tolerance["x"] == pytest.approx(0.01 * power.start["x"], rel=1e-15)
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,12 @@ def test_what_has_values_of_its_own_is_not_tied_too():
         design(car(), ["x", "suspension.damping"], {"x": Power(1.0)})
     with pytest.raises(mv.ModelError, match="Did you mean 'x1'"):
         design(car(), ["x1"], {"x": Power(1.0), "x1": {STIFF: 1.0}})
+
+
+def test_ties_of_another_model_are_refused():
+    other = car().with_values({STIFF: 1.0})
+    with pytest.raises(mv.ModelError, match=r"'suspension\.stiffness' is .*, and 1 in the model; make"):
+        design(other, ["x"], {"x": Power(1e4)})
 
 
 def test_rotation_vectors_are_those_of_changes():
