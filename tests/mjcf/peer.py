@@ -66,3 +66,20 @@ def projected(file):
         file.api.mj_mulJacTVec(m, d, row, unit)
     free = null_space(J, rcond=1e-9)
     return np.sqrt(eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True))
+
+
+def closed(file, driven, value):
+    """Potential energy where one coordinate has a value and the others close the loops; MuJoCo's pose is left there."""
+    api, m, d = file.api, file.m, file.d
+    others = [i for i in range(m.nv) if i != driven]
+    d.qpos[driven] = value
+    for _ in range(20):
+        api.mj_forward(m, d)
+        if np.abs(d.efc_pos).max() < 1e-15:
+            break
+        J = np.zeros((d.nefc, m.nv))
+        for row, unit in zip(J, np.eye(d.nefc), strict=True):
+            api.mj_mulJacTVec(m, d, row, unit)
+        d.qpos[others] -= np.linalg.lstsq(J[:, others], d.efc_pos, rcond=1e-9)[0]
+    api.mj_energyPos(m, d)
+    return float(d.energy[0])

@@ -1,5 +1,7 @@
 """Files that the tests read."""
 
+import numpy as np
+
 HEAD = '<compiler angle="radian"/><option gravity="0 0 -9.81"><flag contact="disable"/></option>'
 
 # Two hinges and a slide in one body, a welded part, a ball with a spring; servo, motor, jet, tendons, armature.
@@ -100,3 +102,46 @@ def write(folder, words, name="scene.xml", head=HEAD):
     path = folder / name
     path.write_text(f"<mujoco>{head}{words}</mujoco>", encoding="utf-8")
     return path
+
+
+def random_tree(seed):
+    """Bodies with one to three joints of any kind, wound springs, armature, weights lifted in part."""
+    rng = np.random.default_rng(seed)
+    hinges = []
+
+    def numbers(*values):
+        return " ".join(f"{value:.6g}" for value in values)
+
+    def joints(name):
+        rotates, words = False, ""
+        for i in range(rng.integers(1, 4)):
+            kind = rng.choice(["hinge", "slide", "ball"] if not rotates else ["hinge", "slide"])
+            if kind == "ball" and i:  # MuJoCo has no ball beside hinges
+                kind = "slide"
+            rotates |= kind == "hinge" or kind == "ball"
+            label, soft = f"{name}{i}", 1.0 if kind != "slide" else 10.0
+            if kind != "ball":
+                hinges.append(label)
+            words += (f'<joint name="{label}" type="{kind}" pos="{numbers(*rng.normal(0, 0.1, 3))}" axis="'
+                      f'{numbers(*rng.normal(size=3))}" stiffness="{numbers(soft * rng.uniform(60, 200))}" damping="'
+                      f'{numbers(rng.uniform(0, 3))}" armature="{numbers(rng.choice([0.0, rng.uniform(0, 0.1)]))}"'
+                      + (f' springref="{numbers(rng.normal(0, 0.05))}"/>' if kind != "ball" else "/>"))  # fmt: skip
+            if kind == "ball":
+                break
+        return words
+
+    def tree(depth, name):
+        inner = "".join(tree(depth - 1, f"{name}{letter}") for letter in "ab"[: rng.integers(1, 3)]) if depth else ""
+        return (f'<body name="{name}" pos="{numbers(*rng.normal(0, 0.3, 3))}" euler="{numbers(*rng.normal(0, 1, 3))}" '
+                f'gravcomp="{numbers(rng.choice([0.0, 0.4]))}">{joints(name)}<geom type="ellipsoid" size="'
+                f'{numbers(*rng.uniform(0.03, 0.1, 3))}" pos="{numbers(*rng.normal(0, 0.1, 3))}" euler="1 2 3"/>'
+                f'<site name="{name}" pos="{numbers(*rng.normal(0, 0.1, 3))}"/>{inner}</body>')  # fmt: skip
+
+    bodies = tree(2, "t")
+    ends = '<site site="t"/><site site="taa"/>'
+    # along one branch only: MuJoCo drops what armature of a tendon does between branches
+    chain = [name for name in hinges if name[:-1] in ("t", "ta", "taa")]
+    terms = "".join(f'<joint joint="{name}" coef="{numbers(rng.normal())}"/>' for name in chain)
+    fixed = f'<fixed name="sum" stiffness="50" springlength=".01" damping="2" armature=".2">{terms}</fixed>'
+    return (f"<worldbody>{bodies}</worldbody><tendon>{fixed if terms else ''}<spatial name='line' stiffness='80' "
+            f"springlength='.2' damping='1'>{ends}</spatial></tendon>")  # fmt: skip

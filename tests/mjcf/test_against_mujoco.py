@@ -6,8 +6,8 @@ from scipy.linalg import eigh
 
 import mbsvib as mv
 from mbsvib.mjcf.compiled import compiled
-from tests.mjcf.peer import matrices, projected, settled
-from tests.mjcf.scenes import ARM, FLOATING, FOUR_BAR, GANTRY, HAND, SWING, write
+from tests.mjcf.peer import closed, matrices, projected, settled
+from tests.mjcf.scenes import ARM, FLOATING, FOUR_BAR, GANTRY, HAND, SWING, random_tree, write
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'mbsvib[mjcf]'")
 
@@ -74,3 +74,32 @@ def test_a_loaded_loop(tmp_path):
     inertia = 2 * (0.03 + 2 * 0.3**2) + 3 * 0.5**2
     moment = 9.81 * (2 * 2 * 0.3 + 3 * 0.5)
     np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(moment / inertia) / (2 * np.pi)], rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore:.*turned spring in")
+@pytest.mark.parametrize("seed", range(6))
+def test_random_trees_under_load(tmp_path, seed):
+    path = write(tmp_path, random_tree(seed))
+    file, pose = settled(path, {})
+    system = mv.load_mjcf(path, pose=pose).linearize()
+    assert list(system.coordinates) == in_order(system, file)
+    assert_same(system, file, 1e-8)
+
+
+def test_a_four_bar_under_its_weight(tmp_path):
+    """Stiffness with the reactions in the loop: the curvature of MuJoCo's energy along the loop's only motion."""
+    path = write(tmp_path, FOUR_BAR)
+    file, at, h = compiled(path, {}, None, {}, ()), 0.0, 1e-2
+    weights = np.array([[1, -8, 0, 8, -1], [-1, 16, -30, 16, -1]]) / 12  # of first and second derivatives
+    for _ in range(8):
+        slope, curvature = weights @ [closed(file, 0, at + i * h) for i in range(-2, 3)] / (h, h * h)
+        at -= slope / curvature
+    closed(file, 0, at)
+    pose = {name: file.position(i)[0] for i, name in enumerate("abd")}
+    model = mv.load_mjcf(path, pose=pose)
+    held = model.equilibrium()  # what the differences leave over
+    system = held.linearize(independent=["a.rz"])
+    np.testing.assert_allclose(system.K, [[curvature]], rtol=1e-6)
+    np.testing.assert_allclose(held.bodies["crank"].position, model.bodies["crank"].position, atol=1e-6)
+    by_itself = mv.load_mjcf(path).equilibrium().linearize(independent=["a.rz"])
+    np.testing.assert_allclose(by_itself.K, system.K, rtol=1e-9)
