@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from mbsvib.campbell import Campbell
 
-LINES = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
+LINES: dict[str, Any] = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
 
 
 def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
@@ -34,6 +34,8 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
         Forward whirl full, backward dashed, motions to and fro dotted; critical speeds are circles, what grows is
         marked by crosses.
     """
+    from matplotlib.lines import Line2D
+
     with style.context():
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
@@ -61,5 +63,12 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
         axes.set_xlabel("speed [rad/s]")
         axes.set_ylabel("damped frequency [Hz]")
         axes.set_title("Campbell diagram")
+        met = {direction for row in data.directions[1:] for direction in row}
+        handles = [Line2D([], [], color=style.INK, linestyle=dash, linewidth=1.2, label=direction or "to and fro")
+                   for direction, dash in LINES.items() if direction in met]  # fmt: skip
+        if (data.eigenvalues.real > 0.0).any():
+            handles.append(Line2D([], [], marker="x", linestyle="none", color=style.INK, markersize=4.0, label="grows"))
+        if handles:
+            figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         axes.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)
     return figure
