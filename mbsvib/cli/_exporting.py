@@ -41,6 +41,8 @@ def export(
         hint = nearest(suffix, KINDS)
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
     source = model_of(model)
+    if file.exists() and Path(model).exists() and file.samefile(model):
+        raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
     if suffix == ".yaml":
         from mbsvib.files import save
 

@@ -19,6 +19,17 @@ def test_bode_writes_a_figure_of_the_model_s_name(run, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
+@pytest.mark.parametrize("suffix", ["yaml", "json"])
+def test_an_export_does_not_replace_its_model(run, tmp_path, suffix):
+    """A model in JSON became its own linear system, and one in YAML lost its comments."""
+    path = mv.save(mv.library.quarter_car(), tmp_path / f"car.{suffix}")
+    before = path.read_bytes()
+    result = run(f"export car.{suffix} -o ./car.{suffix}")
+    assert result.exit_code == 2
+    assert "is the model itself" in result.stderr
+    assert path.read_bytes() == before
+
+
 @pytest.mark.parametrize(("suffix", "start"), [("png", PNG), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_formats_go_by_the_suffix(run, tmp_path, suffix, start):
     assert run(f"step slider.yaml -i F -o x --until 1 -f figure.{suffix}").exit_code == 0
