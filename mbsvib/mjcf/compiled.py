@@ -156,8 +156,9 @@ def root_of(path: str | PathLike[str]) -> str:
         If the file cannot be read or is no XML.
     """
     try:
-        for _, element in ElementTree.iterparse(path, events=("start",)):
-            return str(element.tag)
+        with open(path, "rb") as stream:
+            for _, element in ElementTree.iterparse(stream, events=("start",)):
+                return str(element.tag)
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror or error}.", element=str(path)) from error
     except ElementTree.ParseError as error:

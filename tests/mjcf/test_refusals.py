@@ -43,6 +43,13 @@ def sites(words):
      "equality 'c': polycoef = .* no straight line"),
     (PENDULUM.replace("axis", 'actuatorfrcrange="-1 1" axis') + '<actuator><general joint="hinge" biastype="affine" '
      'biasprm="5 0 0"/></actuator>', "joint 'hinge': MuJoCo has 1 N or N m .* makes 5"),
+    (sites('<tendon><spatial name="t" stiffness="1" springlength="0 .4"><site site="f"/><site site="g"/></spatial>'
+           '</tendon>').replace("<worldbody>", '<worldbody><site name="g" pos="0 .4 0"/>'),
+     "tendon 't': its length 0.4 is where it goes slack"),
+    (sites('<tendon><spatial name="t"><site site="e"/><site site="o"/></spatial></tendon><equality><tendon name="c" '
+           'tendon1="t"/></equality>'), "equality 'c': its tendon 't' is no fixed one"),
+    (world('<flexcomp name="x" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" radius=".01"/>'),
+     "<flex>: deformable bodies"),
     ("<worldbody><body><joint/></body></worldbody>", "MuJoCo refuses it"),
     ("<worldbodi/>", "MuJoCo refuses it"),
 ])  # fmt: skip
@@ -60,6 +67,13 @@ def test_springs_that_are_not_linear_are_refused(tmp_path, attribute, told):
         pytest.skip("this MuJoCo has no such springs")
     with pytest.raises(mv.ModelError, match=told):
         mv.load_mjcf(write(tmp_path, PENDULUM.replace("axis", f"{attribute} axis")))
+
+
+def test_locks_of_joints_with_soft_bearings_are_refused(tmp_path):
+    path = write(tmp_path, PENDULUM + '<equality><joint name="lock" joint1="hinge"/></equality>')
+    assert mv.load_mjcf(path, stiffness=5.0).linearize().dof == 0
+    with pytest.raises(mv.ModelError, match="equality 'lock': locks 'hinge', whose bearings give way"):
+        mv.load_mjcf(path, stiffness=(1.0,) * 6)
 
 
 def test_faulty_arguments_are_told(tmp_path, monkeypatch):
