@@ -6,7 +6,7 @@ import pytest
 import mbsvib as mv
 from tests.urdf.test_robot import ARM
 
-mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra 'bench')")
+mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'mbsvib[mjcf]'")
 
 JOINTS = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
