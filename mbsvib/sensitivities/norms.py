@@ -85,7 +85,7 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     base = states(system, *ports)
     names = variables(system.parameters, parameters).names
     _refuse_feedthrough(system, base.D, ports)
-    m = len(base.scale)
+    k = base.first
     values = system.poles()
     if (values.real >= 0.0).any():
         worst = int(np.argmax(values.real >= 0.0)) // 2 + 1
@@ -97,8 +97,8 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     q = solve_continuous_lyapunov(base.A.T, -base.C.T @ base.C)
     value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
     slopes = np.zeros(len(names))
-    state, force, seen = (p @ q)[:, m:].T, (q @ base.B)[m:], base.C @ p
-    for which, change in in_parts(system, parameters, max(1, BLOCK // max(1, m * m))):
+    state, force, seen = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
+    for which, change in in_parts(system, parameters, max(1, BLOCK // max(1, system.dof**2))):
         da, db, dc, dd = changed(base, change, *ports)
         total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * seen).sum(axis=(1, 2))
         size = np.abs(dd).max(axis=(1, 2), initial=0.0)

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.modes.damped import Damped
+from mbsvib.errors import ModelError
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities, planned
 from mbsvib.sensitivities.fields import fields, motions
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.spectrum import TOGETHER
-from mbsvib.sensitivities.states import refuse_general
+from mbsvib.sensitivities.states import basis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -153,23 +153,26 @@ def shape_sensitivities(system: System, plan: Plan, modes: Modes) -> Complex:
     ModelError
         If the system has motions without mass.
     """
-    modal = system._modal
-    if not isinstance(modal, Damped):
-        raise refuse_general(system)
+    chosen = basis(system)
+    if chosen.massive < system.dof:
+        raise ModelError(
+            f"sensitivities of '{system.name}': shapes with motions without mass have no derivatives yet. There are "
+            f"those of eigenvalues, frequencies and damping ratios.", element=system.name,
+        )  # fmt: skip
+    vectors, square, gamma = chosen.vectors, chosen.stiffness, chosen.damping
     m, values = system.dof, modes.pairs[:, 0].astype(complex)
     result = np.empty((len(plan.variables.names), m, m), dtype=complex)
-    basis, gamma = modal.shapes, np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-    moving = basis.T @ system.M
+    moving = vectors.T @ system.M
     for group in _groups(values):
         step = max(1, BLOCK // max(1, plan.size * m))
         pushed = np.concatenate([_pushed(plan, modes.shapes[:, some], values[some])
                                  for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
         own = np.asarray(moving @ modes.shapes[:, group])
-        forms = -(basis.T @ plan.variables.chain(pushed[0]))
+        forms = -(vectors.T @ plan.variables.chain(pushed[0]))
         mass = modes.shapes[:, group].conj().T @ plan.variables.chain(pushed[1])
-        change = _bordered(modal.square, gamma, values[group[0]], own, forms)
+        change = _bordered(square, gamma, values[group[0]], own, forms)
         keep = own.conj().T @ change
-        result[:, :, group] = basis @ (change - own @ (keep + 0.5 * mass))
+        result[:, :, group] = vectors @ (change - own @ (keep + 0.5 * mass))
     return result
 
 
@@ -190,7 +193,7 @@ def _bordered(square: Array, gamma: Array, value: complex, own: Any, forms: Comp
     """Solve T X' + T' X lambda' = F, X^H X' = 0 in the undamped modes, (v, m, k), with rows and columns balanced."""
     m, k = own.shape
     matrix = np.zeros((m + k, m + k), dtype=complex)
-    matrix[:m, :m] = np.diag(square + value * value) + value * gamma
+    matrix[:m, :m] = square + value * value * np.eye(m) + value * gamma
     # rigid-body modes stay at 0: what would move them must vanish, whichever damper brakes them
     matrix[:m, m:] = own if value == 0.0 else 2.0 * value * own + gamma @ own
     matrix[m:, :m] = own.conj().T

@@ -1,8 +1,12 @@
-"""First-order equations in the undamped modes, and their derivatives.
+"""First-order equations in a basis that goes along with the parameters, and their derivatives.
 
-The modes stay what they are at the pose: they are a basis like any other, also of systems with spin or follower loads,
-whose equations they do not separate. States are (s eta, eta') with s = omega, so that both have the unit of a velocity
-and A is as well scaled as the mechanism allows.
+The basis T = (R, N) has the motions R with R^T M R = 1, in the pose the undamped modes, and the motions N without mass
+with N^T C N = 1 and N^T C R = 0, which have no velocities of their own:
+
+eta'' = -K_RR eta - K_RN nu - gamma eta' + B_R u,  nu' = -K_NR eta - K_NN nu + B_N u
+
+As parameters change, T stays of that kind by T' = T Theta, and a matrix X in it, T^T X T, changes by T^T X' T +
+Theta^T X + X Theta. States are (s eta, eta', nu) with s = omega, so that A is as well scaled as the mechanism allows.
 """
 
 from __future__ import annotations
@@ -11,12 +15,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import cholesky, eigh, solve_triangular
 
 from mbsvib.errors import ModelError
 from mbsvib.modes.damped import Damped
-from mbsvib.parts import Body
-from mbsvib.sensitivities.limits import limits
+from mbsvib.parts import Body, Maxwell
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
@@ -30,21 +33,35 @@ CANCELLED = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
+class Basis:
+    """Motions ``vectors`` T (m, m), the first ``massive`` of which have mass, with K and C in them."""
+
+    vectors: Array
+    massive: int
+    stiffness: Array
+    damping: Array
+
+
+@dataclass(frozen=True, slots=True)
 class States:
-    """x' = A x + B u, y = C x + D u with the basis ``shapes`` (m, m), ``scale`` (m,), ``square`` (m, m) and
-    ``gamma`` (m, m) for K and C, ``rates`` of the outputs and ``force`` of the inputs in the basis.
+    """x' = A x + B u, y = C x + D u in a ``basis``, k motions of which have mass, with the ``scale`` (k,) of states.
+
+    ``rates`` are the outputs and ``force`` the inputs in the basis; rows of A and B before the ``first`` never change.
     """
 
     A: Array
     B: Array
     C: Array
     D: Array
-    shapes: Array
+    basis: Basis
     scale: Array
-    square: Array
-    gamma: Array
-    rates: tuple[Array, Array, Array]
+    rates: tuple[Array, ...]
     force: Array
+
+    @property
+    def first(self) -> int:
+        """The first row that changes."""
+        return self.basis.massive
 
 
 def states(system: System, inputs: list[int], outputs: list[int]) -> States:
@@ -60,42 +77,31 @@ def states(system: System, inputs: list[int], outputs: list[int]) -> States:
     Returns
     -------
     States
-        Equations in the undamped modes.
+        Equations in the basis.
 
     Raises
     ------
     ModelError
-        If the system has motions without mass.
+        If the system has motions without mass and spin.
     """
-    shapes, square, gamma = _basis(system)
-    omega = np.sqrt(np.abs(np.diagonal(square)))
+    chosen = basis(system)
+    k = chosen.massive
+    omega = np.sqrt(np.abs(np.diagonal(chosen.stiffness)[:k]))
     fastest = omega.max(initial=0.0) or 1.0
     scale = np.maximum(omega, SLOWEST * fastest) if (omega < SLOWEST * fastest).any() else omega
-    m = len(square)
-    a = np.zeros((2 * m, 2 * m))
-    a[np.arange(m), m + np.arange(m)] = scale
-    a[m:, :m], a[m:, m:] = -square / scale, -gamma
-    force = shapes.T @ system.B[:, inputs]
-    rates = (system.Cq[outputs] @ shapes, system.Cv[outputs] @ shapes, system.Ca[outputs] @ shapes)
-    b = np.concatenate((np.zeros_like(force), force))
-    c = np.concatenate((rates[0] / scale, rates[1]), axis=1) + rates[2] @ a[m:]
-    d = _sum(system.D[np.ix_(outputs, inputs)], (rates[2], force))
-    return States(a, b, c, d, shapes, scale, square, gamma, rates, force)
+    rows = _rows(chosen.stiffness, chosen.damping, scale)
+    a = np.concatenate((np.zeros((k, rows.shape[1])), rows))
+    a[np.arange(k), k + np.arange(k)] = scale
+    force = chosen.vectors.T @ system.B[:, inputs]
+    rates = tuple(each[outputs] @ chosen.vectors for each in (system.Cq, system.Cv, system.Ca))
+    b = np.concatenate((np.zeros_like(force[:k]), force))
+    moving = _moving(rates, k)
+    c = _seen(rates, scale, k) + moving @ rows
+    return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], (moving, force)), chosen, scale, rates, force)
 
 
-def _basis(system: System) -> tuple[Array, Array, Array]:
-    """Shapes with unit mass, and K and C in them; as diagonal as can be."""
-    modal = system._modal
-    if isinstance(modal, Damped):
-        return modal.shapes, np.diag(modal.square), np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-    if system.massless:
-        raise refuse_general(system)
-    _, shapes = eigh(0.5 * (system.K + system.K.T), system.M)
-    return shapes, shapes.T @ system.K @ shapes, shapes.T @ system.C @ shapes
-
-
-def refuse_general(system: System) -> ModelError:
-    """Return the refusal of a system with motions without mass, or with spin, which names what does it.
+def basis(system: System) -> Basis:
+    """Return motions of unit mass, as far as they have any, with K and C in them as diagonal as can be.
 
     Parameters
     ----------
@@ -104,15 +110,43 @@ def refuse_general(system: System) -> ModelError:
 
     Returns
     -------
+    Basis
+        Motions with mass, then those without.
+
+    Raises
+    ------
     ModelError
-        To be raised.
+        If the system has motions without mass and spin.
     """
-    light = [part.name for part in system.provenance.parts if isinstance(part, Body) and part.mass == 0.0]
-    who = light[0] if light else limits(system)[0].who if limits(system) else system.name
+    modal, null = system._modal, system.null_inertia
+    if isinstance(modal, Damped):
+        gamma = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
+        return Basis(modal.shapes, len(modal.square), np.diag(modal.square), gamma)
+    if null is None:
+        _, vectors = eigh(0.5 * (system.K + system.K.T), system.M)
+        return Basis(vectors, len(vectors), vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
+    if system.gyroscopic is not None:
+        raise _refusal(system)
+    own = null.T @ system.C @ null
+    null = solve_triangular(cholesky(0.5 * (own + own.T), lower=True), null.T, lower=True).T
+    unit = 1.0 / np.sqrt(np.diagonal(system.M) + (np.diagonal(system.M) == 0.0))
+    values, rotation = eigh(unit[:, None] * system.M * unit)
+    massive = len(unit) - null.shape[1]
+    heavy = unit[:, None] * rotation[:, -massive:] / np.sqrt(values[-massive:])
+    heavy = heavy - null @ (null.T @ system.C @ heavy)
+    stiffness = heavy.T @ system.K @ heavy
+    _, turn = eigh(0.5 * (stiffness + stiffness.T))
+    vectors = np.concatenate((heavy @ turn, null), axis=1)
+    return Basis(vectors, massive, vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
+
+
+def _refusal(system: System) -> ModelError:
+    """The refusal of motions without mass beside spin, which names what makes them."""
+    who = next((part.name for part in system.provenance.parts if isinstance(part, Maxwell) or
+                (isinstance(part, Body) and part.mass == 0.0)), system.name)  # fmt: skip
     return ModelError(
-        f"sensitivities: '{who}' makes motions without mass or matrices without symmetry, for which there are none of "
-        f"shapes, and without mass none of responses in time and H2 norms. Compare variants by model.with_values.",
-        element=who,
+        f"sensitivities: '{who}' makes motions without mass in a mechanism that spins, for which there are those of "
+        f"eigenvalues, matrices and frequency responses only. Compare variants by model.with_values.", element=who,
     )  # fmt: skip
 
 
@@ -131,16 +165,63 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     Returns
     -------
     tuple of array
-        Rows of A that change (v, m, 2m), those of B (v, m, inputs), C (v, outputs, 2m) and D (v, outputs, inputs).
+        Rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
     """
-    shapes, m = base.shapes, len(base.scale)
-    mass, damping, stiffness = (shapes.T @ each @ shapes for each in (change.M, change.C, change.K))
-    a = np.concatenate(((mass @ base.square - stiffness) / base.scale, mass @ base.gamma - damping), axis=2)
-    b = shapes.T @ change.B[:, :, inputs] - mass @ base.force
-    cq, cv, ca = (each[:, outputs] @ shapes for each in (change.Cq, change.Cv, change.Ca))
-    c = np.concatenate((cq / base.scale, cv), axis=2) + ca @ base.A[m:] + base.rates[2] @ a
-    d = _sum(change.D[:, outputs][:, :, inputs], (ca, base.force), (base.rates[2], b))
-    return a, b, c, d
+    own, k = base.basis, base.basis.massive
+    vectors, theta = own.vectors, turning(own, change)
+    back = theta.swapaxes(1, 2)
+    stiffness, damping = (vectors.T @ each @ vectors + back @ whole + whole @ theta
+                          for each, whole in ((change.K, own.stiffness), (change.C, own.damping)))  # fmt: skip
+    rows = _rows(stiffness, damping, base.scale)
+    force = vectors.T @ change.B[:, :, inputs] + back @ base.force
+    rates = tuple(each[:, outputs] @ vectors + whole @ theta
+                  for each, whole in zip((change.Cq, change.Cv, change.Ca), base.rates, strict=True))  # fmt: skip
+    moving, moved = _moving(base.rates, k), _moving(rates, k)
+    c = _seen(rates, base.scale, k) + moved @ base.A[k:] + moving @ rows
+    d = _sum(change.D[:, outputs][:, :, inputs], (moved, base.force), (moving, force))
+    return rows, force, c, d
+
+
+def turning(own: Basis, change: MatrixDerivatives) -> Array:
+    """Return how a basis goes along with parameters, T' = T Theta.
+
+    Parameters
+    ----------
+    own : Basis
+        The basis.
+    change : MatrixDerivatives
+        Derivatives of the matrices to v variables.
+
+    Returns
+    -------
+    array, shape (v, m, m)
+        Theta.
+    """
+    k, vectors = own.massive, own.vectors
+    mass, damping = (vectors.T @ each @ vectors for each in (change.M, change.C))
+    result = np.zeros_like(mass)
+    result[:, :k, :k], result[:, :k, k:] = -0.5 * mass[:, :k, :k], -mass[:, :k, k:]
+    result[:, k:, :k] = mass[:, k:, :k] @ own.damping[:k, :k] - damping[:, k:, :k]
+    result[:, k:, k:] = -0.5 * damping[:, k:, k:]
+    return result
+
+
+def _rows(stiffness: Array, damping: Array, scale: Array) -> Array:
+    """Rows (..., m, m + k) of A for eta' and nu."""
+    k = len(scale)
+    among = -damping[..., :k].copy()
+    among[..., k:, :] = 0.0
+    return np.concatenate((-stiffness[..., :k] / scale, among, -stiffness[..., k:]), axis=-1)
+
+
+def _seen(rates: tuple[Array, ...], scale: Array, k: int) -> Array:
+    """What outputs see of the states themselves, (..., outputs, m + k)."""
+    return np.concatenate((rates[0][..., :k] / scale, rates[1][..., :k], rates[0][..., k:]), axis=-1)
+
+
+def _moving(rates: tuple[Array, ...], k: int) -> Array:
+    """What outputs see of eta'' and nu', (..., outputs, m)."""
+    return np.concatenate((rates[2][..., :k], rates[1][..., k:]), axis=-1)
 
 
 def _sum(start: Array, *products: tuple[Array, Array]) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mbsvib.responses.time_response import _checked
 from mbsvib.sensitivities.matrices import in_parts
-from mbsvib.sensitivities.states import changed, states
+from mbsvib.sensitivities.states import changed, states, turning
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.states import States
     from mbsvib.system import System
 
@@ -74,16 +75,35 @@ def time_response_sensitivities(
         return result
     base = states(system, *ports)
     steps, kind = _steps(time)
-    eta = base.shapes.T @ (system.M @ start.T)
-    begin = np.concatenate((base.scale * eta[:, 0], eta[:, 1]))
+    begin = _begin(base, system, start)
     size = len(begin) + 2 * len(force)
     count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time)))
     for which, change in in_parts(system, parameters, count):
         da, db, dc, dd = changed(base, change, *ports)
         found = [_exponential(base, h, da, db) for h in steps]
-        x, z = _march(found, kind, force, begin, hold == "first")
+        x, z = _march(found, kind, force, (begin, _begun(base, system, change, start)), hold == "first")
         result[which] = base.C @ z + dc @ x + dd @ force
     return result
+
+
+def _begin(base: States, system: System, start: Array) -> Array:
+    """The states of q and q' (2, m)."""
+    own, k = base.basis, base.first
+    eta, rate = (own.vectors[:, :k].T @ (system.M @ each) for each in start)
+    return np.concatenate((base.scale * eta, rate, own.vectors[:, k:].T @ (system.C @ start[0])))
+
+
+def _begun(base: States, system: System, change: MatrixDerivatives, start: Array) -> Array:
+    """How these states change (v, 2m) as the basis does; q and q' stay."""
+    if not start.any():
+        return np.zeros((len(change.M), len(base.A)))
+    own, k = base.basis, base.first
+    theta, heavy = turning(own, change), own.vectors[:, :k]
+    within = np.concatenate((heavy.T @ (system.M @ start[0]), own.vectors[:, k:].T @ (system.C @ start[0])))
+    place = -(theta @ within)
+    mass = heavy.T @ change.M @ start[1]
+    rate = mass + (theta[:, :, :k].swapaxes(1, 2) @ (own.vectors.T @ (system.M @ start[1])))
+    return np.concatenate((base.scale * place[:, :k], rate, place[:, k:]), axis=1)
 
 
 def _steps(time: Array) -> tuple[Array, Index]:
@@ -106,7 +126,7 @@ def _exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, A
     unit = np.abs(matrix[:n, n : n + i]).max(axis=0, initial=0.0)
     unit[unit == 0.0] = 1.0
     matrix[:n, n : n + i] /= unit
-    change[:, n // 2 : n, :n], change[:, n // 2 : n, n : n + i] = h * da, h * db / unit
+    change[:, base.first : n, :n], change[:, base.first : n, n : n + i] = h * da, h * db / unit
     halvings = max(0, ceil(log2(max(np.abs(matrix).sum(axis=0).max() / SMALL, 1.0))))
     matrix, change = matrix * 0.5**halvings, change * 0.5**halvings
     power, slope = np.eye(len(matrix)), np.zeros_like(change)
@@ -124,9 +144,10 @@ def _exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, A
 
 
 def _march(
-    found: list[tuple[Array, Array]], kind: Index, u: Array, begin: Array, first: bool
+    found: list[tuple[Array, Array]], kind: Index, u: Array, start: tuple[Array, Array], first: bool
 ) -> tuple[Array, Array]:
     """States (2m, n) and their derivatives (v, 2m, n)."""
+    begin, begun = start
     n, i = len(begin), len(u)
     x = np.empty((n, u.shape[1]))
     x[:, 0] = begin
@@ -135,7 +156,8 @@ def _march(
         whole = found[step][0]
         x[:, k + 1] = whole[:, :n] @ x[:, k] + whole[:, n : n + i] @ held[:, k] + whole[:, n + i :] @ rise[:, k]
     drive = np.concatenate((x[:, :-1], held, rise))
-    z = np.zeros((len(found[0][1]) if found else 0, n, u.shape[1]))
+    z = np.empty((len(begun), n, u.shape[1]))
+    z[:, :, 0] = begun
     pushed = np.empty((*z.shape[:2], len(kind)))
     for step, (_, moved) in enumerate(found):
         pushed[:, :, kind == step] = moved @ drive[:, kind == step]

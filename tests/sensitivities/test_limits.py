@@ -80,11 +80,9 @@ def test_rotors_in_all_their_numbers():
     for row, name in zip(system.frequency_response_sensitivities(w, names), names, strict=True):
         expected = difference(model, system, name, lambda s: s.frequency_response(w))
         assert np.abs(row - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-15
-    with pytest.raises(mv.ModelError, match=r"'spin' makes motions without mass or matrices without symmetry"):
-        system.mode_sensitivities(names).shapes  # noqa: B018
 
 
-def test_norms_and_time_responses_beside_a_rotor():
+def test_shapes_norms_and_time_responses_beside_a_rotor():
     """A housing on dampers in all directions, with something that spins in it."""
     model = mv.Model("housing")
     model.add_body("disc", 5.0, (0.25, 0.25, 0.4))
@@ -99,6 +97,16 @@ def test_norms_and_time_responses_beside_a_rotor():
     t = np.linspace(0.0, 0.3, 31)
     u = np.sin(40.0 * t)[None]
     found = system.time_response_sensitivities(t, u, names)
+    start = system.modes().shapes
+
+    def aligned(changed):
+        shapes = changed.modes().shapes
+        phase = np.einsum("im,ij,jm->m", start.conj(), system.M, shapes)
+        return shapes * (np.abs(phase) / phase)
+
+    for row, name in zip(system.mode_sensitivities(names).shapes, names, strict=True):
+        expected = difference(model, system, name, aligned)
+        assert np.abs(row - expected).max() <= 1e-7 * np.abs(start).max()
     norms = {"hinf_norm": system.hinf_norm(names), "h2_norm": system.h2_norm(names)}
     for k, name in enumerate(names):
         expected = difference(model, system, name, lambda s: s.time_response(t, u))
@@ -174,3 +182,33 @@ def test_gear_in_closed_form():
         assert abs(whole) < 1e-12
         along = lead**2 * 0.3 + lead * 0.1 + 11.0
         assert found == pytest.approx(-along * rate / (2 * lead * (0.2 + 0.3 * square) + 0.1 + 0.1 * square), rel=1e-11)
+
+
+@pytest.mark.parametrize("start", [None, ([0.01], [0.2])])
+def test_relaxation_in_time_and_norms(start):
+    """The Maxwell element's force has a state of its own, without a velocity."""
+    model = relaxing()
+    model.add_output("rate", "mass", "z", quantity="velocity")
+    model.add_force_output("pull", "leg")
+    system = model.linearize()
+    assert system.massless == 1
+    names = ["leg.stiffness", "leg.damping", "leg.static_stiffness", "mass.mass", "leg.start.x"]
+    t = np.linspace(0.0, 2.0, 41)
+    u = np.sin(7.0 * t)[None]
+    if start is not None:
+        at = dict(zip(system.coordinates, (0.01, 0.004), strict=True))
+        start = [at[name] for name in system.coordinates], [0.2, 0.0]
+    found = system.time_response_sensitivities(t, u, names, initial=start)
+    for k, name in enumerate(names):
+        expected = difference(model, system, name, lambda s: s.time_response(t, u, initial=start))
+        assert np.abs(found[k] - expected).max() <= 1e-7 * np.abs(expected).max() + 1e-9
+    for kind in ("hinf_norm", "h2_norm"):
+        norm = getattr(system, kind)(names, "push", "move")
+        for k, name in enumerate(names):
+            slope = difference(model, system, name, lambda s, kind=kind: getattr(s, kind)([], "push", "move").value)
+            assert norm.slopes[k] == pytest.approx(slope, rel=1e-6, abs=1e-12)
+
+
+def test_shapes_without_mass_are_refused_by_name():
+    with pytest.raises(mv.ModelError, match=r"sensitivities of 'relaxing': shapes with motions without mass"):
+        relaxing().linearize().mode_sensitivities("leg.damping").shapes  # noqa: B018
