@@ -171,7 +171,7 @@ def skipped(system: System) -> list[str]:
     result = []
     if not system.provenance.reduction.groups:
         result.append("no loop that locks anything: B'' was not formed")
-    elif not any(group.redundant for group in system.provenance.reduction.groups):
+    elif not any(group.surplus for group in system.provenance.reduction.groups):
         result.append("no redundant constraint: the poses nearby were not looked at")
     elif system.provenance.planar:
         result.append("planar loops that lose all freedoms they can: the poses nearby were not looked at")

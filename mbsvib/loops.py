@@ -7,8 +7,8 @@ which rows are redundant and which joint coordinates depend on the others; the o
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache, partial
 from operator import sub
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, ne
 from mbsvib.kinematics import Rows, Twists
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -45,13 +45,13 @@ SAME_POINT = 16.0 * EPS
 TIE_BREAK = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LoopGroup:
     """What the rank decision of one independent group of loops was.
 
     ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
     involved; ``kept`` is the smallest pivot kept and ``dropped`` the largest one dropped (relative to the largest
-    pivot; rotations scaled by ``length`` [m]), ``redundant`` the names of redundant constraint rows.
+    pivot; rotations scaled by ``length`` [m]), ``surplus`` the number of redundant constraint rows.
     """
 
     joints: tuple[str, ...]
@@ -61,7 +61,17 @@ class LoopGroup:
     kept: float
     dropped: float
     length: float
-    redundant: tuple[str, ...]
+    _names: Callable[[], tuple[str, ...]] = field(repr=False, compare=False)
+
+    @property
+    def surplus(self) -> int:
+        """How many constraint rows the others imply."""
+        return len(self.rows) - self.rank
+
+    @cached_property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the constraint rows that the others imply: found out when they are first asked for."""
+        return self._names() if self.surplus else ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,7 +261,7 @@ def _solve(
     group = LoopGroup(
         tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())]), rows, columns, rank,
         pivots[rank - 1] / largest if rank else 1.0, pivots[rank] / largest if rank < len(pivots) else 0.0, length,
-        _redundant(a, rank, rows, cuts),
+        partial(_redundant, a, rank, rows, cuts.names),
     )  # fmt: skip
     _check_gap(group)
     dependent, others = order[:rank], order[rank:]
@@ -284,12 +294,10 @@ def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:
     return qr, order - 1, tau
 
 
-def _redundant(a: Array, rank: int, rows: Index, cuts: Cuts) -> tuple[str, ...]:
+def _redundant(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> tuple[str, ...]:
     """Name the rows that the others imply: those that a pivoted QR of the transpose takes last."""
-    if rank == len(rows):
-        return ()
     _, order, _ = pivoted_qr((a * _preference(len(rows))[:, None]).T)
-    return tuple(cuts.names[rows[k]] for k in sorted(order[rank:].tolist()))
+    return tuple(names[rows[k]] for k in sorted(order[rank:].tolist()))
 
 
 def _check_pins(coordinates: Twists, held: Index, rest: Array, limit: float) -> None:
@@ -303,6 +311,8 @@ def _check_pins(coordinates: Twists, held: Index, rest: Array, limit: float) -> 
 
 
 def _check_gap(group: LoopGroup) -> None:
+    if group.dropped * RANK_GAP <= group.kept and group.kept >= NEAR_SINGULAR:
+        return
     names = ", ".join(group.joints)
     if group.dropped * RANK_GAP > group.kept:
         raise SingularPoseError(
@@ -310,9 +320,8 @@ def _check_gap(group: LoopGroup) -> None:
             f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
             f"give the geometry with all its digits."
         )
-    if group.kept < NEAR_SINGULAR:
-        warnings.warn(
-            f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
-            f"lose as many digits. Pin other coordinates with independent=, or move the pose.",
-            NearSingularWarning, stacklevel=6,
-        )  # fmt: skip
+    warnings.warn(
+        f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
+        f"lose as many digits. Pin other coordinates with independent=, or move the pose.",
+        NearSingularWarning, stacklevel=6,
+    )  # fmt: skip

@@ -76,7 +76,7 @@ def check_mobility(
     SingularPoseError
         If the rank of the constraints is higher in the poses nearby.
     """
-    groups = [group for group in reduction.groups if group.redundant]
+    groups = [group for group in reduction.groups if group.surplus]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
         return False
     crossing, rods = _crossed(topology, cuts), _rods(topology, coordinates, cuts)
@@ -105,20 +105,20 @@ def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> b
     columns = groups[0].columns if len(groups) == 1 else np.concatenate([group.columns for group in groups])
     if cuts.couplings is not None or not len(columns):
         return False
-    angular, linear = coordinates.angular[:, columns], coordinates.linear[:, columns]
-    size = np.abs(angular).sum(axis=0)
-    normal = angular[:, size.argmax()]
-    length = np.sqrt(normal @ normal)
+    angular, linear = coordinates.angular.take(columns, axis=1), coordinates.linear.take(columns, axis=1)
+    normal = angular[:, np.add.reduce(np.abs(angular)).argmax()]
+    length = np.sqrt(normal.dot(normal))
     if not length:
         return False
     normal = normal / length
-    if np.abs(normal @ linear).max() > PARALLEL:
+    if np.count_nonzero(np.abs(normal.dot(linear)) > PARALLEL):
         return False
-    if np.abs(angular - normal[:, None] * (normal @ angular)).max() > PARALLEL:
+    if np.count_nonzero(np.abs(angular - normal[:, None] * normal.dot(angular)) > PARALLEL):
         return False
-    along = cuts.rows.force - normal[:, None] * (normal @ cuts.rows.force)
-    acts = (np.abs(along).max(axis=0) > PARALLEL) | (np.abs(normal @ cuts.rows.moment) > PARALLEL)
-    return all(np.count_nonzero(acts[group.rows]) == group.rank for group in groups)
+    along = cuts.rows.force - normal[:, None] * normal.dot(cuts.rows.force)
+    acts = np.maximum.reduce(np.abs(along)) > PARALLEL
+    acts |= np.abs(normal.dot(cuts.rows.moment)) > PARALLEL
+    return all(np.count_nonzero(acts.take(group.rows)) == group.rank for group in groups)
 
 
 def phi_nearby(
@@ -153,7 +153,7 @@ def phi_nearby(
     assert matrix is not None
     # a direction that no symmetry of the mechanism can single out
     direction = matrix @ np.cos(1.0 + np.arange(matrix.shape[-1]))
-    length = min(group.length for group in reduction.groups if group.redundant)
+    length = min(group.length for group in reduction.groups if group.surplus)
     largest = (np.abs(direction) / np.where(coordinates.turns, 1.0, length)).max(axis=-1, keepdims=True, initial=1e-300)
     motion = body_motion(coordinates, position) @ (STEP / largest * direction)[..., None, :, None]
     displacement = np.concatenate((motion[..., 0], np.zeros((*motion.shape[:-3], 1, 6))), axis=-2)
@@ -238,6 +238,8 @@ def _rods(
     topology: Topology, coordinates: Twists, cuts: Cuts, given: Mapping[str, Mapping[str, Array]] | None = None
 ) -> list[Rod]:
     """Return the rods of distance joints, in the tree or cut; ``given`` are points of variants by joint and field."""
+    if not any(joint.kind == "distance" for joint in topology.joints):
+        return []
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(topology.bodies)
     cut = {k: count for count, k in enumerate(topology.cut)}

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -80,7 +81,7 @@ def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
     check, looked = mobility.check_mobility, counting(monkeypatch, mobility, "phi_nearby")
 
     def forced(topology, coordinates, cuts, reduction, position):
-        groups = tuple(replace(group, redundant=("any",)) for group in reduction.groups)
+        groups = tuple(SimpleNamespace(**vars(group), surplus=1) for group in reduction.groups)
         check(topology, coordinates, cuts, replace(reduction, groups=groups), position)
 
     monkeypatch.setattr(assembly, "check_mobility", forced)
@@ -88,6 +89,16 @@ def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
     assert looked
     for key in MATRICES:
         assert_array_equal(getattr(plain, key), getattr(whole, key), err_msg=key)
+
+
+def test_redundant_rows_get_names_when_these_are_asked_for(monkeypatch):
+    named = counting(monkeypatch, loops, "_redundant")
+    system = mv.library.four_bar().linearize()
+    system.modes()
+    assert not named
+    assert len(system.redundant) == 3
+    assert system.redundant == system.redundant
+    assert len(named) == 1
 
 
 def test_redundant_rows_are_looked_at(monkeypatch):

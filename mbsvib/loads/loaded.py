@@ -68,7 +68,7 @@ def load(
     pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
     statics = Statics(
         applied, carried, pairs, known.ways.position, felt, residual, size, known.owners,
-        tuple([group.joints for group in reduction.groups if group.redundant]),
+        tuple([group.joints for group in reduction.groups if group.surplus]),
     )  # fmt: skip
     if scene.shared is not None:
         relative = relative_motion(scene.coordinates, felt.rows)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -187,7 +188,7 @@ def _decide(
     return LoopGroup(
         tuple(name for part in parts for name in part.joints), members, columns, len(left) - len(redundant), kept,
         max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
-        tuple(names[row] for row in members.tolist() if names[row] in gone),
+        partial(tuple, [names[row] for row in members.tolist() if names[row] in gone]),
     )  # fmt: skip
 
 
@@ -215,7 +216,8 @@ def _whole(tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: En
         redundant = sorted(pivoted_qr((a * weight[:, None]).T)[1][rank:].tolist())
     joints = tuple(cut[k] for k in dict.fromkeys(entries.loop[members].tolist()))
     _check_gap(joints, kept, dropped)
-    return LoopGroup(joints, members, columns, rank, kept, dropped, length, tuple(names[members[k]] for k in redundant))
+    implied = partial(tuple, [names[members[k]] for k in redundant])
+    return LoopGroup(joints, members, columns, rank, kept, dropped, length, implied)
 
 
 def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
