@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib import plots, report
+from mbsvib import isolation, plots, report
 from mbsvib.campbell import campbell
+from mbsvib.studies import frequency, peak
 
 MODEL = mv.library.quarter_car()
 SYSTEM = MODEL.linearize()
@@ -123,3 +124,34 @@ def test_parts_stand_for_their_names():
     assert ladder.linearize(cut=cut).cut_joints == (cut.name,)
     assert ladder.equilibrium(cut=cut.name).linearize().dof == ladder.linearize().dof
     assert joint.name in other.coordinates[0]
+
+
+HEXAPOD = mv.library.cubic_hexapod()
+
+
+@pytest.mark.parametrize("call", [
+    lambda given: mv.sweep(given, {"body.mass": [1.0, 2.0]}, "modes.frequencies"),
+    lambda given: mv.track(given, {"body.mass": [1.0, 2.0]}),
+    lambda given: mv.optimize(given, {"body.mass": (1.0, 2.0)}, peak("body.z", "load")),
+    lambda given: mv.tolerances(given, {"body.mass": 0.1}, frequency()),
+    lambda given: isolation.study(given, "body"),
+    lambda given: isolation.passive(given, "body"),
+    lambda given: isolation.actuated(given, "body"),
+])  # fmt: skip
+@pytest.mark.parametrize("given", [SYSTEM, "car.yaml", None])
+def test_studies_ask_for_models(call, given):
+    with pytest.raises(mv.ModelError, match="expected a Model"):
+        call(given)
+
+
+@pytest.mark.parametrize("call", [
+    lambda: isolation.force_feedback(HEXAPOD, 600.0),
+    lambda: isolation.velocity_feedback(HEXAPOD.linearize(), 600.0),
+    lambda: isolation.study(HEXAPOD, "platform", directions=True),
+    lambda: isolation.actuated(HEXAPOD, "platform", legs=3),
+    lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), None, [0.0, 1.0]),
+    lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), float, "high"),
+])  # fmt: skip
+def test_isolation_says_what_it_needs(call):
+    with pytest.raises(mv.MbsvibError, match="expected"):
+        call()

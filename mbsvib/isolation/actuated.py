@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib._given import a_model, names
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.figures import DISPLACEMENTS, Isolation, figures
 from mbsvib.isolation.scene import Scene, scene
@@ -167,8 +168,8 @@ def actuated(
     ModelError
         If a name is unknown, or a leg has no line.
     """
-    lines = [name for name, part in model.springs.items() if not isinstance(part, Bushing)]
-    chosen = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
+    lines = [name for name, part in a_model(model, "actuated").springs.items() if not isinstance(part, Bushing)]
+    chosen = tuple(lines if legs is None else names(legs, "actuated", "legs", ModelError))
     for name in chosen:
         if name not in lines:
             raise ModelError(f"active: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."

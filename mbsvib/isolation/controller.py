@@ -272,6 +272,9 @@ def force_feedback_optimum(pole: float, zero: float) -> tuple[float, float]:
 
 
 def _gains(plant: Active, gain: ArrayLike, who: str, unit: str) -> Array:
+    if not hasattr(plant, "legs"):
+        raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
+                            f"isolation.actuated(model, body).")  # fmt: skip
     return _shared(gain, len(plant.legs), who, f"a gain [{unit}], or one for each of {len(plant.legs)} legs")
 
 

@@ -70,6 +70,8 @@ class Margins:
                 for name, low, high, phase, late, modulus in each]  # fmt: skip
         low, high = self.all_gains
         rows.append(("all at once", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "", f"{self.modulus:.3g}"))
+        if not self.stable:
+            rows = [(name, *[""] * 4) for name, *_ in rows]
         notes = [f"Nearest to instability at {self.frequency:.4g} Hz."] if self.stable else [
             "The closed loop is not stable: margins tell nothing."]  # fmt: skip
         headers = ("actuator", "gain may be times", "phase [deg]", "delay [ms]", "modulus")

@@ -6,6 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib import _checks as check
+from mbsvib._given import reals
+from mbsvib.errors import nearest
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
@@ -70,12 +74,16 @@ def vc_curve(name: str, frequencies: ArrayLike) -> Array:
 
     Raises
     ------
-    KeyError
+    ModelError
         If there is no such criterion.
+    ResponseError
+        If frequencies are no numbers.
 
     Source: H. Amick et al., "Evolving criteria for research facilities: vibration", SPIE 5933 (2005); IEST-RP-CC012.
     """
-    f = np.asarray(frequencies, dtype=float)
+    if not isinstance(name, str) or name not in VC:
+        raise check.refuse("vc_curve", "name", name, f"one of {', '.join(VC)}", nearest(str(name), VC).strip())
+    f = reals(frequencies, "vc_curve", "frequencies", "frequencies [Hz]")
     relaxed = np.maximum(KNEE / f, 1.0) if name in RELAXED else np.ones_like(f)
     return VC[name] * relaxed
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._checks import shown
+from mbsvib._given import reals
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -140,7 +142,10 @@ def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLi
     from mbsvib.isolation.closed_loop import close
     from mbsvib.isolation.collocation import removable, without
 
-    g = np.array(gains, dtype=float, ndmin=1)
+    g = np.atleast_1d(reals(gains, "root_locus", "gains", "two or more, ascending, from 0 on"))
+    if not callable(law):
+        raise ResponseError(f"root_locus: law = {shown(law)}; expected a function of the gain, such as "
+                            f"lambda g: isolation.force_feedback(plant, g).")  # fmt: skip
     if g.ndim != 1 or len(g) < 2 or not np.isfinite(g).all() or g[0] < 0.0 or (np.diff(g) <= 0.0).any():
         raise ResponseError(f"root_locus: gains have shape {g.shape}; expected two or more, ascending, from 0 on.")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib._given import a_model, names
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism import GROUND
 from mbsvib.model import ADDERS, Model
@@ -105,6 +106,7 @@ def scene(
         If a body is unknown, is its own base, the length is not positive, or a direction is unknown.
     """
     who = "isolation"
+    a_model(model, who)
     for field, name in (("body", body), ("base", base)):
         known = [*model.bodies, *([GROUND] if field == "base" else [])]
         if name not in known:
@@ -174,7 +176,7 @@ def _welded(model: Model, base: str) -> Model:
 
 def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if directions is not None:
-        asked = tuple([directions] if isinstance(directions, str) else directions)
+        asked = tuple(names(directions, "isolation", "directions", ModelError))
         for direction in asked:
             if direction not in DIRECTIONS:
                 raise check.refuse("isolation", "directions", direction, "some of x y z rx ry rz",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib._given import a_model
 from mbsvib.changes import resolved
 from mbsvib.errors import ModelError, nearest
 from mbsvib.parameters import unit
@@ -105,7 +106,7 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     ModelError
         If a parameter is unknown, a tie picks nothing, or two variables move one parameter in different ways.
     """
-    variables, given, parameters = tuple(names), {} if ties is None else dict(ties), model.parameters
+    variables, given, parameters = tuple(names), {} if ties is None else dict(ties), a_model(model, "study").parameters
     shared = {id(tie) for name, tie in given.items() if name in variables and not isinstance(tie, Mapping)}
     for name, tie in given.items():
         if name not in variables and id(tie) not in shared:

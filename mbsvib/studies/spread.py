@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib._given import a_model
 from mbsvib.changes import resolved
 from mbsvib.errors import ModelError
 from mbsvib.studies.ties import started
@@ -52,7 +53,7 @@ def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> di
     mapped = {name: given for name, given in tolerances.items() if name in (ties or {})}
     own = {name: given for name, given in tolerances.items() if name not in mapped}
     result = {}
-    for name, given in resolved(model.parameters, own).items():
+    for name, given in resolved(a_model(model, "study").parameters, own).items():
         result[name] = _one(name, given, model.parameters[name])
     return result | {name: _one(name, given, started((ties or {})[name], name)) for name, given in mapped.items()}
 

@@ -126,6 +126,7 @@ def test_unstable_loops_are_told_with_the_mode():
         loop.isolation([1.0, 2.0])
     assert "Grows: mode" in str(loop)
     assert "tell nothing" in str(loop.margins([1.0, 10.0]))
+    assert "..." not in str(loop.margins([1.0, 10.0]))
 
 
 def test_noncollocated_feedback_drives_a_mode():
