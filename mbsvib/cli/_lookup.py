@@ -68,7 +68,7 @@ def _read(path: Path) -> Model:
     """Read a file by its suffix; XML tells by its outermost element whether it is MJCF or URDF."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
-        from mbsvib.mjcf.compiled import root_of
+        from mbsvib.mjcf.kind import root_of
 
         suffix = ".urdf" if root_of(path) == "robot" else ".xml"
     if suffix == ".xml":

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError, nearest
+from mbsvib.mjcf.kind import check_kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -117,62 +119,39 @@ def compiled(
     except ImportError as error:
         raise ModelError('load_mjcf needs MuJoCo; install it with:  pip install "mbsvib[mjcf]"',
                          element=str(path)) from error  # fmt: skip
-    _check_kind(path)
-    try:
-        m = api.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        raise ModelError(f"{path}: MuJoCo refuses it: {error}", element=str(path)) from error
-    made = Compiled(str(path), api, m, None)
-    _leave(made, leave)
-    made = Compiled(str(path), api, m, api.MjData(m))
-    key = _keyframe(made, keyframe)
-    if key is None:
-        api.mj_resetData(m, made.d)
-    else:
-        api.mj_resetDataKeyframe(m, made.d, key)
-    made.d.qvel[:] = 0.0
-    _place(made, pose)
-    _command(made, control)
-    api.mj_forward(m, made.d)
+    check_kind(path)
+    with _heard(api, path):
+        try:
+            m = api.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            raise ModelError(f"{path}: MuJoCo refuses it: {error}", element=str(path)) from error
+        made = Compiled(str(path), api, m, None)
+        _leave(made, leave)
+        made = Compiled(str(path), api, m, api.MjData(m))
+        key = _keyframe(made, keyframe)
+        if key is None:
+            api.mj_resetData(m, made.d)
+        else:
+            api.mj_resetDataKeyframe(m, made.d, key)
+        made.d.qvel[:] = 0.0
+        _place(made, pose)
+        _command(made, control)
+        api.mj_forward(m, made.d)
     return made
 
 
-def root_of(path: str | PathLike[str]) -> str:
-    """Return the name of an XML file's outermost element.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The file.
-
-    Returns
-    -------
-    str
-        Its name, such as "mujoco" or "robot".
-
-    Raises
-    ------
-    ModelError
-        If the file cannot be read or is no XML.
-    """
+@contextmanager
+def _heard(api: Any, path: str | PathLike[str]) -> Iterator[None]:
+    """Hand on what MuJoCo warns of, which it would else write to a file in the current folder."""
+    told: list[str] = []
+    before = api.get_mju_user_warning()
+    api.set_mju_user_warning(told.append)
     try:
-        with open(path, "rb") as stream:
-            for _, element in ElementTree.iterparse(stream, events=("start",)):
-                return str(element.tag)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror or error}.", element=str(path)) from error
-    except ElementTree.ParseError as error:
-        raise ModelError(f"{path}: no XML: {error}.", element=str(path)) from error
-    return ""
-
-
-def _check_kind(path: str | PathLike[str]) -> None:
-    tag = root_of(path)
-    if tag == "robot":
-        raise ModelError(f"{path}: the file's element is <robot>, a URDF; read it by load_urdf.", element=str(path))
-    if tag != "mujoco":
-        raise ModelError(f"{path}: the file's element is <{tag}>; expected <mujoco>, as MJCF has it.",
-                         element=str(path))  # fmt: skip
+        yield
+    finally:
+        api.set_mju_user_warning(before)
+    for words in dict.fromkeys(told):
+        warnings.warn(f"{path}: MuJoCo warns: {' '.join(words.split())}", UserWarning, stacklevel=5)
 
 
 def _leave(file: Compiled, leave: Iterable[str]) -> None:

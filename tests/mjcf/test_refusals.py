@@ -1,6 +1,7 @@
 """What a file has that no model has a place for, and faulty arguments: refused by name."""
 
 import sys
+import warnings
 
 import pytest
 
@@ -48,8 +49,6 @@ def sites(words):
      "tendon 't': its length 0.4 is where it goes slack"),
     (sites('<tendon><spatial name="t"><site site="e"/><site site="o"/></spatial></tendon><equality><tendon name="c" '
            'tendon1="t"/></equality>'), "equality 'c': its tendon 't' is no fixed one"),
-    (world('<flexcomp name="x" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" radius=".01"/>'),
-     "<flex>: deformable bodies"),
     ("<worldbody><body><joint/></body></worldbody>", "MuJoCo refuses it"),
     ("<worldbodi/>", "MuJoCo refuses it"),
 ])  # fmt: skip
@@ -67,6 +66,18 @@ def test_springs_that_are_not_linear_are_refused(tmp_path, attribute, told):
         pytest.skip("this MuJoCo has no such springs")
     with pytest.raises(mv.ModelError, match=told):
         mv.load_mjcf(write(tmp_path, PENDULUM.replace("axis", f"{attribute} axis")))
+
+
+def test_flexible_bodies_are_refused_and_warnings_of_mujoco_heard(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    cloth = '<flexcomp name="x" type="grid" count="3 3 1" spacing=".1 .1 .1" dim="2" radius=".01"/>'
+    path = write(tmp_path, world(cloth))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        with pytest.raises(mv.ModelError, match="<flex>: deformable bodies"):
+            mv.load_mjcf(path)
+    assert all("MuJoCo warns: flex 'x'" in str(each.message) for each in told)  # older ones do not
+    assert [each.name for each in tmp_path.iterdir()] == ["scene.xml"]
 
 
 def test_locks_of_joints_with_soft_bearings_are_refused(tmp_path):
