@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures
@@ -242,7 +243,7 @@ class Passive:
         """
         found = optimize(self.scene.model, variables, objective, constraints, **words)
         changed = {name: value for name, value in found.parameters.items() if name in self.model.parameters}
-        model = self.model.with_values(changed)
+        model = settled(self.model.with_values(changed))[0]
         made = scene(model, self.scene.body, self.scene.base, self.scene.point, self.scene.length, self.scene.moved)
         return Design(model, found, self.before, figures(made, made.system, self.before.frequencies))
 

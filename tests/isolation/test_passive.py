@@ -154,6 +154,21 @@ def test_angles_of_joints_in_closed_form():
         isolation.passive(model, "payload", joints=["hinje"])
 
 
+def test_a_payload_under_its_weight_comes_to_rest():
+    model = mv.Model("weighed", gravity=(0, 0, -9.81))
+    model.add_body("payload", MASS, (0.2, 0.2, 0.2), (0, 0, 0.3))
+    model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
+    model.add_spring("mount", "ground", "payload", (0, 0, 0), (0, 0, 0.2), 4e3, 50.0, free_length=0.25)
+    goal = isolation.passive(model.equilibrium(), "payload", directions="z")
+    found = goal.optimize({"mount.stiffness": (2e3, 2e4)}, goal.rms({"z": 1e-4}, (0.1, 100.0)), goal.sag() <= 0.02)
+    assert found.success
+    stretch = np.diff([found.model.springs["mount"].start, found.model.springs["mount"].end], axis=0)[0]
+    k = found.values["mount.stiffness"]
+    assert k == pytest.approx(MASS * GRAVITY / 0.02, rel=1e-6)
+    assert 0.25 - np.linalg.norm(stretch) == pytest.approx(MASS * 9.81 / k, rel=1e-9)
+    assert found.model.linearize().modes().natural[0] ** 2 * MASS == pytest.approx(k, rel=1e-9)
+
+
 def test_noise_of_correlated_design_shares_its_panels():
     goal = isolation.passive(library.cubic_hexapod(damping=500.0), "platform")
     rms, stroke = goal.rms(NOISE, BAND), goal.stroke(NOISE, BAND)

@@ -2,7 +2,6 @@
 
 import math
 import pickle
-import time
 
 import mpmath as mp
 import numpy as np
@@ -207,7 +206,7 @@ def test_gradients_against_models_built_anew():
             assert np.allclose(slope[:, i], central, rtol=1e-6, atol=1e-9 * np.abs(a).max() / value), name
 
 
-def test_eight_variables_in_seconds():
+def test_eight_variables_in_few_systems():
     model = library.stewart(leg_stiffness=2e6, ports="none")
     goal = isolation.passive(model, "platform", length=0.1)
     geometry = isolation.platform(model, "platform")
@@ -217,10 +216,9 @@ def test_eight_variables_in_seconds():
                  "platform.spread": angle, CM: (0.06, 0.12)}  # fmt: skip
     limits = (goal.sag() <= 20e-6, goal.stroke(FLOOR) <= 0.5e-6)
     ties = {name: tie for name, tie in geometry.ties.items() if name in variables}
-    start = time.process_time()
     found = goal.optimize(variables, goal.rms(FLOOR), limits, ties=ties)
-    assert time.process_time() - start < 40.0  # 3 s where nothing else runs
     assert found.success
+    assert found.optimum.evaluations < 150  # 49, 35 ms each
     assert found.optimum.objective < 0.5 * found.optimum.began
     # the mechanism that is given back is that of the variables, orientations and all
     anew = built(**(dict(geometry.start) | dict(found.values)))
