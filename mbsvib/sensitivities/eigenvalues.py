@@ -206,49 +206,50 @@ def _part(
     """Eigenvalues that coincide part along branches of their own: ``gram`` is y^T (2 lambda M + C) x of each and of the
     pairs, first with second and second with first, ``cross`` the form of these.
     """
-    own = result[:, found.place]
-    start, half = 0, len(pairs.first)
-    for group in pairs.groups:
-        k = len(group)
-        form, pair = np.empty((len(result), k, k), dtype=complex), np.empty((k, k), dtype=complex)
-        which = np.arange(k)
-        form[:, which, which], pair[which, which] = own[:, group], gram[0][group]
-        upper, lower = np.triu_indices(k, 1)
-        stop = start + len(upper)
-        form[:, upper, lower], pair[upper, lower] = cross[:, start:stop], gram[1][start:stop]
-        back = slice(half + start, half + stop)
-        form[:, lower, upper], pair[lower, upper] = cross[:, back], gram[1][back]
-        _set(result, found, group, _branches(form, pair))
-        start = stop
+    own, half = result[:, found.place], len(pairs.first)
+    size = np.array([len(group) for group in pairs.groups])
+    start = np.cumsum(size * (size - 1) // 2) - size * (size - 1) // 2
+    for k in np.unique(size).tolist():  # groups of one size together
+        members = np.array([group for group in pairs.groups if len(group) == k])
+        which, (upper, lower) = np.arange(k), np.triu_indices(k, 1)
+        first = start[size == k, None] + np.arange(len(upper))
+        form = np.empty((len(result), len(members), k, k), dtype=complex)
+        pair = np.empty(form.shape[1:], dtype=complex)
+        form[..., which, which], pair[:, which, which] = own[:, members], gram[0][members]
+        form[..., upper, lower], pair[:, upper, lower] = cross[:, first], gram[1][first]
+        form[..., lower, upper], pair[:, lower, upper] = cross[:, half + first], gram[1][half + first]
+        _set(result, found, members.reshape(-1), _branches(form, pair).reshape(len(result), -1))
 
 
 def _branches(form: Complex, pair: Complex) -> Complex:
-    """Derivatives of eigenvalues that coincide, (variables, k), from their forms and y^T (2 lambda M + C) x."""
-    size = len(pair)
+    """Derivatives (variables, groups, k) of eigenvalues that coincide, from their forms (variables, groups, k, k) and
+    y^T (2 lambda M + C) x, (groups, k, k).
+    """
     with np.errstate(all="ignore"):
         inverse = _inverse(pair)
-        if not np.abs(inverse).max() * np.abs(pair).max() * EPS < 1.0:  # a defective pair parts with the square root
-            return np.full((len(form), size), np.inf, dtype=complex)
+        condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
         matrix: Complex = -(inverse @ form)
-    if size == 2:
-        half = 0.5 * (matrix[:, 0, 0] - matrix[:, 1, 1])
-        root = np.sqrt(half * half + matrix[:, 0, 1] * matrix[:, 1, 0])
-        mean: Complex = 0.5 * (matrix[:, 0, 0] + matrix[:, 1, 1])
-        values: Complex = np.stack((mean - root, mean + root), axis=1)
+    if pair.shape[1] == 2:
+        half = 0.5 * (matrix[..., 0, 0] - matrix[..., 1, 1])
+        root = np.sqrt(half * half + matrix[..., 0, 1] * matrix[..., 1, 0])
+        mean: Complex = 0.5 * (matrix[..., 0, 0] + matrix[..., 1, 1])
+        values: Complex = np.empty((*mean.shape, 2), dtype=complex)
+        values[..., 0], values[..., 1] = mean - root, mean + root
     else:
         values = _eigenvalues(np.where(np.isfinite(matrix), matrix, 0.0))
-        values[~np.isfinite(matrix).all(axis=(1, 2))] = np.nan
-    along = np.where(np.abs(values.imag).max(axis=1, keepdims=True) > np.abs(values.real).max(axis=1, keepdims=True),
+        values[~np.isfinite(matrix).all(axis=(2, 3))] = np.nan
+    along = np.where(np.abs(values.imag).max(axis=2, keepdims=True) > np.abs(values.real).max(axis=2, keepdims=True),
                      values.imag, values.real)  # fmt: skip
-    result: Complex = np.take_along_axis(values, np.argsort(along, axis=1), axis=1)
+    result: Complex = np.take_along_axis(values, np.argsort(along, axis=2), axis=2)
+    result[:, ~(condition * EPS < 1.0)] = np.inf  # a defective pair parts with the square root
     return result
 
 
 def _inverse(pair: Complex) -> Complex:
-    if len(pair) > 2:
-        return np.asarray(np.linalg.pinv(pair, rcond=EPS))
-    (a, b), (c, d) = pair
-    result: Complex = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    if pair.shape[1] > 2:
+        return np.asarray(np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS))
+    (a, b), (c, d) = pair.transpose(1, 2, 0)
+    result: Complex = np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None]
     return result
 
 
