@@ -172,7 +172,7 @@ def _optimum(search: Search, z: Array, found: Found, began: float) -> Optimum:
 
 def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
     """What is left of the objective's gradient after that of active constraints, in parts of it."""
-    from scipy.optimize import lsq_linear
+    from scipy.optimize import nnls
 
     here, (low, high) = search.at(z), search.bounds()
     gradient = here.f.slope[0]
@@ -185,10 +185,9 @@ def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
         return float(np.linalg.norm(gradient)) / size
     scale = np.linalg.norm(matrix, axis=0)
     matrix = matrix / np.where(scale > 0.0, scale, 1.0)
-    least = np.zeros(matrix.shape[1])
-    least[matrix.shape[1] - len(here.h.value) :] = -np.inf
-    answer = lsq_linear(matrix, gradient, bounds=(least, np.inf), tol=1e-12)
-    return float(np.linalg.norm(matrix @ answer.x - gradient)) / size
+    equations = matrix[:, matrix.shape[1] - len(here.h.value) :]
+    _, left = nnls(np.concatenate((matrix, -equations), axis=1), gradient)
+    return float(left) / size
 
 
 def _span(numbers: Array) -> str:
