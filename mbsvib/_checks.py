@@ -6,7 +6,7 @@ has hundreds of them.
 
 from __future__ import annotations
 
-from math import hypot, inf, isfinite, sin, sqrt
+from math import hypot, inf, isfinite, pi, sin, sqrt
 from typing import Any
 
 from mbsvib.errors import ModelError, nearest
@@ -22,6 +22,8 @@ UNIT6 = tuple(tuple(1.0 if i == j else 0.0 for j in range(6)) for i in range(6))
 # Beyond 1e-9 the axes would scale stiffness by more than the accuracy this toolbox promises.
 ROTATION_TOLERANCE = 1e-9
 TINY = 1e-150
+# Nobody needs to turn by more, but 90 degrees taken for radians do.
+ONCE_AROUND = 2.0 * pi * (1.0 + ROTATION_TOLERANCE)
 
 
 def refuse(who: str, field: str, given: Any, expected: str, hint: str = "") -> ModelError:
@@ -108,7 +110,11 @@ def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
     if len(items) != 3:
         raise refuse(who, field, value, expected)
     if not hasattr(items[0], "__len__"):
-        return exponential(vector(items, who, field, expected))
+        turn = vector(items, who, field, expected)
+        if hypot(*turn) > ONCE_AROUND:
+            hint = f"This one goes {hypot(*turn) / (2.0 * pi):.3g} times around: angles are in radians, not degrees."
+            raise refuse(who, field, value, expected, hint)
+        return exponential(turn)
     rows = square(items, 3, who, field, expected)
     (a, b, c), (d, e, f), (g, h, i) = rows
     off = max(

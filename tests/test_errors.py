@@ -143,6 +143,7 @@ CASES = {
     "orientation 2x2": (body(orientation=np.eye(2)), ["orientation", "3x3"]),
     "orientation ragged": (body(orientation=[[1, 0, 0], [0, 1, 0], [0, 0]]), ["orientation"]),
     "rotation vector NaN": (body(orientation=(0, 0, NAN)), ["orientation", "nan"]),
+    "rotation vector in degrees": (body(orientation=(0, 0, 90)), ["14.3 times around", "radians, not degrees"]),
     # elements that join nothing or do nothing
     "joint with itself": (joint(second="arm"), ["'arm'", "itself"]),
     "bushing with itself": (bushing(second="arm"), ["'arm'", "itself"]),
