@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.parts import Body, Joint, Spring
-from mbsvib.sensitivities.fields import applied
+from mbsvib.sensitivities.fields import acts, applied
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -238,7 +238,7 @@ def _entries(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) -> lis
     """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it; none of what does not move."""
     moves = [True] * d.shape[1]
     if d.size > LARGE:
-        moves = [bool(d[:, i].any()) for i in range(d.shape[1])]
+        moves = [acts(d[:, i]) for i in range(d.shape[1])]
     half = [d[:, i] * (0.5 * factor) if moves[i] else None for i in range(d.shape[1])]
     return [[] if (p := half[i]) is None or not moves[j] else [(p if i == j else 2.0 * p, d[:, j])] for i, j in pairs]
 

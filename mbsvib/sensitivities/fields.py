@@ -250,6 +250,11 @@ def multipliers(network: Network, behind: Field) -> Field:
     return np.asarray(ties.pull @ felt)
 
 
+def acts(array: Field) -> bool:
+    """Tell whether any number of an array is not zero; mostly the first one tells."""
+    return bool(array.size and array.item(0)) or bool(array.any())
+
+
 def shifted(wrench: Field, arm: Array) -> Field:
     """Return wrenches (w, 6, n) about another point, from which the present one is at ``arm`` (w, 3)."""
     result = np.array(wrench)

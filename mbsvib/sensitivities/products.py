@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sensitivities.fields import fields, in_joints, motions
+from mbsvib.sensitivities.fields import acts, fields, in_joints, motions
 from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def _acting(first: list[Terms], second: list[Terms] | None) -> list[int] | None:
     """Entries that are not zero for all parts, as planar mechanisms have many; None where all act."""
     other = first if second is None else second
     acting = [i for i, terms in enumerate(first)
-              if terms and other[i] and any((p.any() and a.any()) or (second is not None and q.any() and b.any())
+              if terms and other[i] and any((acts(p) and acts(a)) or (second is not None and acts(q) and acts(b))
                      for (p, q), (b, a) in zip(terms, other[i], strict=True))]  # fmt: skip
     return None if len(acting) == len(first) else acting
 
