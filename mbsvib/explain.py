@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.doubts import doubts
 from mbsvib.errors import counted
 from mbsvib.parts._part import Composed
 from mbsvib.topology import FLOATS
@@ -48,6 +49,9 @@ def explain(system: System) -> str:
         lines += ["loads", *explain_loads(system)]
     if system.gyroscopic is not None or system.circulatory is not None:
         lines += ["symmetry", *_unsymmetric(system)]
+    found = doubts(system)
+    if found:
+        lines += ["doubtful", *(f"  {text}" for text in found)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system))]
     return "\n".join(lines)
 

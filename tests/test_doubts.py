@@ -1,0 +1,29 @@
+"""Units that are likely to be wrong are told by explain, and by nothing where units are right."""
+
+import pytest
+
+import mbsvib as mv
+
+
+def pad(inertia):
+    model = mv.Model("pad")
+    model.add_body("plate", 0.1, inertia, position=(0, 0, 0.05))
+    model.add_bushing("rubber", "ground", "plate", (0.02, 0, 0), stiffness=(1e4,) * 3 + (10.0,) * 3)
+    return model.linearize().explain()
+
+
+def test_inertia_in_gram_square_millimetres():
+    assert "doubtful" not in pad((1e-4, 2e-4, 2.5e-4))
+    told = pad((1e-4 * 1e9, 2e-4 * 1e9, 2.5e-4 * 1e9))
+    assert "body 'plate': a radius of gyration of 1.58e+03 m in a mechanism of 0.0539 m" in told
+
+
+@pytest.mark.parametrize("name", mv.library.models())
+def test_models_of_the_library_are_beyond_doubt(name):
+    assert "doubtful" not in mv.library.build(name).linearize().explain()
+
+
+def test_nodes_and_bodies_at_one_point_have_no_size():
+    model = mv.Model("point")
+    model.add_body("b", 1.0, (1, 1, 1))
+    assert "doubtful" not in model.linearize().explain()
