@@ -45,8 +45,8 @@ def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None
     else:
         chosen = _picked(model, chains, [asked] if isinstance(asked, str) else asked)
     if not chosen:
-        raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of bodies "
-                         f"and joints between both.", element=body, field="body")  # fmt: skip
+        raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of rigid "
+                         f"bodies and joints between both.", element=body, field="body")  # fmt: skip
     result: list[Leg] = []
     for leg in (chain.leg(model) for chain in chosen):
         if not _joined(result, leg):

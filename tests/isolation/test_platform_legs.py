@@ -9,8 +9,6 @@ import mbsvib as mv
 from mbsvib import isolation, library
 from tests.isolation.scenes import relaxing_hexapod
 
-LINE = ((0, 0, 0), (0, 0, 1))
-
 
 def strutted(ends, base="ground", k=1e5, leg=None):
     """A payload on legs between two bodies; ``leg`` makes one of its own."""
@@ -46,6 +44,20 @@ def relaxing(model, name, base, start, end, k):
     model.add_maxwell(f"{name}.damper", f"{name}.tube", f"{name}.rod", start, end, 3 * k, 100.0, k)
 
 
+def flexed(model, name, base, start, end, k):
+    """Flexures at both ends instead of joints, and one beside the slide; names without a common stem."""
+    start, end = np.array(start), np.array(end)
+    line = (end - start) / np.linalg.norm(end - start)
+    axes = mv._checks.frame_along(tuple(line))
+    model.add_body(f"low {name}", 0.2, (1e-3, 1e-3, 1e-4), start + 0.1 * line, orientation=axes)
+    model.add_body(f"high {name}", 0.2, (1e-3, 1e-3, 1e-4), end - 0.1 * line, orientation=axes)
+    stiff = (8e5, 8e5, 9e5, 5.0, 5.0, 6.0)
+    model.add_bushing(f"foot {name}", base, f"low {name}", start, stiff, orientation=axes)
+    model.add_joint(f"slide {name}", "cylindrical", f"low {name}", f"high {name}", start + 0.1 * line, axis=line)
+    model.add_bushing(f"middle {name}", f"low {name}", f"high {name}", start, (0, 0, k, 0, 0, 7.0), orientation=axes)
+    model.add_bushing(f"head {name}", f"high {name}", "payload", end, stiff, orientation=axes)
+
+
 def ends(radius=0.2, height=0.4, half=0.2, top=0.1, count=6):
     """Legs between two rings, in pairs."""
     result = []
@@ -62,11 +74,12 @@ def frequencies(model):
 
 
 @pytest.mark.parametrize("base", ["ground", "table"])
-@pytest.mark.parametrize("leg", [plain, relaxing])
+@pytest.mark.parametrize("leg", [plain, relaxing, flexed])
 def test_legs_of_all_kinds(leg, base):
     model = strutted(ends(), base, leg=leg)
     geometry = isolation.platform(model, "payload", base)
     assert len(geometry.legs) == 6
+    assert repr(geometry).startswith("Platform(6 legs: base.radius 0.2, base.height 0, base.spread 0.2")
     assert geometry.start["base.spread"] == pytest.approx(0.2, rel=1e-13)
     at = {"base.radius": 0.23, "base.spread": 0.3, "platform.height": 0.35, "platform.radius": 0.11}
     anew = strutted(ends(0.23, 0.35, 0.3, 0.11), base, leg=leg)
@@ -164,6 +177,19 @@ def with_part(adder, *words, **others):
     return model
 
 
+def held_by(node, at):
+    """A leg whose one body is held at both ends where it is."""
+    model = library.stewart(ports="none")
+    if node == "dot":
+        model.add_body("dot", 1.0, (1, 1, 1), at)
+    else:
+        model.add_beam("tube", None, None, {"type": "circle", "radius": 0.01}, {"E": 2e11, "rho": 7800, "nu": 0.3},
+                       start=at, end=(0.3, 0, 0.02), elements=1)  # fmt: skip
+    model.add_joint("low", "spherical", "ground", node, at)
+    model.add_spring("high", node, "platform", at, (0.05, 0, 0.07), 1.0)
+    return model if node != "dot" else model.replace("high", start=(0, 0, 0), end=at)
+
+
 def hanging():
     model = library.stewart(ports="none")
     model.add_body("pendulum", 1.0, (1, 1, 1), (0, 0, -1))
@@ -198,6 +224,9 @@ def nowhere():
         (tethered, {"body": "payload", "base": "table", "legs": "s2.rod"}, "leg '.*': it is held by the ground too"),
         (hanging, {"legs": ["leg*.k", "pendulum"]}, "leg 'pendulum': it does not reach 'platform'"),
         (pole, {}, "end of leg 'pole' on the base is on the axis"),
+        (lambda: held_by("dot", (0.1, 0, 0.02)), {}, r"leg 'dot': it has no length, .* at \(0\.1, 0, 0\.02\) m"),
+        (lambda: held_by("tube.0", (0.1, 0, 0.02)), {}, r"'tube\.0' belongs to a beam or superelement"),
+        (lambda: with_part("body", "alone", 1.0, (1, 1, 1)), {"body": "alone"}, "no leg leads from 'ground' to 'a"),
         (nowhere, {"body": "payload"}, "joint 's1.head' has no position"),
         (lambda: with_part("load", "push", "leg1.upper", (1, 0, 0)), {}, "'push' on its body 'leg1.upper' keeps"),
         (lambda: with_part("rotor", "gyro", "leg1.upper", 1.0, (1, 0, 0), 1.0), {}, "'gyro' on its body"),
