@@ -197,7 +197,7 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
     """
     if model._composed:
         model = model._expanded()
-    if any(isinstance(spring, Maxwell) for spring in model._springs.values()):
+    if Maxwell in map(type, model._springs.values()):
         from mbsvib.massless.maxwell import with_nodes
 
         model = with_nodes(model)
@@ -344,11 +344,11 @@ def matrices(
     ports_end = felt + len(scene.port.rows.first)
     elastic, seen = every[..., :felt, :], every[..., felt:ports_end, :]
     if acting is not None:
+        kept = acting.nonzero()[0]
         if reduction.matrix is not None:
-            moves = np.asarray(elastic.any(axis=1))
-            acting, elastic = acting.copy(), elastic[moves]
-            acting[acting] = moves
-        springs = springs.only(acting)
+            moves = np.asarray(elastic.any(axis=1)).nonzero()[0]
+            kept, elastic = kept.take(moves), elastic.take(moves, axis=0)
+        springs = springs.only(kept)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
     if scene.shared is not None:
         base = every[..., ports_end:, :]

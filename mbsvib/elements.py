@@ -18,8 +18,6 @@ from mbsvib.parts import Bushing, Maxwell, Spring
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
     from mbsvib.kinematics import Array, Index
 
 # Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
@@ -39,10 +37,9 @@ class Elements:
     owner: Index
     unit: Array
 
-    def only(self, keep: NDArray[np.bool_]) -> Elements:
-        """Return the rows picked by a mask."""
-        kept = keep.nonzero()[0]
-        if len(kept) == len(keep):
+    def only(self, kept: Index) -> Elements:
+        """Return the rows of some numbers, in ascending order."""
+        if len(kept) == len(self.owner):
             return self
         rows = self.rows
         return Elements(

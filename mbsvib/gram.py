@@ -19,8 +19,7 @@ def gram(factor: Array) -> Array:
         moves = np.asarray(factor.any(axis=1))
         if 2 * np.count_nonzero(moves) < len(moves):
             factor = factor[moves]
-    result: Array = factor.swapaxes(-1, -2) @ factor
-    return result
+    return _square(factor)
 
 
 def product(rows: Array, value: Array) -> Array:
@@ -40,12 +39,17 @@ def product(rows: Array, value: Array) -> Array:
     half: Array = rows * np.sqrt(np.abs(value))[..., None]
     negative = value < 0.0
     if not np.count_nonzero(negative):
-        return half.swapaxes(-1, -2) @ half
+        return _square(half)
     if half.ndim == 2:
         plus, minus = half[~negative], half[negative]
-        return plus.T @ plus - minus.T @ minus
+        return _square(plus) - _square(minus)
     result: Array = half.swapaxes(-1, -2) @ (half * np.sign(value)[..., None])
     return 0.5 * (result + result.swapaxes(-1, -2))
+
+
+def _square(rows: Array) -> Array:
+    result: Array = rows.T.dot(rows) if rows.ndim == 2 else rows.swapaxes(-1, -2) @ rows
+    return result
 
 
 def _combined(rows: Array, value: Array) -> Array:

@@ -10,6 +10,7 @@ from scipy.linalg import lapack
 
 from mbsvib._checks import IDENTITY
 from mbsvib.errors import ModelError
+from mbsvib.kinematics import columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +57,7 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     SpatialInertia
         Factors of the masses and tensors.
     """
-    table = np.array([(body.mass, *body.inertia) for body in bodies])
+    table = columns([(body.mass, *body.inertia) for body in bodies], 7).T
     whole = np.count_nonzero(table[:, :4] > 0.0) == 4 * len(bodies)
     if np.count_nonzero(table[:, 4:]):
         root = roots(table[:, 1:])

@@ -12,6 +12,8 @@ have it in front of all of theirs, (variants, ...).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -119,7 +121,7 @@ class Triplets:
 
 def columns(tuples: Sequence[tuple[float, ...]], width: int) -> Array:
     """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
-    return np.ascontiguousarray(np.array(tuples, dtype=float).reshape(-1, width).T)
+    return np.fromiter(chain.from_iterable(tuples), float, width * len(tuples)).reshape(-1, width).T.copy()
 
 
 def single_entries(rows: Array) -> Index | None:
@@ -151,7 +153,7 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     point: list[tuple[float, float, float]] = []
     turns: list[bool] = []
     place: dict[int, slice] = {}
-    for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
+    for branch in sorted([b for b in topology.branches if b.joint != FLOATS], key=attrgetter("joint")):
         joint = joints[branch.joint]
         at = joint.point or bodies[branch.body].position
         start = len(names)
@@ -233,10 +235,9 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
     flat: Index = (sign != 0).reshape(-1).nonzero()[0]
     row, column = np.divmod(flat, max(1, sign.shape[1]))
-    moment, point, force = (array.take(row, axis=-1) for array in (rows.moment, rows.point, rows.force))
-    start, linear, angular = (
-        array.take(column, axis=-1) for array in (coordinates.point, coordinates.linear, coordinates.angular)
-    )
+    moment, point, force = rows.moment.take(row, axis=-1), rows.point.take(row, axis=-1), rows.force.take(row, axis=-1)
+    linear, angular = coordinates.linear.take(column, axis=-1), coordinates.angular.take(column, axis=-1)
+    start = coordinates.point.take(column, axis=-1)
     if moment.ndim + point.ndim + force.ndim + start.ndim + linear.ndim + angular.ndim > 12:
         moment, point, force, start, linear, angular = _lifted([moment, point, force, start, linear, angular])
     arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)

@@ -177,7 +177,7 @@ def reduce(
         depends[dependent] = True
         solved.append((dependent, others, block))
         groups.append(group)
-    free = np.nonzero(~depends)[0]
+    free = (~depends).nonzero()[0]
     place = np.empty(n, dtype=np.intp)
     place[free] = np.arange(len(free))
     matrix = np.zeros((n, len(free)))
@@ -202,8 +202,8 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
 
 def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
     """Loops that share a coordinate form a group: (rows, columns) of each."""
-    first, second = cuts.rows.first[cuts.start], cuts.rows.second[cuts.start]
-    touched = coordinates.path[second] != coordinates.path[first]
+    first, second = cuts.rows.first.take(cuts.start), cuts.rows.second.take(cuts.start)
+    touched = coordinates.path.take(second, axis=0) != coordinates.path.take(first, axis=0)
     if cuts.couplings is not None:
         touched = np.concatenate((touched, cuts.couplings.touched))
     groups: list[tuple[int, list[int]]] = []
@@ -219,7 +219,7 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
         groups = [*apart, (mask, loops)]
     row = np.arange(len(cuts.names))
     if len(groups) == 1:
-        return [(row, np.flatnonzero(touched.any(axis=0)))]
+        return [(row, touched.any(axis=0).nonzero()[0])]
     ends = [*cuts.start.tolist(), *range(len(cuts.rows.first), len(row) + 1)]
     return [
         (row[ends[loops[0]] : ends[loops[0] + 1]], touched[loops[0]].nonzero()[0]) if len(loops) == 1 else

@@ -113,7 +113,7 @@ def _restacked(scene: Scene, mine: Mapping[int, Mapping[str, Array]], number: Ma
     if not again:
         return scene.springs
     result = stack(parts, number)
-    return result.only(~np.isin(result.owner, left))
+    return result.only(np.flatnonzero(~np.isin(result.owner, left)))
 
 
 def _with_matrices(

@@ -18,7 +18,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from mbsvib._memory import keep_freed_memory
 from mbsvib.kinematics import single_entries
@@ -220,9 +220,9 @@ def by_products(scene: _Scene) -> tuple[Array, Array]:
 def by_factors(scene: _Scene, _shapes: Array) -> Array:
     """Return shapes from the singular vectors of diag(sqrt k) D R^-1."""
     root = triangle(scene.w)
-    half = lapack.dtrtrs(root, scene.e.T, trans=1)[0]
+    half = blas.dtrsm(1.0, root, scene.e.T, trans_a=1)
     vectors = np.linalg.svd(half, full_matrices=half.shape[1] < len(half))[0]
-    result: Array = lapack.dtrtrs(root, vectors[:, ::-1])[0]
+    result: Array = blas.dtrsm(1.0, root, vectors[:, ::-1])
     return result
 
 
@@ -239,13 +239,13 @@ def by_jacobi(scene: _Scene, shapes: Array) -> Array:
     upper, order = _sorted_qr(scene.e @ basis)
     root, place = _sorted_qr(scene.w @ basis)
     back = np.argsort(order)[place]
-    quotient = lapack.dtrtrs(root, upper[:, back].T, trans=1)[0].T
+    quotient = blas.dtrsm(1.0, root, upper[:, back].T, trans_a=1).T
     _, _, vectors, _, _, failed = lapack.dgejsv(quotient, joba=0, jobu=3, jobv=0)
     if failed:
         return shapes
     result = np.empty_like(shapes)
     result[:, :rigid] = shapes[:, :rigid]
-    turned = lapack.dtrtrs(root, vectors[:, ::-1])[0]
+    turned = blas.dtrsm(1.0, root, vectors[:, ::-1])
     result[:, rigid:] = basis[:, place] @ turned
     return result
 
@@ -395,8 +395,8 @@ def _null_space(scene: _Scene, rows: Array) -> Array:
     null = np.zeros((m, m - rank))
     null[order[rank:], np.arange(m - rank)] = 1.0
     if 0 < rank < m:
-        null[order[:rank]] = -lapack.dtrtrs(qr[:rank, :rank], qr[:rank, rank:])[0]
+        null[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
     null /= size[:, None]
     if rank < m:
-        null = lapack.dtrtrs(triangle(scene.w @ null), null.T, trans=1)[0].T
+        null = blas.dtrsm(1.0, triangle(scene.w @ null), null.T, trans_a=1).T
     return null
