@@ -62,7 +62,8 @@ class Sensitive:
         array, shape (parameters, eigenvalues)
             Derivatives [1/s per unit of the parameter], eigenvalues in the order of ``modes().eigenvalues``; those that
             coincide have the derivatives of their branches, an eigenvalue 0 that a parameter would move infinity. Not a
-            number where a parameter, changed alone, takes degrees of freedom away.
+            number where a parameter, changed alone, takes degrees of freedom away; asked for all parameters, also
+            where one by itself would be refused.
 
         Raises
         ------
@@ -96,7 +97,7 @@ class Sensitive:
         -------
         array, shape (parameters, outputs, inputs, n)
             Derivatives [output unit / input unit per unit of the parameter]. Not a number where a parameter, changed
-            alone, takes degrees of freedom away.
+            alone, takes degrees of freedom away; asked for all parameters, also where one by itself would be refused.
 
         Raises
         ------
@@ -120,7 +121,7 @@ class Sensitive:
         Returns
         -------
         MatrixDerivatives
-            One matrix a parameter, and ``factors`` of low rank.
+            One matrix a parameter, and ``factors`` of low rank. Under load they follow the equilibrium.
 
         Raises
         ------
