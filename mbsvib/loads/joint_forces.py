@@ -16,6 +16,7 @@ import numpy as np
 from mbsvib.loads.pairs import Pairs, spread
 from mbsvib.loads.reactions import carriers, reactions
 from mbsvib.loads.shared_forces import shared_wrenches
+from mbsvib.mobility import crossed_product
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,7 +38,7 @@ class _Motion:
 
     def at(self, body: Any, arm: Array) -> Array:
         """The displacement (3, n, m) of points of bodies at arms (3, n) from their centres of mass."""
-        return self.shift[:, body] + _cross(self.turn[:, body], arm[..., None])
+        return self.shift[:, body] + crossed_product(self.turn[:, body], arm[..., None])
 
 
 def joint_force_rows(
@@ -96,7 +97,7 @@ def joint_force_rows(
             axes = np.array(scene.topology.joints[place].axes)
             pull = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
             for key, part in carried_by.items():
-                found[key][row] = np.einsum("c,cn->n", pull, part[:, place])
+                found[key][row] = pull @ part[:, place]
         else:
             _sum(found, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
 
@@ -141,7 +142,7 @@ def _of_rotating_dampers(model: Model, scene: Scene, motion: Array, position: Ar
 
 def _about_origin(part: Array, position: Array) -> Array:
     """The sum of wrenches (6, bodies + 1, n) on all bodies, moments about the origin."""
-    moment = part[3:] + _cross(position[..., None], part[:3])
+    moment = part[3:] + crossed_product(position[..., None], part[:3])
     result: Array = np.concatenate((part[:3], moment))[:, :-1].sum(axis=1)
     return result
 
@@ -165,8 +166,7 @@ def _of_springs(scene: Scene, relative: Triplets, reduction: Reduction, position
     felt = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
     each = Pairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     to_bodies = spread(each, position)
-    return (np.einsum("cbr,rm->cbm", to_bodies, -springs.stiffness[:, None] * felt),
-            np.einsum("cbr,rm->cbm", to_bodies, -springs.damping[:, None] * felt))  # fmt: skip
+    return to_bodies @ (-springs.stiffness[:, None] * felt), to_bodies @ (-springs.damping[:, None] * felt)
 
 
 def _of_inputs(scene: Scene, position: Array) -> Array:
@@ -195,9 +195,9 @@ class _Change:
         f, t = pairs.force[..., None], pairs.torque[..., None]
         gap = motion.at(pairs.second, b) - motion.at(pairs.first, a)
         turn = turned_b - turned_a
-        force, twisted = _cross(turned_a, f), 0.5 * _cross(turn, t)
+        force, twisted = crossed_product(turned_a, f), 0.5 * crossed_product(turn, t)
         self._two(twisted, statics, motion)
-        torque = _cross(turned_a, t) + twisted
+        torque = crossed_product(turned_a, t) + twisted
         lines = statics.felt.line_owner[::2]
         along, length = statics.felt.line[:, ::2, None], statics.felt.length[::2, None]
         across = gap[:, lines] - along * (along * gap[:, lines]).sum(axis=0)
@@ -206,23 +206,24 @@ class _Change:
         follows = np.zeros(len(pairs.first), dtype=bool)
         follows[: applied.loads] = applied.follower
         loads = np.arange(applied.loads)
-        force[:, loads] = np.where(follows[loads, None], _cross(turned_b, f)[:, loads], 0.0)
-        torque[:, loads] = np.where(follows[loads, None], _cross(turned_b, t)[:, loads], 0.0)
-        shifted = gap + _cross(turned_a, a[..., None])  # the point on the second body, against the first
-        shifted[:, lines] = _cross(turned_a, a[..., None])[:, lines]
-        on_second = torque + _cross(_cross(turned_b, b[..., None]), f) + _cross(b[..., None] + 0.0 * force, force)
-        on_first = torque + _cross(shifted, f) + _cross(a[..., None] + 0.0 * force, force)
+        force[:, loads] = np.where(follows[loads, None], crossed_product(turned_b, f)[:, loads], 0.0)
+        torque[:, loads] = np.where(follows[loads, None], crossed_product(turned_b, t)[:, loads], 0.0)
+        arms = a[..., None], b[..., None]
+        shifted = crossed_product(turned_a, arms[0])
+        gap[:, lines] = 0.0
+        shifted += gap  # the point on the second body, against the first
+        on_second = torque + crossed_product(crossed_product(turned_b, arms[1]), f) + crossed_product(arms[1], force)
+        on_first = torque + crossed_product(shifted, f) + crossed_product(arms[0], force)
         first, second = pairs.incidence(motion.position.shape[1] - 1)
-        self.on_bodies = (np.einsum("cpm,pb->cbm", np.concatenate((force, on_second)), second)
-                          - np.einsum("cpm,pb->cbm", np.concatenate((force, on_first)), first))  # fmt: skip
+        self.on_bodies = second.T @ np.concatenate((force, on_second)) - first.T @ np.concatenate((force, on_first))
         count = len(applied.names)
         self.moments = np.concatenate((np.zeros_like(twisted[:, count:]), twisted[:, count:]))
         self.moments[:, lines[lines >= count] - count] = 0.0
         moved = motion.at(pairs.second, b)
         points = pairs.end[..., None]
-        moment = torque + _cross(moved, f) + _cross(points + 0.0 * force, force)
+        moment = torque + crossed_product(moved, f) + crossed_product(points, force)
         self.of_loads = np.concatenate((force[:, loads].sum(axis=1), moment[:, loads].sum(axis=1)))
-        self.of_loads[3:] += _cross(motion.shift, applied.weight[..., None]).sum(axis=1)
+        self.of_loads[3:] += crossed_product(motion.shift, applied.weight[..., None]).sum(axis=1)
 
     @staticmethod
     def _two(twisted: Array, statics: Statics, motion: _Motion) -> None:
@@ -233,8 +234,3 @@ class _Change:
             one, other = felt.rows.moment[:, first], felt.rows.moment[:, second]
             half = 0.5 * float(pairs.torque[:, who] @ felt.cross[:, felt.two[0].tolist().index(who)])
             twisted[:, who] -= half * (np.outer(one, other @ turn) + np.outer(other, one @ turn))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """a x b of arrays of components (3, ...) that broadcast against each other."""
-    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))
