@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, overload
 
 from mbsvib.errors import ExportError
@@ -68,6 +69,11 @@ def to_control(
         If python-control is not installed or cannot hold the system, or the step is no positive number.
     ResponseError
         If the realization is unknown.
+
+    Warns
+    -----
+    UserWarning
+        If an input and an output have one name: ``control.interconnect`` would wire the system to itself.
     """
     control = need("control", "to_control", _INSTALL)
     from mbsvib.batch import Batch
@@ -84,6 +90,11 @@ def to_control(
     if dt is not None:
         step = step_of(space, dt, "to_control")
         a, b = step.phi, step.gamma
+    same = [name for name in space.inputs if name in space.outputs]
+    if same:
+        warnings.warn(f"to_control: input and output '{same[0]}' of '{space.name}' have one name, and "
+                      f"control.interconnect closes a loop between signals of one name; rename one of them in the "
+                      f"model, or connect by connections= and inplist=.", stacklevel=2)  # fmt: skip
     # dt = 0: a system without states would be taken for one of no particular time.
     return control.StateSpace(
         a, b, space.C, space.D, dt or 0,

@@ -98,6 +98,15 @@ def test_interconnect_by_names():
     assert [BACK(name) for name in implicit.state_labels] == ["slider_guide.z", "slider_d(guide.z)/dt"]
 
 
+def test_one_name_for_an_input_and_an_output_is_warned_of():
+    """python-control wires signals of one name, and with them a plant to itself: its stiffness fell by 1 N/m."""
+    system = slider(inputs=("z", "F"), outputs=("z",))
+    with pytest.warns(UserWarning, match="input and output 'z' of 'slider' have one name, and control.interconnect"):
+        plant = mx.to_control(system)
+    itself = control.interconnect([plant], inputs=["F"], outputs=["z"])
+    assert itself.dcgain() == pytest.approx(1.0 / (1e4 - 1.0))
+
+
 def test_connect_by_numbers():
     plants = control.append(mx.to_control(slider()), control.StateSpace([], [], [], [[2e4]]))
     with pytest.warns(FutureWarning, match="interconnect"):

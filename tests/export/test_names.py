@@ -153,7 +153,7 @@ def test_names_that_would_be_formulas_can_be_drawn():
     name = r"$\foo$"
     with pytest.raises(ValueError, match="foo"):
         draw(plant(name))
-    draw(mx.to_control(slider(inputs=[name], outputs=[name], name=name)))
+    draw(mx.to_control(slider(inputs=[name], outputs=[f"{name} of it"], name=name)))
 
 
 @pytest.mark.parametrize("name", ["a.b", "it's", "back\\", *(f"a{sign}b" for sign in string.punctuation)])
