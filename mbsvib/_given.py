@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,3 +97,11 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     if array.ndim or np.isnan(array) or array < least:
         raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}.")
     return float(array)
+
+
+def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:
+    """Return ``value`` as a path; a number would be taken for an open file, whatever that is."""
+    if isinstance(value, (str, os.PathLike)):
+        return Path(value)
+    hint = " It comes after the model or system." if hasattr(value, "linearize") or hasattr(value, "modes") else ""
+    raise error(f"{caller}: path = {shown(value)}; expected the path of a file.{hint}")

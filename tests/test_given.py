@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+import mbsvib_export as mx
 from mbsvib import isolation, plots, report
 from mbsvib.campbell import campbell
 from mbsvib.studies import frequency, peak
@@ -155,3 +156,27 @@ def test_studies_ask_for_models(call, given):
 def test_isolation_says_what_it_needs(call):
     with pytest.raises(mv.MbsvibError, match="expected"):
         call()
+
+
+@pytest.mark.parametrize("path", [None, 5, True, SYSTEM])
+@pytest.mark.parametrize("call", [
+    lambda path: mv.save(MODEL, path),
+    mv.load,
+    lambda path: mx.to_npz(SYSTEM, path),
+    lambda path: mx.to_mat(SYSTEM, path),
+    lambda path: mx.to_dmig(SYSTEM, path),
+    lambda path: mx.to_fmu(SYSTEM, path),
+    mx.check_export,
+    mx.from_npz,
+    mx.from_mat,
+    mx.from_npz_batch,
+])  # fmt: skip
+def test_paths_are_paths(call, path):
+    """A number would be an open file: reading from True closed what prints."""
+    with pytest.raises(mv.MbsvibError, match=r"path = .*; expected the path of a file"):
+        call(path)
+
+
+def test_a_path_before_the_model_is_told_the_order():
+    with pytest.raises(mv.ModelError, match="It comes after the model or system"):
+        mv.save("car.yaml", MODEL)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
@@ -120,6 +121,7 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
     ExportError
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
+    a_path(path, "from_npz_batch", ExportError)
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = dict(file)

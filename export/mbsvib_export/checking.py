@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib import tables
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib.system import System
 from mbsvib_export.neutral import SystemData, refuse_many
@@ -99,7 +100,7 @@ def check_export(
     if model is not None and not isinstance(model, (System, SystemData)):
         refuse_many(model, "check_export")
         raise ExportError(f"check_export: model = {type(model).__name__}; expected a System (model.linearize()).")
-    file = Path(path)
+    file = a_path(path, "check_export", ExportError)
     suffix = file.suffix.lower()
     if suffix in _READERS:
         return ExportCheck(file, _whole(_READERS[suffix](file), model, limit))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import system_data_of
@@ -100,8 +101,9 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
         If h5py is not installed, or the file cannot be read, is damaged, or is of a later version of the format.
     """
     h5py = need("h5py", "from_hdf5", _INSTALL)
+    file = a_path(path, "from_hdf5", ExportError)
     try:
-        raw = Path(path).read_bytes()
+        raw = file.read_bytes()
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
         with h5py.File(BytesIO(raw), "r") as file:

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib.state_space import StateSpace
 from mbsvib.system import System
@@ -83,7 +84,7 @@ def to_mat(
     # scipy writes the time into the title; without it the same system gives the same bytes
     rest = stream.getvalue()[TITLE:]
     whole = _title(rest) + rest
-    is_new = not os.path.lexists(path)
+    is_new = not os.path.lexists(a_path(path, "to_mat", ExportError))
     result = write_whole(path, lambda file: file.write(whole))
     if loader:
         name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", result.stem)[:50]
@@ -117,8 +118,9 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     """
     from scipy.io import loadmat
 
+    file = a_path(path, "from_mat", ExportError)
     try:
-        raw = Path(path).read_bytes()
+        raw = file.read_bytes()
         if raw[:TITLE] != _title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
         found = loadmat(BytesIO(raw), simplify_cells=False)

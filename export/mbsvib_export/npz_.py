@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib.state_space import StateSpace
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
@@ -106,6 +107,7 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
+    a_path(path, "from_npz", ExportError)
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             found = dict(arrays)

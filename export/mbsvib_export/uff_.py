@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib.system import System
 from mbsvib_export.neutral import SystemData, refuse_many
@@ -120,7 +121,7 @@ def from_uff(path: str | os.PathLike[str]) -> ResponseData:
         If pyuff is not installed, the file cannot be read or is damaged, or its sets are not those of ``to_uff``.
     """
     pyuff = need("pyuff", "from_uff", _INSTALL)
-    where = os.fspath(path)
+    where = str(a_path(path, "from_uff", ExportError))
     if not Path(path).is_file():
         raise ExportError(f"{where}: cannot be read: there is no such file; expected a file of to_uff.")
     try:

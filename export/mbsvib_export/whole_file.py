@@ -6,6 +6,7 @@ import os
 from typing import IO, TYPE_CHECKING
 
 from mbsvib import whole_file
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
     ExportError
         If the file cannot be written. What was at the path is then still there, untouched.
     """
+    a_path(path, "file", ExportError)
     try:
         return whole_file.write_whole(path, write)
     except OSError as error:

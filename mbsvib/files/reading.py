@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
+from mbsvib._given import a_path
 from mbsvib.errors import ModelError, nearest
 from mbsvib.files.document import Document, fault
 from mbsvib.files.json_text import read_json
@@ -15,7 +16,7 @@ READERS = {".yaml": read_yaml, ".yml": read_yaml, ".json": read_json}
 
 def suffix_of(path: str | PathLike[str]) -> str:
     """Return the suffix of a model file in small letters; refuse one that says no language."""
-    suffix = Path(path).suffix
+    suffix = a_path(path, "file", ModelError).suffix
     if suffix.lower() not in READERS:
         raise ModelError(f"{path}: the suffix is {suffix!r}; expected .yaml, .yml or .json, which says how a model "
                          f"is written.")  # fmt: skip

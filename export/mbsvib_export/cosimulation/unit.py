@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib.state_space import StateSpace
 from mbsvib_export.packages import need
@@ -83,7 +84,7 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
         If fmpy is not installed, or the file is none that it can read or this platform can run.
     """
     fmpy = need("fmpy", caller, "mbsvib[fmu]")
-    file = Path(path)
+    file = a_path(path, caller, ExportError)
     with TemporaryDirectory(prefix="mbsvib-", ignore_cleanup_errors=True) as folder:
         try:
             description = fmpy.read_model_description(str(file))

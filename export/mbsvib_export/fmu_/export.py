@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, TypeAlias, overload
 
 from mbsvib import __version__
+from mbsvib._given import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.fmu_.binaries import PLATFORMS, binary, wanted_platforms
 from mbsvib_export.fmu_.description_2 import description_2
@@ -120,7 +121,7 @@ def to_fmu(
             raise ExportError(f'to_fmu: version = {each!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     if not versions:
         raise ExportError('to_fmu: version = (); expected "2.0", "3.0" or both, ("2.0", "3.0").')
-    goal = Path(path)
+    goal = a_path(path, "to_fmu", ExportError)
     if goal.suffix.lower() != ".fmu":
         raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
     names = (tunable,) if isinstance(tunable, str) else tuple(tunable)
