@@ -12,6 +12,7 @@ from mbsvib.beams.beam import Beam
 from mbsvib.parts import Joint
 from mbsvib.sensitivities.factors import constants, rule
 from mbsvib.sensitivities.flexible import beam_rule
+from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
@@ -67,8 +68,8 @@ class Plan:
 
     @property
     def size(self) -> int:
-        """Number of parameters."""
-        return len(self.variables.parameters)
+        """Number of parameters and directions."""
+        return len(self.variables.parameters) + len(self.variables.directions)
 
     def only(self, kind: str, *fields: str) -> tuple[Family, ...]:
         """Return the families of parts of one kind, or of some of their fields."""
@@ -110,15 +111,21 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
     if not network.bare:
         parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
-    groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
-    whole: list[int] = []
     rule: dict[tuple[str, str], bool] = {}
-    for place, parameter in enumerate(asked.parameters):
+    for parameter in asked.parameters:
         own = (parameter.part, parameter.field)
         if own not in rule:
             rule[own] = _has_rule(network, parameter, parts.get(parameter.part))
-        if not rule[own]:
-            whole.append(place)
+    without = np.array([not rule[each.part, each.field] for each in asked.parameters], dtype=np.bool_)
+    if without.any() and not asked.identity:
+        asked = asked.joined(without)
+        whole, directions = len(asked.parameters) + np.arange(len(asked.directions)), asked.directions
+    else:
+        whole = np.flatnonzero(without)
+        directions = tuple(Direction(name, ((name, 1.0),)) for name in (asked.parameters[k].name for k in whole))
+    groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
+    for place, parameter in enumerate(asked.parameters):
+        if not rule[parameter.part, parameter.field]:
             continue
         kind, number, part = parts[parameter.part]
         index = parameter.index
@@ -127,9 +134,8 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
         key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), rod)
         groups.setdefault(key, []).append((place, number, slot))
     families: list[Family | Whole] = [_family(network, key, members) for key, members in groups.items()]
-    if whole:
-        slopes = network.variants.slopes([asked.parameters[place] for place in whole], every)
-        families.append(Whole(np.array(whole)[:, None], slopes))
+    if directions:
+        families.append(Whole(whole[:, None], network.variants.slopes(directions, every)))
     return Plan(network, asked, tuple(families))
 
 

@@ -5,22 +5,36 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from mbsvib import _checks as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.kinematics import Array, Index
     from mbsvib.parameters import Parameter, Parameters
+
+    Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """Parameters by name that change together, each at its rate, under the name of the variable that does it."""
+
+    name: str
+    rates: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
 class Variables:
     """Variables by ``names``: term t moves the parameter numbered ``parameter`` (t,) with the ``variable`` (t,), at a
-    ``rate`` (t,).
+    ``rate`` (t,); numbers behind the last of the parameters are those of ``directions``.
     """
 
     names: tuple[str, ...]
@@ -28,23 +42,59 @@ class Variables:
     variable: Index
     parameter: Index
     rate: Array
+    directions: tuple[Direction, ...] = ()
 
     @cached_property
     def identity(self) -> bool:
         """Whether variables are parameters, one by one."""
         every = np.arange(len(self.names))
-        return len(self.parameters) == len(self.rate) == len(every) and bool(
+        return not self.directions and len(self.parameters) == len(self.rate) == len(every) and bool(
             (self.rate == 1.0).all() and (self.parameter == every).all() and (self.variable == every).all()
+        )
+
+    def joined(self, together: Mask) -> Variables:
+        """Return the same variables, in which all of some parameters that one variable moves are one direction.
+
+        Parameters
+        ----------
+        together : array of bool, shape (parameters,)
+            Which parameters.
+
+        Returns
+        -------
+        Variables
+            The others, then one direction for each variable that moves any of these.
+        """
+        left = np.flatnonzero(~together)
+        place = np.full(len(together), -1)
+        place[left] = np.arange(len(left))
+        directions: list[Direction] = []
+        own = together[self.parameter]
+        terms = list(zip(self.variable[~own].tolist(), place[self.parameter[~own]].tolist(), self.rate[~own].tolist(),
+                         strict=True))  # fmt: skip
+        rates: dict[int, dict[str, float]] = {}
+        for v, p, rate in zip(self.variable[own].tolist(), self.parameter[own].tolist(), self.rate[own].tolist(),
+                              strict=True):  # fmt: skip
+            found, name = rates.setdefault(v, {}), self.parameters[p].name
+            found[name] = found.get(name, 0.0) + rate
+        for v, found in rates.items():
+            moved = tuple((name, rate) for name, rate in found.items() if rate)
+            if moved:
+                terms.append((v, len(left) + len(directions), 1.0))
+                directions.append(Direction(self.names[v], moved))
+        table = np.array(terms, dtype=float).reshape(-1, 3)
+        return Variables(
+            self.names, tuple(self.parameters[k] for k in left.tolist()), table[:, 0].astype(np.intp),
+            table[:, 1].astype(np.intp), table[:, 2], tuple(directions),
         )
 
     def chain(self, values: Any) -> Any:
         """Turn derivatives to the parameters (parameters, ...) into those to the variables (variables, ...)."""
         if self.identity:
             return values
-        result = np.zeros((len(self.names), *values.shape[1:]), dtype=values.dtype)
-        rate = self.rate.reshape(-1, *[1] * (values.ndim - 1))
-        np.add.at(result, self.variable, rate * values[self.parameter])
-        return result
+        table = csr_array((self.rate, (self.variable, self.parameter)), shape=(len(self.names), len(values)))
+        flat = table @ values.reshape(len(values), prod(values.shape[1:]))
+        return flat.reshape(len(self.names), *values.shape[1:])
 
 
 def variables(known: Parameters, asked: str | Iterable[str] | Mapping[str, Mapping[str, float]] | None) -> Variables:

@@ -1,4 +1,4 @@
-"""Derivatives of whole matrices, for parameters that do more than one part's rule tells.
+"""Derivatives of whole matrices, along parameters that do more than one part's rule tells.
 
 What moves the equilibrium, changes forces in joints, couples coordinates, spins or has no mass acts everywhere at once.
 There the equations of variants of the model say how they change, in the pose as it is and along the motions q by which
@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
-    from mbsvib.parameters import Parameter
+    from mbsvib.sensitivities.variables import Direction
     from mbsvib.system import System
+
+    Rates = tuple[tuple[str, float], ...]
 
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 # The first step, against the value of a parameter or the size that it is measured by; how much smaller the next is.
@@ -47,8 +49,9 @@ STILL, LEFT, LOOSE = 1e-12, 1e-9, 1e-10
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Derivatives of M, C, K, B, Cq, Cv, Ca and D to k parameters, (k, ...) each; not a number where a parameter takes
-    degrees of freedom away.
+    """Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each.
+
+    Not a number where a direction takes degrees of freedom away.
     """
 
     M: Array
@@ -66,18 +69,18 @@ class Variants:
 
     def __init__(self, system: System) -> None:
         self._system = system
-        self._found: dict[str, Array] = {}
-        self._refused: dict[str, ModelError] = {}
+        self._found: dict[Rates, Array] = {}
+        self._refused: dict[Rates, ModelError] = {}
 
-    def slopes(self, parameters: Sequence[Parameter], every: bool = False) -> Slopes:
-        """Return the derivatives of the system's matrices to some parameters, each computed once.
+    def slopes(self, directions: Sequence[Direction], every: bool = False) -> Slopes:
+        """Return the derivatives of the system's matrices along some directions, each computed once.
 
         Parameters
         ----------
-        parameters : sequence of Parameter
+        directions : sequence of Direction
             What changes.
         every : bool
-            Whether these are all there are, so that what is refused is not a number instead.
+            Whether these are all parameters there are, so that what is refused is not a number instead.
 
         Returns
         -------
@@ -87,35 +90,34 @@ class Variants:
         Raises
         ------
         ModelError
-            If the matrices do not change smoothly, or the parameter loads a motion that nothing holds.
+            If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
         """
-        for parameter in parameters:
-            name = parameter.name
-            if name not in self._found:
+        for direction in directions:
+            key = direction.rates
+            if key not in self._found:
                 try:
-                    self._found[name] = self._slope(parameter)
+                    self._found[key] = self._slope(direction)
                 except ModelError as refusal:
-                    self._found[name], self._refused[name] = np.full(self._count, np.nan), refusal
-            if name in self._refused and not every:
-                raise self._refused[name]
-        flat = np.array([self._found[parameter.name] for parameter in parameters])
+                    self._found[key], self._refused[key] = np.full(self._count, np.nan), refusal
+            if key in self._refused and not every:
+                raise self._refused[key]
+        flat = np.array([self._found[direction.rates] for direction in directions])
         shapes = [getattr(self._system, key).shape for key in KEYS]
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return Slopes(*(part.reshape(len(flat), *shape) for part, shape in zip(parts, shapes, strict=True)))
 
-    def _slope(self, parameter: Parameter) -> Array:
-        name = parameter.name
-        value = self._model.parameters[name]
-        scale = self._scale(parameter, value)
+    def _slope(self, direction: Direction) -> Array:
+        values = {name: self._model.parameters[name] for name, _ in direction.rates}
+        scale = min(self._scale(name, values[name]) / abs(rate) for name, rate in direction.rates)
 
         def at(change: float) -> Array:
-            return self._equations({name: value + change}, {})
+            return self._equations({name: values[name] + change * rate for name, rate in direction.rates}, {})
 
         try:
-            found = self._extrapolated(at, scale, f"parameter '{name}'")
+            found = self._extrapolated(at, scale, f"'{direction.name}'")
         except _OtherMobility:
             return np.full(self._count, np.nan)
-        return self._settled(found, scale, name)
+        return self._settled(found, scale, direction.name)
 
     def _settled(self, found: Array, scale: float, name: str) -> Array:
         """Let the equilibrium give way to the forces that a parameter leaves over."""
@@ -205,10 +207,11 @@ class Variants:
 
         return np.array([along(name) for name in names]).reshape(len(names), len(self._nominal))
 
-    def _scale(self, parameter: Parameter, value: float) -> float:
+    def _scale(self, name: str, value: float) -> float:
         """What a parameter is measured by: its value, the size of the mechanism, or the largest entry beside it."""
         from mbsvib.equilibrium.motion import size_of
 
+        parameter = self._model.parameters.entry(name)
         if parameter.field in ("position", "start", "end"):
             return size_of(self._model)
         if parameter.field == "orientation":

@@ -119,12 +119,29 @@ def test_shapes_norms_and_time_responses_beside_a_rotor():
 def test_a_number_that_no_neighbour_has_is_none():
     """A rotor is round and turns about an axis of its own: what changes that has no neighbour."""
     system = rotor().linearize()
-    with pytest.raises(mv.ModelError, match=r"do not change smoothly with parameter 'disc\.inertia\.xx' \("):
+    with pytest.raises(mv.ModelError, match=r"do not change smoothly with 'disc\.inertia\.xx' \("):
         system.eigenvalue_sensitivities("disc.inertia.xx")
     every = dict(zip(system.parameters, system.eigenvalue_sensitivities(), strict=True))
     lost = {name.partition(".")[2] for name, row in every.items() if np.isnan(row).any() and name.startswith("disc")}
     assert {"inertia.xx", "inertia.xy", "orientation.rx", "position.x"} <= lost
     assert not lost & {"mass", "inertia.zz", "position.z", "orientation.rz"}
+
+
+def test_numbers_that_change_together_have_a_neighbour():
+    """Both moments of a rotor at once; many parameters of one variable cost no more than one."""
+    model = rotor()
+    system = model.linearize()
+    both = {"across": {"disc.inertia.xx": 1.0, "disc.inertia.yy": 1.0, "bearing.stiffness.x": 1e4}}
+    found = system.eigenvalue_sensitivities(both)[0]
+
+    def at(change):
+        values = {name: model.parameters[name] + rate * change for name, rate in both["across"].items()}
+        return model.with_values(values).linearize().modes().eigenvalues
+
+    h = 1e-4
+    expected = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
+    assert np.abs(found - expected).max() <= 1e-8 * np.abs(expected).max()
+    assert len(system._network.variants._found) == 1
 
 
 def geared():
