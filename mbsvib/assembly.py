@@ -17,7 +17,7 @@ from mbsvib._given import a_model
 from mbsvib._memory import keep_freed_memory
 from mbsvib.gram import gram, product
 from mbsvib.inertia import check_mass, spatial_inertia
-from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, twists
+from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, table, twists
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.loops import Cuts, Reduction, reduce
 from mbsvib.mobility import check_mobility
@@ -213,7 +213,7 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
 
         cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
     return Scene(
-        topology, tuple(bodies), elements, np.array([body.position for body in bodies]), coordinates, cuts,
+        topology, tuple(bodies), elements, table([body.position for body in bodies], 3), coordinates, cuts,
         _elements.stack(elements, number), ports(model, bodies, number),
         spatial_inertia(bodies), None if model._pieces is None else model._pieces.numbered(number, len(elements)),
         _loads(model, topology, number) if is_loaded(model) else None, couplers,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib._checks import IDENTITY
-from mbsvib.kinematics import Rows, columns
+from mbsvib.kinematics import Rows, columns, table
 from mbsvib.parts import Bushing, Maxwell, Spring
 
 if TYPE_CHECKING:
@@ -95,22 +95,23 @@ def stack(springs: Iterable[Bushing | Spring | Maxwell], number: Mapping[str, in
 
 
 def _of_lines(lines: list[tuple[int, Spring]], number: Mapping[str, int]) -> Elements:
-    table = columns(
+    line = columns(
         [(number[s.first], number[s.second], i, *s.start, *s.line, 0.0, 0.0, 0.0, s.stiffness, s.damping)
          for i, s in lines], 14,
     )  # fmt: skip
-    first, second, owner = table[:3].astype(np.intp)
+    first, second, owner = line[:3].astype(np.intp)
     unit = np.zeros((len(lines), 6))
     unit[:, 2] = 1.0
-    return Elements(Rows(first, second, table[3:6], table[6:9], table[9:12]), table[12], table[13], owner, unit)
+    return Elements(Rows(first, second, line[3:6], line[6:9], line[9:12]), line[12], line[13], owner, unit)
 
 
 def _of_bushings(bushings: list[tuple[int, Bushing]], number: Mapping[str, int]) -> Elements:
-    k = np.array([b.stiffness for _, b in bushings], dtype=float).reshape(-1)
-    c = np.array([b.damping for _, b in bushings], dtype=float).reshape(-1)
+    k = table([b.stiffness for _, b in bushings], 6).reshape(-1)
+    c = table([b.damping for _, b in bushings], 6).reshape(-1)
     used: Index = ((k != 0.0) | (c != 0.0)).nonzero()[0]
-    which, direction = np.divmod(used, 6)
-    return _rows([b for _, b in bushings], number, which, _SIX.take(direction, axis=1).T, k.take(used), c.take(used),
+    which = used // 6
+    unit = _SIX.take(used - 6 * which, axis=1).T
+    return _rows([b for _, b in bushings], number, which, unit, k.take(used), c.take(used),
                  np.array([i for i, _ in bushings], dtype=np.intp))  # fmt: skip
 
 
@@ -143,13 +144,13 @@ def _rows(
     bushings: list[Bushing], number: Mapping[str, int], which: Index, unit: Array, k: Array, c: Array, owner: Index
 ) -> Elements:
     """Turn directions in the bushings' axes into world rows."""
-    table = columns([(number[b.first], number[b.second], *b.position) for b in bushings], 5).take(which, axis=1)
-    first, second = table[:2].astype(np.intp)
+    place = columns([(number[b.first], number[b.second], *b.position) for b in bushings], 5).take(which, axis=1)
+    first, second = place[:2].astype(np.intp)
     force, moment = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
     if any(b.orientation is not IDENTITY for b in bushings):
         axes = np.array([b.orientation for b in bushings])[which]
         force, moment = np.einsum("nij,kjn->kin", axes, np.array((force, moment)))
-    return Elements(Rows(first, second, table[2:], force, moment), k, c, owner[which], unit)
+    return Elements(Rows(first, second, place[2:], force, moment), k, c, owner.take(which), unit)
 
 
 def _matrix(value: tuple[float, ...] | tuple[tuple[float, ...], ...]) -> Array:

@@ -10,7 +10,7 @@ from scipy.linalg import lapack
 
 from mbsvib._checks import IDENTITY
 from mbsvib.errors import ModelError
-from mbsvib.kinematics import columns
+from mbsvib.kinematics import table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,17 +57,17 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
     SpatialInertia
         Factors of the masses and tensors.
     """
-    table = columns([(body.mass, *body.inertia) for body in bodies], 7).T
-    whole = np.count_nonzero(table[:, :4] > 0.0) == 4 * len(bodies)
-    if np.count_nonzero(table[:, 4:]):
-        root = roots(table[:, 1:])
+    given = table([(body.mass, *body.inertia) for body in bodies], 7)
+    whole = np.count_nonzero(given[:, :4] > 0.0) == 4 * len(bodies)
+    if np.count_nonzero(given[:, 4:]):
+        root = roots(given[:, 1:])
         whole = whole and np.count_nonzero(root.reshape(-1, 9)[:, ::4]) == 3 * len(bodies)
     else:
         root = np.zeros((len(bodies), 3, 3))
-        root.reshape(-1, 9)[:, ::4] = np.sqrt(table[:, 1:4])
+        root.reshape(-1, 9)[:, ::4] = np.sqrt(given[:, 1:4])
     if any(body.orientation is not IDENTITY for body in bodies):
         root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
-    return SpatialInertia(np.sqrt(table[:, 0]), root, whole)
+    return SpatialInertia(np.sqrt(given[:, 0]), root, whole)
 
 
 def roots(inertia: Array) -> Array:

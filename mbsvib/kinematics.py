@@ -69,9 +69,9 @@ class Rows:
     @staticmethod
     def stack(tuples: list[tuple[float, ...]]) -> Rows:
         """Build rows from tuples (first, second, point xyz, force xyz, moment xyz)."""
-        table = columns(tuples, 11)
-        bodies = table[:2].astype(np.intp)
-        return Rows(bodies[0], bodies[1], table[2:5], table[5:8], table[8:])
+        entries = columns(tuples, 11)
+        first, second = entries[:2].astype(np.intp)
+        return Rows(first, second, entries[2:5], entries[5:8], entries[8:])
 
     @staticmethod
     def join(parts: list[Rows]) -> Rows:
@@ -119,9 +119,14 @@ class Triplets:
         return result
 
 
-def columns(tuples: Sequence[tuple[float, ...]], width: int) -> Array:
+def table(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
+    """Return tuples of equal length as the rows of an array (n, width)."""
+    return np.fromiter(chain.from_iterable(tuples), float, width * len(tuples)).reshape(-1, width)
+
+
+def columns(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
     """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
-    return np.fromiter(chain.from_iterable(tuples), float, width * len(tuples)).reshape(-1, width).T.copy()
+    return table(tuples, width).T.copy()
 
 
 def single_entries(rows: Array) -> Index | None:
@@ -176,8 +181,8 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
         else:
             path[branch.body] = path[branch.parent]
             path[branch.body, place[branch.joint]] = branch.sign
-    table = columns(six, 6)
-    return Twists(tuple(names), table[:3], table[3:], columns(point, 3), path, np.array(turns, dtype=bool))
+    both = columns(six, 6)
+    return Twists(tuple(names), both[:3], both[3:], columns(point, 3), path, np.array(turns, dtype=bool))
 
 
 def body_motion(coordinates: Twists, position: Array) -> Array:
@@ -234,7 +239,9 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     """
     sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
     flat: Index = (sign != 0).reshape(-1).nonzero()[0]
-    row, column = np.divmod(flat, max(1, sign.shape[1]))
+    width = max(1, sign.shape[1])
+    row = flat // width
+    column = flat - width * row
     moment, point, force = rows.moment.take(row, axis=-1), rows.point.take(row, axis=-1), rows.force.take(row, axis=-1)
     linear, angular = coordinates.linear.take(column, axis=-1), coordinates.angular.take(column, axis=-1)
     start = coordinates.point.take(column, axis=-1)
