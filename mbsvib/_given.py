@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from mbsvib.model import Model
     from mbsvib.system import System
 
+# Squares of frequencies times large stiffness are to stay below 1e308.
+HIGHEST = 1e100
+
 
 def a_model(value: Any, caller: str, field: str = "model") -> Model:
     """Return ``value`` if it is a model."""
@@ -97,6 +100,18 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     if array.ndim or np.isnan(array) or array < least:
         raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}.")
     return float(array)
+
+
+def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float64]:
+    """Return angular frequencies [rad/s] as a vector whose squares can be held."""
+    w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))
+    if w.ndim != 1 or not np.isfinite(w).all():
+        raise ResponseError(f"{caller}: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+    beyond = w[(w != 0.0) & ((np.abs(w) < 1.0 / HIGHEST) | (np.abs(w) > HIGHEST))]
+    if len(beyond):
+        raise ResponseError(f"{caller}: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} to "
+                            f"{HIGHEST:g} rad/s.")  # fmt: skip
+    return w
 
 
 def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:

@@ -67,6 +67,8 @@ T, U = np.linspace(0.0, 1.0, 5), np.zeros((3, 5))
     lambda: SYSTEM.time_response(T + 0j, U),
     lambda: SYSTEM.time_response(T, U + 0j),
     lambda: SYSTEM.time_response(T, U, hold=np.array([])),
+    lambda: SYSTEM.frequency_response([1.0, 1e-200]),
+    lambda: SYSTEM.frequency_response([1e200]),
     lambda: SYSTEM.frequency_grid(n=2.5),
     lambda: SYSTEM.frequency_grid(n="10"),
     lambda: SYSTEM.frequency_grid(f_min="low"),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
-from mbsvib._given import reals
+from mbsvib._given import angular as _checked
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.undamped import _sorted_qr as sorted_qr
@@ -104,13 +104,6 @@ def _general(system: System, modal: General, w: Array) -> Complex:
         i = int(np.nonzero(~np.isfinite(result).all(axis=(0, 1)))[0][0])
         _refuse_pole(w, int(modal.mode[np.abs(modal.spectrum.values - s[i]).argmin()]) if values.any() else 0, i)
     return result
-
-
-def _checked(omega: ArrayLike) -> Array:
-    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
-    if w.ndim != 1 or not np.isfinite(w).all():
-        raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
-    return w
 
 
 def trusted(modal: Damped, b: Array, w: Array) -> bool:

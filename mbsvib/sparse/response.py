@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import reals
+from mbsvib._given import angular
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -66,9 +66,7 @@ def frequency_response(system: SparseSystem, omega: ArrayLike) -> Complex:
     ResponseError
         If a frequency is not finite or is an undamped pole.
     """
-    w = np.atleast_1d(reals(omega, "frequency_response", "omega", "a vector of numbers [rad/s]"))
-    if w.ndim != 1 or not np.isfinite(w).all():
-        raise ResponseError(f"frequency_response: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+    w = angular(omega)
     right = forces(system.layout, system.input_rows)
     damped = bool(system.damping.any())
     displacement, velocity, acceleration = system.output_rows
