@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
-from mbsvib._given import angular as _checked
+from mbsvib._given import angular
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.modes.undamped import _sorted_qr as sorted_qr
@@ -42,6 +42,7 @@ STRONG = 200.0
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
+_checked = angular  # as other modules know it
 
 
 def frequency_response(system: System, omega: ArrayLike) -> Complex:
@@ -69,7 +70,7 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
     ResponseError
         If a frequency is not finite or is an undamped pole.
     """
-    w = _checked(omega)
+    w = angular(omega)
     modal, size = system._modal, np.abs(w)
     if not isinstance(modal, Damped):
         result = _general(system, modal, w)
