@@ -132,7 +132,10 @@ def _lyapunov(a: Array, b: Array, c: Array, strength: Array) -> Array:
 
 
 def _size(linear: Linear, into: list[int], out: list[int]) -> Array:
-    """The largest response (outputs, inputs) near the poles."""
+    """The largest response (outputs, 1) near the poles, also to motions of the base that are not asked for: what an
+    output is to these by symmetry shows the rounding of what it is to others.
+    """
+    into = into + [i for i, name in enumerate(linear.inputs) if name.startswith("base.") and i not in into]
     size = np.abs(linear.poles())
     size = np.unique(size[size > 0.0])
     if not len(size):

@@ -95,6 +95,20 @@ def test_noise_through_masses_has_no_mean_square():
     assert "give a band" in str(result)
 
 
+def test_white_noise_across_what_symmetry_parts_is_rounding():
+    """Three legs in a ring: x shakes no y, and what rounding leaves of it came through at once, without mean square."""
+    model = mv.Model("table")
+    model.add_body("top", 25.0, (0.8, 0.9, 1.5), position=(0, 0, 0.4))
+    for i, angle in enumerate(np.deg2rad([0.0, 120.0, 240.0])):
+        end = np.array([0.3 * np.cos(angle), 0.3 * np.sin(angle), 0.3])
+        for name, along in (("v", np.array([0, 0, 1.0])), ("h", np.array([-np.sin(angle), np.cos(angle), 0]))):
+            model.add_spring(f"{name}{i}", "ground", "top", start=end - 0.2 * along, end=end, stiffness=2e4, damping=20)
+    for direction in ("x", "y", "z"):
+        found = isolation.study(model, "top").under({direction: 1e-6}).acceleration
+        assert found.max() < 0.1
+        assert sorted(found)[-3] < 1e-12 * found.max()
+
+
 def test_octaves_of_a_stiff_mount():
     # density f^2: velocity density is constant, (2 pi)^-2 1e-10
     study = isolation.study(one_axis(frequency=1e7), "payload", directions="z", frequencies=[1.0])
