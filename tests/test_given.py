@@ -152,6 +152,7 @@ def test_studies_ask_for_models(call, given):
     lambda: isolation.velocity_feedback(HEXAPOD.linearize(), 600.0),
     lambda: isolation.study(HEXAPOD, "platform", directions=True),
     lambda: isolation.actuated(HEXAPOD, "platform", legs=3),
+    lambda: isolation.actuated(HEXAPOD, "platform").with_gains(600.0),
     lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), None, [0.0, 1.0]),
     lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), float, "high"),
 ])  # fmt: skip

@@ -380,10 +380,15 @@ def close(plant: Active, *controllers: Controller) -> ClosedLoop:
     ResponseError
         If there is no controller, or one names an unknown sensor or actuator.
     """
+    from mbsvib.isolation.controller import Controller
+
     if not controllers:
         raise ResponseError("closed loop: no controller is given; make one by force_feedback, skyhook, controller, ...")
     system = plant.system
     for each in controllers:
+        if not isinstance(each, Controller):
+            raise ResponseError(f"closed loop: {type(each).__name__} is no controller; expected what force_feedback, "
+                                f"skyhook, controller, ... return.")  # fmt: skip
         for what, names, known in (("sensor", each.inputs, system.outputs), ("actuator", each.outputs, system.inputs)):
             for name in names:
                 if name not in known:
