@@ -153,12 +153,20 @@ def test_studies_ask_for_models(call, given):
     lambda: isolation.study(HEXAPOD, "platform", directions=True),
     lambda: isolation.actuated(HEXAPOD, "platform", legs=3),
     lambda: isolation.actuated(HEXAPOD, "platform").with_gains(600.0),
+    lambda: mv.optimize(MODEL, {"suspension.damping": (1e2, 1e4)}, peak("body.z", "load"), True),
     lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), None, [0.0, 1.0]),
     lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), float, "high"),
 ])  # fmt: skip
-def test_isolation_says_what_it_needs(call):
+def test_isolation_and_searches_say_what_they_need(call):
     with pytest.raises(mv.MbsvibError, match="expected"):
         call()
+
+
+def test_strict_bounds_are_told_the_way():
+    with pytest.raises(mv.ModelError, match="write >="):
+        _ = frequency() > 3.0
+    with pytest.raises(mv.ModelError, match="write <="):
+        _ = frequency() < 3.0
 
 
 @pytest.mark.parametrize("path", [None, 5, True, SYSTEM])

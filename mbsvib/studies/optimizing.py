@@ -135,7 +135,7 @@ def optimize(
                            "{'leg*.k.stiffness': (1e6, 1e8)}")  # fmt: skip
     if not isinstance(objective, Quantity):
         raise check.refuse("optimize", "objective", objective, "a quantity, such as -smallest(damping_ratio())")
-    wanted = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
+    wanted: tuple[Any, ...] = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
     for each in wanted:
         if not isinstance(each, Constraint):
             raise check.refuse("optimize", "constraints", each, "a constraint, such as damping_ratio() >= 0.05")

@@ -146,6 +146,12 @@ class Quantity:
     def __ge__(self, bound: Any) -> Constraint:
         return _between(self, bound, None)
 
+    def __lt__(self, bound: Any) -> Constraint:
+        raise ModelError(f"'{self.label}' < {bound!r}: a search cannot tell < from <=; write <=.", field="constraints")
+
+    def __gt__(self, bound: Any) -> Constraint:
+        raise ModelError(f"'{self.label}' > {bound!r}: a search cannot tell > from >=; write >=.", field="constraints")
+
     def between(self, low: float, high: float) -> Constraint:
         """Return the constraint that all numbers lie between two bounds.
 
