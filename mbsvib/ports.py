@@ -98,10 +98,11 @@ def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
             wrench = np.array(output.wrench)
             if output.element in model.springs:
                 force_outputs.append((i, list(model.springs).index(output.element), wrench))
-            elif output.element in number:
-                wrench_outputs.append((i, "body", number[output.element], wrench))
-            else:
+            elif output.element in model.joints:
                 wrench_outputs.append((i, "joint", list(model.joints).index(output.element), wrench))
+            elif output.element == "ground" or output.element in model.bodies:
+                wrench_outputs.append((i, "body", number[output.element], wrench))
+            # else it is a part that was left out as out of reach: it sees nothing
             output_units.append(unit(output.wrench, _FORCE))
             continue
         motion_outputs.append(i)

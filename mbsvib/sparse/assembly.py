@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib import elements as _elements
-from mbsvib.errors import ModelError
 from mbsvib.inertia import spatial_inertia
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.ports import ports
@@ -85,27 +84,35 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     if shared is not None:
         factor, rows, k, c, owner = _with_shared(shared, structure, place, factor, rows, k, c, owner)
     names = (*model.springs, *(() if shared is None else shared.names))
+    port = ports(model, bodies, number)
     loading: tuple[str, ...] = ()
+    found = None
     if is_loaded(model):
         from mbsvib.sparse.loads import geometric
+        from mbsvib.sparse.release import Release
 
-        found = geometric(model, topology, structure, place, closure, number)
+        least = Release(structure, place, closure).least if port.wrench_outputs else None
+        found = geometric(model, topology, structure, place, closure, number, least)
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
     loops = closure.independent
-    port = ports(model, bodies, number)
-    for row, *_ in port.wrench_outputs:
-        name = list(model.outputs)[row]
-        raise ModelError(f"output '{name}': method='sparse' does not support forces in joints, or sums of forces, yet; "
-                         f"use method='dense'.", element=name, field="method")  # fmt: skip
     loop_rows = relative_rows(structure, place, loops)
     tableau = build(
         structure, place, kinematics(structure, place), rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
         np.asarray(loops.force.any(axis=0)), _ordering(closure),
     )  # fmt: skip
     check_mobility(structure, closure, place, tableau)
-    inputs, outputs, through = _port_rows(port, relative_rows(structure, place, port.rows), springs, elastic, factor,
-                                          inertia, place, structure.position, shared)  # fmt: skip
+    seen = relative_rows(structure, place, port.rows)
+    inputs, outputs, through = _port_rows(port, seen, springs, elastic, factor, inertia, place, structure.position,
+                                          shared)  # fmt: skip
+    if port.wrench_outputs:
+        from mbsvib.sparse.forces import Acting
+
+        sums = Acting(topology, structure, place, closure, number, springs, elastic, inertia, factor, port,
+                      seen[: len(port.force_inputs)], shared, found)  # fmt: skip
+        more, straight = sums.outputs()
+        outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
+        through = through + straight
     return SparseSystem(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.errors import counted
 from mbsvib.explain import dropped, listed
+from mbsvib.parts import ForceOutput
 
 if TYPE_CHECKING:
     from mbsvib.sparse.system import SparseSystem
@@ -49,7 +50,7 @@ def explain(system: SparseSystem) -> str:
         count = int(np.count_nonzero(system.row_owner >= len(system.springs)))
         of = "of geometric stiffness from gravity, loads, preloads and forces in joints"
         lines += ["loads", f"  in balance; {counted(count, 'row')} {of}"]
-    lines += ["loops", *_loops(system), "tableau", *_tableau(system), "skipped", *_skipped(system)]
+    lines += ["loops", *_loops(system), "tableau", *_tableau(system), *_forces(system), "skipped", *_skipped(system)]
     return "\n".join(lines)
 
 
@@ -79,6 +80,18 @@ def _tableau(system: SparseSystem) -> list[str]:
         f"{counted(len(system.layout.multiplier), 'multiplier')}",
         f"  {len(system.tableau.indices)} entries, eliminated in the order {order}",
     ]  # fmt: skip
+
+
+def _forces(system: SparseSystem) -> list[str]:
+    asked = [output for output in system.model.outputs.values()
+             if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
+    if not asked:
+        return []
+    what = counted(len(asked), "output")
+    lines = [f"  {what} by virtual work, rows as long as what they sum: {listed([output.name for output in asked])}"]
+    if system.redundant and any(output.element in system.model.joints for output in asked):
+        lines.append("    redundant constraints share forces in joints so that their squares add up to the least")
+    return lines
 
 
 def _skipped(system: SparseSystem) -> list[str]:

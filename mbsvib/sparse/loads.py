@@ -26,12 +26,13 @@ from mbsvib.sparse.rows import path_entries, relative_rows
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.loads.felt import Felt
+    from mbsvib.loads.wrenches import Applied
     from mbsvib.model import Model
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
@@ -42,7 +43,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class Geometric:
     """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,); ``owner`` (n,) are
-    numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies.
+    numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies; ``pairs`` are
+    all forces, those of ``applied`` and then those in joints, and ``feels`` what they feel.
     """
 
     rows: csr_matrix
@@ -50,11 +52,15 @@ class Geometric:
     owner: Index
     names: tuple[str, ...]
     joints: Array
+    pairs: Pairs
+    feels: Felt
+    applied: Applied
 
 
 def geometric(
-    model: Model, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int]
-) -> Geometric:
+    model: Model, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int],
+    least: Callable[[Array], Array] | None = None,
+) -> Geometric:  # fmt: skip
     """Return the geometric stiffness of a loaded mechanism.
 
     Parameters
@@ -71,6 +77,8 @@ def geometric(
         Locked rows of the cut joints.
     number : mapping
         Number of each body, ground included.
+    least : callable, optional
+        What makes multipliers of all locked rows those of least norm; default: redundant rows hold nothing.
 
     Returns
     -------
@@ -89,7 +97,7 @@ def geometric(
     wrench[:3] += acting.weight
     sizes[0] += np.sqrt(np.square(acting.weight).sum(axis=0))
     behind, size = _behind(tree, wrench, sizes)
-    cut = _closed(tree, closure, behind, size, (model.name, topology))
+    cut = _closed(tree, closure, behind, size, (model.name, topology), least)
     if cut is not None:
         wrench = wrench + _on_bodies(cut, position)[0]
         behind = _behind(tree, wrench, sizes)[0]
@@ -109,7 +117,7 @@ def geometric(
     body[at] = body_of
     carried[3:, at] += crossed_product(position[:, body_of] - point[:, at], carried[:3, at])
     if cut is not None:
-        here = np.array(topology.cut, dtype=np.intp)[closure.loop[closure.kept]]
+        here = np.array(topology.cut, dtype=np.intp)[closure.loop]
         moment = cut.torque + crossed_product(cut.end - point[:, here], cut.force)
         np.add.at(carried.T, here, np.concatenate((cut.force, moment)).T)
     for k, joint in enumerate(joints):
@@ -117,8 +125,9 @@ def geometric(
             start[:, k] = joint.position
     every = Pairs.join(acting.pairs, Pairs(first, second, start, point, carried[:3], carried[3:]))
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
-    rows, stiffness, owner = _rows(every, felt(acting, joints, number), tree, place, position, n)
-    return Geometric(rows, stiffness, owner, names, carried)
+    feels = felt(acting, joints, number)
+    rows, stiffness, owner = _rows(every, feels, tree, place, position, n)
+    return Geometric(rows, stiffness, owner, names, carried, every, feels, acting)
 
 
 def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
@@ -157,8 +166,9 @@ def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
 
 
 def _closed(
-    tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology]
-) -> Pairs | None:
+    tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology],
+    least: Callable[[Array], Array] | None,
+) -> Pairs | None:  # fmt: skip
     """Forces in the cut joints that bring all into balance, row by row; refused where they do not."""
     motion, carried = tree.motion.T, tree.carried
     lacks = np.einsum("ck,ck->k", motion, behind[:, carried])
@@ -173,7 +183,11 @@ def _closed(
     held = np.zeros(len(lacks))
     np.add.at(held, column, np.abs(entry * value[row]))
     _check(-rest, limit + held, tree, said)
-    return Pairs(rows.first, rows.second, rows.point, rows.point, rows.force * value, rows.moment * value)
+    every, whole = closure.rows, np.zeros(len(closure.names))
+    whole[closure.kept] = value
+    if least is not None:
+        whole = least(whole)
+    return Pairs(every.first, every.second, every.point, every.point, every.force * whole, every.moment * whole)
 
 
 def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array]:

@@ -91,9 +91,11 @@ def _touched(model: Model, part: Any, label: dict[str, int]) -> NDArray[np.intp]
     """Parts that a port touches; a moving ground touches all."""
     if isinstance(part, BaseMotion):
         return np.array(sorted(set(label.values())), dtype=np.intp)
+    if isinstance(part, ForceOutput) and part.element == "ground":
+        return np.array(sorted(set(label.values())), dtype=np.intp)
     if isinstance(part, ForceOutput):
-        element = model.springs[part.element]
-        ends = (element.first, element.second)
+        element = model.springs.get(part.element) or model.joints.get(part.element)
+        ends = (part.element,) if element is None else (element.first, element.second)
     else:
         ends = (part.body, part.relative_to)
     return np.array([label[name] for name in ends if name in label], dtype=np.intp)

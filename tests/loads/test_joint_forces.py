@@ -149,5 +149,3 @@ def test_refusals():
     leg = next(name for name in model.parameters if name.endswith(".stiffness"))
     with pytest.raises(mv.ModelError, match="batches do not support forces in joints"):
         model.linearize(values={leg: [1e6, 2e6]})
-    with pytest.raises(mv.ModelError, match="method='sparse' does not support forces in joints"):
-        model.linearize(method="sparse")

@@ -11,16 +11,10 @@ from tests.support.loaded_models import loaded
 G = 9.81
 
 
-def hanging(n):
-    model = pendulum_chain(n)
-    model._outputs.pop("support")  # forces in joints are for the dense path
-    return model
-
-
 @pytest.mark.parametrize("n", [40, 3000])
 def test_long_chains_have_the_roots_of_laguerre_polynomials(n):
     """x = j^2 / (4 v) (1 + (j^2 - 2) / (48 v^2)) + ... with v = n + 1/2 and j the zeros of J0: Tricomi's series."""
-    system = hanging(n).linearize(method="sparse")
+    system = pendulum_chain(n).linearize(method="sparse")
     modes = system.modes(4)
     nu, j = n + 0.5, jn_zeros(0, 4)
     expected = roots_laguerre(n)[0][:4] if n < 100 else j**2 / (4 * nu) * (1 + (j**2 - 2) / (48 * nu**2))
@@ -28,13 +22,13 @@ def test_long_chains_have_the_roots_of_laguerre_polynomials(n):
     assert modes.errors.max() < 1e-13
     assert "rows of geometric stiffness" in system.explain()
     if n < 100:
-        dense = hanging(n).linearize(method="dense").modes()
+        dense = pendulum_chain(n).linearize(method="dense").modes()
         np.testing.assert_allclose(modes.natural, dense.natural[:4], rtol=1e-13)
 
 
 def test_large_loaded_models_are_held_sparse():
-    assert type(hanging(700).linearize()).__name__ == "SparseSystem"
-    model = hanging(700)
+    assert type(pendulum_chain(700).linearize()).__name__ == "SparseSystem"
+    model = pendulum_chain(700)
     model.add_load("wind", "m700", force=(0, 0, -1.0), follower=True)
     assert type(model.linearize()).__name__ == "System"
 
@@ -94,18 +88,18 @@ def test_springs_that_hold_a_chain_upright_or_not():
 
 
 def test_parts_that_nothing_reaches_are_left_out_with_their_loads():
-    model = hanging(4)
+    model = pendulum_chain(4)
     model.add_body("lamp", 2.0, (1, 1, 1), position=(5, 0, -1))
     model.add_joint("hook", "spherical", "ground", "lamp", position=(5, 0, 0))
     model.add_load("shade", "lamp", force=(0, 0, -3.0))
     system = model.linearize(method="sparse").reachable()
     assert system.dof == 4
-    expected = hanging(4).linearize().modes().natural
+    expected = pendulum_chain(4).linearize().modes().natural
     np.testing.assert_allclose(system.modes(4).natural, expected, rtol=1e-13)
 
 
 def test_what_lacks_balance_is_named():
-    model = hanging(12).replace("m7", position=(0, 0.01, -7))
+    model = pendulum_chain(12).replace("m7", position=(0, 0.01, -7))
     with pytest.raises(mv.EquilibriumError, match=r"body 'm7' lacks 0.0981 N m about z of joint 'pin7'") as caught:
         model.linearize(method="sparse")
     assert caught.value.missing == pytest.approx(0.0981, rel=1e-12)
@@ -119,7 +113,7 @@ def test_what_lacks_balance_is_named():
 
 @pytest.mark.parametrize("words", [{"force": (0, 0, -1.0), "follower": True}, {"torque": (0, 0, 1.0)}])
 def test_loads_that_make_the_stiffness_unsymmetric_are_refused(words):
-    model = hanging(3)
+    model = pendulum_chain(3)
     model.add_load("drive", "m3", **words)
     with pytest.raises(mv.ModelError, match=r"load 'drive' follows its body or is a torque.*use method='dense'"):
         model.linearize(method="sparse")
