@@ -116,7 +116,7 @@ def _panel(axes: Axes, t: Array, drawn: list[tuple[str, System, Array]], source:
     if negligible:
         style.remark(axes, style.zero(y for _, _, y in shown))
     elif system.modes().rigid:
-        style.remark(axes, "rigid-body motion: no static response", top=bool(shown[0][2][-1] > 0.0))
+        style.remark(axes, "rigid-body motion: need not settle", top=bool(shown[0][2][-1] > 0.0))
 
 
 def static(system: System, source: str, output: str) -> float | None:
