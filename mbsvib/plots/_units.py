@@ -37,12 +37,14 @@ def _grouped(unit: str, signs: str) -> str:
 def prefix(unit: str, largest: float) -> tuple[float, str]:
     """Return the factor and the prefixed unit in which values up to ``largest`` are easy to read.
 
-    ``prefix("m", 2.8e-8)`` is ``(1e9, "nm")``: 28 nm. Sums of units and zeros stay as they are.
+    ``prefix("m", 2.8e-8)`` is ``(1e9, "nm")``: 28 nm. Sums and powers of units and zeros stay as they are.
     """
-    if not 0.0 < largest < float("inf") or "+" in unit:
+    bracket = "(" if unit.startswith("(") else ""
+    first = unit.removeprefix("(").replace("/", " ").split()[0]
+    if not 0.0 < largest < float("inf") or "+" in unit or "^" in first or first == "1":  # µs² is (µs)²
         return 1.0, unit
     exponent = 3 * floor(log10(largest) / 3 + 1e-9)
     exponent = max(-12, min(9, exponent))
-    if unit.startswith("rad") and exponent > 0:
+    if first == "rad" and exponent > 0:
         exponent = 0
-    return 10.0**-exponent, _PREFIXES[exponent] + unit
+    return 10.0**-exponent, bracket + _PREFIXES[exponent] + unit.removeprefix("(")

@@ -42,6 +42,11 @@ def test_pretty():
         ("s", 20.0, 20.0, "s"),
         ("m + rad", 1e-6, 1e-6, "m + rad"),
         ("m", 0.0, 0.0, "m"),
+        ("s^2", 4e-6, 4e-6, "s^2"),  # 4 µs² would be 4e-12 s²
+        ("1", 4e-6, 4e-6, "1"),
+        ("(m/s)/N", 4e-6, 4.0, "(µm/s)/N"),
+        ("(rad/s)/N", 4e6, 4e6, "(rad/s)/N"),
+        ("m/s^2", 4e-3, 4.0, "mm/s^2"),
     ],
 )
 def test_prefix(unit, largest, shown, name):
