@@ -154,6 +154,8 @@ def test_studies_ask_for_models(call, given):
     lambda: isolation.actuated(HEXAPOD, "platform", legs=3),
     lambda: isolation.actuated(HEXAPOD, "platform").with_gains(600.0),
     lambda: mv.optimize(MODEL, {"suspension.damping": (1e2, 1e4)}, peak("body.z", "load"), True),
+    lambda: mv.sweep(MODEL, {"body.mass": [1.0, 2.0]}, "poles", ties=True),
+    lambda: mv.tolerances(MODEL, {"body.mass": 0.1}, frequency(), ties="body.mass"),
     lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), None, [0.0, 1.0]),
     lambda: isolation.root_locus(isolation.actuated(HEXAPOD, "platform"), float, "high"),
 ])  # fmt: skip

@@ -106,6 +106,9 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     ModelError
         If a parameter is unknown, a tie picks nothing, or two variables move one parameter in different ways.
     """
+    if ties is not None and not isinstance(ties, Mapping):
+        raise check.refuse("study", "ties", ties, "a mapping of variables to the parameters that they move, "
+                           "{'height': {'platform.position.z': 1.0}}")  # fmt: skip
     variables, given, parameters = tuple(names), {} if ties is None else dict(ties), a_model(model, "study").parameters
     shared = {id(tie) for name, tie in given.items() if name in variables and not isinstance(tie, Mapping)}
     for name, tie in given.items():

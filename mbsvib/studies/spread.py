@@ -50,6 +50,8 @@ def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> di
     if not isinstance(tolerances, Mapping) or not tolerances:
         raise check.refuse("tolerances", "tolerances", tolerances, "how far each parameter may be off, such as "
                            "{'leg*.k.stiffness': '2 %'}")  # fmt: skip
+    if ties is not None and not isinstance(ties, Mapping):
+        raise check.refuse("tolerances", "ties", ties, "a mapping of variables to the parameters that they move")
     mapped = {name: given for name, given in tolerances.items() if name in (ties or {})}
     own = {name: given for name, given in tolerances.items() if name not in mapped}
     result = {}
