@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, L
 from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.rotor import Rotor
+
+IDENTITY = np.eye(3)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -50,6 +53,26 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
     return _made(model, lambda part: _words(part, pose, relaxed))
 
 
+def skeleton(model: Model, pose: Pose) -> Model:
+    """Return the bodies, joints and couplers of a model in another pose, which is all that its motions depend on.
+
+    Parameters
+    ----------
+    model : Model
+        The model as described.
+    pose : Pose
+        The pose of its bodies.
+
+    Returns
+    -------
+    Model
+        A model without springs, loads, rotors, inputs and outputs.
+    """
+    plain = copy(model)
+    plain._springs, plain._loads, plain._rotors, plain._inputs, plain._outputs = {}, {}, {}, {}, {}
+    return carried(plain, pose)
+
+
 def rebuilt(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
     """Return a model in which some parts have other words.
 
@@ -68,14 +91,18 @@ def rebuilt(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
     return _made(model, lambda part: part.words() | changes.get(part.name, {}))
 
 
-def _made(model: Model, words: Callable[[Any], dict[str, Any]]) -> Model:
-    """A model made of all parts of another in its order, by the words that they have now."""
+def _made(model: Model, words: Callable[[Any], dict[str, Any] | Body]) -> Model:
+    """A model made of all parts of another in its order, by the words that they have now, or of bodies made already."""
     from mbsvib.model import ADDERS
 
     result = type(model)(model.name, model.gravity)
     for adder, group in model._groups():
         for part in group.values():
-            getattr(result, adder or ADDERS[type(part)])(**words(part))
+            found = words(part)
+            if isinstance(found, Body):
+                result._bodies[found.name] = found
+            else:
+                getattr(result, adder or ADDERS[type(part)])(**found)
     return result
 
 
@@ -87,7 +114,7 @@ def bare(model: Model) -> Model:
     return plain
 
 
-def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
+def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Body:
     if isinstance(part, Body):
         return _body(part, pose)
     if isinstance(part, Joint):
@@ -112,12 +139,13 @@ def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any]:
                      element=part.name)  # fmt: skip
 
 
-def _body(body: Body, pose: Pose) -> dict[str, Any]:
-    words = body.words()
+def _body(body: Body, pose: Pose) -> Body:
+    """The body there; nothing of it that could be refused has changed."""
     if pose.stays(body.name):
-        return words
-    words["position"] = pose.centre[pose.number[body.name]]
-    turn = pose.turn[pose.number[body.name]]
-    if not (turn == np.eye(3)).all():
-        words["orientation"] = turn @ np.array(body.orientation)
-    return words
+        return body
+    k = pose.number[body.name]
+    changes: dict[str, Any] = {"position": tuple(pose.centre[k].tolist())}
+    turn = pose.turn[k]
+    if not (turn == IDENTITY).all():
+        changes["orientation"] = tuple(map(tuple, (turn @ np.array(body.orientation)).tolist()))
+    return replace(body, **changes)

@@ -10,7 +10,7 @@ from scipy.linalg import lstsq
 
 from mbsvib.assembly import cut_rows
 from mbsvib.couplers.rows import with_couplers
-from mbsvib.equilibrium.carry import carried
+from mbsvib.equilibrium.carry import skeleton
 from mbsvib.equilibrium.couplers import point_of, terms, travelled
 from mbsvib.equilibrium.joints import displacement, opening
 from mbsvib.equilibrium.rotations import exponential
@@ -40,7 +40,7 @@ CLOSED = 1e-13
 class Stance:
     """A model in one pose: the model as ``described``, its ``pose``, and what moves it from there.
 
-    ``model`` is the model in that pose with its springs as described; ``size`` [m] is the size of the mechanism.
+    ``model`` has its bodies and joints in that pose; ``size`` [m] is the size of the mechanism.
     ``travel`` (terms,) tells how far the coordinates that couplers couple have gone, whole turns included.
     """
 
@@ -100,7 +100,7 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = (), near: Array | 
     Stance
         Its tree, coordinates and loops there.
     """
-    model = carried(described, pose, relaxed=True)
+    model = skeleton(described, pose)
     topology = span(model, cut)
     bodies = list(model.bodies.values())
     coordinates = twists(topology, bodies)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,11 @@ class Pose:
     origin: Array
     centre: Array
     turn: Array
+    _still: tuple[bool, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        still = (self.centre == self.origin).all(axis=1) & (self.turn == np.eye(3)).all(axis=(1, 2))
+        object.__setattr__(self, "_still", tuple(still.tolist()))
 
     def point(self, body: str, at: Sequence[float] | Array) -> Array:
         """Return where the point of a body is that was ``at`` [m] as described."""
@@ -40,8 +45,7 @@ class Pose:
 
     def stays(self, body: str) -> bool:
         """Tell whether a body is exactly where it was described."""
-        k = self.number[body]
-        return bool((self.centre[k] == self.origin[k]).all() and (self.turn[k] == np.eye(3)).all())
+        return self._still[self.number[body]]
 
     def moved_to(self, centre: Array, turn: Array) -> Pose:
         """Return the pose after displacements: the new centres, and the rotations that come on top of those before."""

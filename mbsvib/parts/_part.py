@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
 from typing import Any, Self
 
 
@@ -22,11 +23,17 @@ class Part:
     def words(self) -> dict[str, Any]:
         """Return the arguments of the ``add_...`` call that makes this part, without those at their default."""
         result = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if not item.metadata.get("derived") and (item.default is MISSING or value != item.default):
-                result[item.name] = value
+        for name, default in _given(type(self)):
+            value = getattr(self, name)
+            if default is MISSING or value != default:
+                result[name] = value
         return result
+
+
+@cache
+def _given(kind: Any) -> tuple[tuple[str, Any], ...]:
+    """Name and default of all fields that do not follow from the others."""
+    return tuple((item.name, item.default) for item in fields(kind) if not item.metadata.get("derived"))
 
 
 @dataclass(frozen=True, slots=True)
