@@ -23,7 +23,7 @@ class Part:
     def words(self) -> dict[str, Any]:
         """Return the arguments of the ``add_...`` call that makes this part, without those at their default."""
         result = {}
-        for name, default in _given(type(self)):
+        for name, default in _given(type(self)):  # type: ignore[arg-type]
             value = getattr(self, name)
             if default is MISSING or value != default:
                 result[name] = value
