@@ -49,6 +49,8 @@ COARSE = 0.25
 # A double zero at 0 comes out at the square root of rounding. It is at 0 if the static response is zero to rounding.
 AT_REST = 1e-5
 STATIC_ROUNDINGS = 30.0
+CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where a pole at 0 shows by its growth
+GROWS = 3.0
 AT_POLE = 1e-6  # zeros so near to a pole are those of modes that are not reached or not shown
 
 
@@ -251,9 +253,19 @@ def _refined(modal: Damped | General, total: ModalSum, zeros: Complex) -> Comple
 def _at_rest(
     system: System, modal: Damped | General, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]]
 ) -> Complex:
-    """Put zeros next to 0 there if the static response is zero to rounding."""
-    lowest = float(np.abs(modal.pairs).min())
-    near = np.abs(z) <= AT_REST * lowest
+    """Put zeros next to 0 there if the static response is zero to rounding, or if poles are at 0 that it does not show:
+    rigid-body modes that no input reaches, or no output sees.
+    """
+    size = np.abs(modal.pairs)
+    if not size.all():
+        lowest = float(size[size > 0.0].min(initial=np.inf))
+        near = np.abs(z) <= AT_REST * lowest
+        if near.any() and np.isfinite(lowest):
+            with np.errstate(all="ignore"):
+                here, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
+            return np.where(near, 0.0, z) if nearer < GROWS * here else z
+        return z
+    near = np.abs(z) <= AT_REST * float(size.min())
     if near.any():
         origin = np.zeros(1, dtype=complex)
         value, left, right = _smallest(total.at(origin))

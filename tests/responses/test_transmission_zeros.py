@@ -205,3 +205,30 @@ def test_unknown_names():
         system.transmission_zeros(outputs="displacment")
     with pytest.raises(mv.ResponseError, match=r"input 'g': system 'oscillator' has no such input.*It has f"):
         system.transmission_zeros(inputs=["g"])
+
+
+@pytest.mark.parametrize("unit", [1.0, 3.0, 1e3, 1e-15])
+def test_rigid_body_modes_that_a_pair_does_not_meet_are_two_zeros_at_0_each(unit):
+    """A rotor that spins freely while it whirls: none, one or both came out, as rounding would have it."""
+    model = mv.library.rotor_stator()
+    names = [name for name in model.parameters if ".position" not in name and name != "spin.speed"]
+    values = model.parameters
+    system = model.with_values({name: unit * values[name] for name in names if values[name]}).linearize()
+    zeros = [system.transmission_zeros("unbalance", output) for output in system.outputs]
+    assert [(len(z), np.count_nonzero(z == 0.0)) for z in zeros] == [(12, 2), (11, 3), (12, 2), (14, 2)]
+
+
+@pytest.mark.parametrize("unit", [1.0, 3.0, 1e-15])
+def test_a_body_beside_that_nothing_holds_is_two_zeros_at_0(unit):
+    model = mv.Model("beside")
+    for name, y in (("held", 0.0), ("beside", 1.0)):
+        model.add_body(name, 1.3 * unit, (unit, unit, unit), position=(0.1, y, 0.2))
+        model.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(0.6, 0.8, 0))
+    model.add_bushing("k", "ground", "held", (0, 0, 0), stiffness=(30 * unit,) * 3 + (0,) * 3)
+    for name in ("held", "beside"):
+        model.add_input(f"f.{name}", name, "x")
+        model.add_output(f"x.{name}", name, "x")
+    system = model.linearize()
+    assert system.transmission_zeros("f.held", "x.held").tolist() == [0.0, 0.0]
+    assert np.abs(system.transmission_zeros("f.beside", "x.beside")) == pytest.approx([np.sqrt(30 / 1.3)] * 2)
+    assert len(system.transmission_zeros()) == 0
