@@ -253,7 +253,7 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     turned = turned + moment
     turned *= angular
     turned += force * linear
-    value = np.add.reduce(turned) * sign.reshape(-1).take(flat)
+    value = (turned[0] + turned[1] + turned[2]) * sign.reshape(-1).take(flat)
     return Triplets(row, column, value, sign.shape)
 
 

@@ -101,13 +101,14 @@ def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
         return "no damper", np.zeros(system.dof)
     if proportional(system):
         return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
-    used = c != 0.0
-    half = (system.elastic_rows[used] @ basis.shapes) * np.sqrt(np.abs(c[used]))[:, None]
-    gamma = half.T @ half if (c >= 0.0).all() else half.T @ (half * np.sign(c[used])[:, None])
+    used = c.nonzero()[0]
+    c = c.take(used)
+    half = system.elastic_rows.take(used, axis=0).dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
+    gamma = half.T.dot(half * np.sign(c)[:, None] if np.count_nonzero(c < 0.0) else half)
     size = np.einsum("ij,ij->j", half, half)
     limit = CLASSICAL * np.sqrt(size[:, None] * size)
-    limit[np.diag_indices(system.dof)] = np.inf
-    if (np.abs(gamma) <= limit).all():
+    np.fill_diagonal(limit, np.inf)
+    if np.count_nonzero(np.abs(gamma) <= limit) == gamma.size:
         return "damping commutes with mass and stiffness", gamma.diagonal().copy()
     return "", gamma
 
@@ -200,7 +201,7 @@ def _coupled(
     m, r = len(basis.square), basis.rigid
     values, right = _energy_eigenvalues(basis, forms.damping, free)
     y = np.zeros((m, len(values)), dtype=complex)
-    y[free:] = right / np.linalg.norm(right, axis=0)
+    y[free:] = right / _lengths(right)
     values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
     if float(doubt.max(initial=0.0)) > MARGIN * rtol:
         found = values, y, slope, bound
@@ -223,7 +224,7 @@ def _coupled(
     at = free + np.arange(len(resting))
     vectors[at, resting, 0] = 1.0
     slopes[resting, 0] = forms.damping[at, at]
-    order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
+    order = np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])).argsort(kind="stable")
     return pairs[order], vectors[:, order], slopes[order], errors[order]
 
 
@@ -247,12 +248,13 @@ def _rayleigh(
     """Improve every eigenvalue by its two-sided Rayleigh quadratic and every vector by what the others see of its
     residual; return both with the slopes, a bound of the eigenvalues' relative errors, and what of it can be mended.
     """
-    inertia, damping, elastic = forms.mass @ y, forms.damping @ y, forms.stiffness @ y
+    inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)
     a, b, c = (np.einsum("ij,ij->j", y, part) for part in (inertia, damping, elastic))
     improved = values
     for _ in range(2):  # the second step squares what the first leaves
         slope = 2.0 * improved * a + b
-        step = np.divide(improved * (improved * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
+        wrong, none = improved * (improved * a + b) + c, np.zeros(len(a), dtype=complex)
+        step = np.divide(wrong, slope, out=none, where=slope != 0.0)
         small = np.abs(step) <= CORRECTION * np.abs(improved)
         improved = np.where(small, improved - step, improved)
     size, speed = np.abs(y), np.abs(improved)
@@ -265,20 +267,33 @@ def _rayleigh(
     distance = exact_slope[:, None] * (improved - improved[:, None])
     apart = np.abs(distance)
     np.fill_diagonal(apart, np.inf)
-    doubt = np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen)
+    doubt = np.divide(seen, apart, out=np.ones(seen.shape), where=apart > seen)
     doubt = np.einsum("ij,ij->j", seen, doubt)
     # rounding of the three quadratic forms; errors of the frequencies tell how far the factors can be trusted
     doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread @ size)
     mendable = _relative(doubt, slope * speed, np.where(small, 0.0, 1.0))
     bound = _relative(doubt + _trust(improved, y, basis), slope * speed, np.where(small, 0.0, np.abs(step) / speed))
     near = (CORRECTION * apart <= seen) | (distance == 0.0)
-    mixing = np.divide(share, distance, out=np.zeros_like(share), where=~near)
+    mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=~near)
     y = y - y @ mixing
-    brakes, r = forms.damping.diagonal()[: basis.rigid, None], slice(basis.rigid)
-    y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
-    y /= np.linalg.norm(y, axis=0)
-    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.damping @ y)
+    if basis.rigid:
+        brakes, r = forms.damping.diagonal()[: basis.rigid, None], slice(basis.rigid)
+        y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
+    y /= _lengths(y)
+    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + _times(forms.damping, y))
     return improved, y, exact_slope, bound, mendable
+
+
+def _times(matrix: Array, y: Complex) -> Complex:
+    """A real matrix times complex vectors, without a complex copy of the matrix."""
+    result: Complex = matrix.dot(np.ascontiguousarray(y).view(float)).view(complex)
+    return result
+
+
+def _lengths(y: Complex) -> Array:
+    """Lengths of complex columns."""
+    parts = np.ascontiguousarray(y).view(float).reshape(*y.shape, 2)
+    return np.asarray(np.sqrt(np.einsum("ijk,ijk->j", parts, parts)))
 
 
 def _trust(values: Complex, y: Complex, basis: Undamped) -> Array:
@@ -362,12 +377,12 @@ def _with_forces(
 
 def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Pair the eigenvalues: conjugates, a real one with 0 for each braked rigid mode, other real ones by shape."""
-    turns = np.nonzero(values.imag != 0.0)[0].tolist()  # conjugates are neighbours, in either order after a correction
-    both = zip(turns[::2], turns[1::2], strict=True)
-    oscillating = [(i, j) if values[i].imag > 0.0 else (j, i) for i, j in both]
-    real = np.nonzero(values.imag == 0.0)[0].tolist()
-    share = np.linalg.norm(y[free:rigid, real], axis=0)
-    braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free]]
+    speed = values.imag.tolist()
+    turns = [i for i, imag in enumerate(speed) if imag != 0.0]  # conjugates are neighbours, also after a correction
+    oscillating = [(i, j) if speed[i] > 0.0 else (j, i) for i, j in zip(turns[::2], turns[1::2], strict=True)]
+    real = [i for i, imag in enumerate(speed) if imag == 0.0]
+    share = _lengths(y[free:rigid, real])
+    braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free].tolist()]
     left = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
     pairs = [(-1, i) for i in braked] + oscillating
     while left:

@@ -96,7 +96,7 @@ class _Scene:
 
     @cached_property
     def w(self) -> Array:
-        return self._factor[self._factor.any(axis=1)]
+        return self._factor.take(np.asarray(self._factor.any(axis=1)).nonzero()[0], axis=0)
 
     @cached_property
     def e(self) -> Array:
@@ -306,7 +306,7 @@ def refined(scene: _Scene, shapes: Array, method: str, rtol: float) -> Undamped:
     errors += flexible * (2.0 * EPS + _rounding(scene.w, phi, h * length, cheap, np.ones(len(size)), rtol))
     value[:rigid] = 0.0
     phi = _cleaned(phi, inertia, mixing)
-    if (value[1:] < value[:-1]).any():
+    if np.count_nonzero(value[1:] < value[:-1]):
         order = np.concatenate((np.arange(rigid), rigid + np.argsort(value[rigid:], kind="stable")))
         value, phi, errors = value[order], phi[:, order], errors[order]
     return Undamped(value, phi, errors, rigid, method, left)
@@ -338,7 +338,7 @@ def _mixing(shared: Array, square: Array) -> tuple[Array, Array]:
     mixing = shared / gap
     unresolved = np.zeros(len(square))
     together = np.abs(mixing) >= SEPARATE
-    if together.any():
+    if np.count_nonzero(together):
         row, column = np.nonzero(together)
         np.maximum.at(unresolved, column, np.minimum(np.abs(shared[row, column]), np.abs(gap[row, column])))
         mixing[row, column] = 0.0
@@ -361,7 +361,9 @@ def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
         return phi @ one
     # Cayley's rotation keeps the shapes orthonormal for any angle
     straight: Array = phi - phi @ lack
-    return straight @ np.linalg.solve(one - 0.5 * angle, one + 0.5 * angle)
+    angle *= 0.5
+    turned: Array = straight @ lapack.dgesv(one - angle, one + angle)[2]
+    return turned
 
 
 def _without_rigid(scene: _Scene, shapes: Array) -> Array:
