@@ -201,7 +201,7 @@ def _coupled(
     m, r = len(basis.square), basis.rigid
     values, right = _energy_eigenvalues(basis, forms.damping, free)
     y = np.zeros((m, len(values)), dtype=complex)
-    y[free:] = right / _lengths(right)
+    y[free:] = right * (1.0 / _lengths(right))
     values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
     if float(doubt.max(initial=0.0)) > MARGIN * rtol:
         found = values, y, slope, bound
@@ -213,12 +213,10 @@ def _coupled(
     errors = np.zeros((m, 2))
     vectors[np.arange(free), np.arange(free)] = 1.0
     for column, chosen in ((0, first), (1, second)):
-        known = chosen >= 0
-        place = free + np.nonzero(known)[0]
-        pairs[place, column] = values[chosen[known]]
-        vectors[:, place, column] = y[:, chosen[known]]
-        slopes[place, column] = slope[chosen[known]]
-        errors[place, column] = bound[chosen[known]]
+        known = (chosen >= 0).nonzero()[0]
+        place, which = free + known, chosen.take(known)
+        pairs[place, column], slopes[place, column] = values.take(which), slope.take(which)
+        errors[place, column], vectors[:, place, column] = bound.take(which), y.take(which, axis=1)
     # a rigid-body mode that dampers brake stays where it comes to rest: an eigenvalue 0 with a rigid shape
     resting = free + np.nonzero(first < 0)[0]
     at = free + np.arange(len(resting))
@@ -279,7 +277,7 @@ def _rayleigh(
     if basis.rigid:
         brakes, r = forms.damping.diagonal()[: basis.rigid, None], slice(basis.rigid)
         y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
-    y /= _lengths(y)
+    y *= 1.0 / _lengths(y)
     exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + _times(forms.damping, y))
     return improved, y, exact_slope, bound, mendable
 
@@ -292,8 +290,7 @@ def _times(matrix: Array, y: Complex) -> Complex:
 
 def _lengths(y: Complex) -> Array:
     """Lengths of complex columns."""
-    parts = np.ascontiguousarray(y).view(float).reshape(*y.shape, 2)
-    return np.asarray(np.sqrt(np.einsum("ijk,ijk->j", parts, parts)))
+    return np.asarray(np.sqrt(np.add.reduce(np.square(np.abs(y)))))
 
 
 def _trust(values: Complex, y: Complex, basis: Undamped) -> Array:
