@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas
 
 from mbsvib.errors import ModelError
 from mbsvib.loops import pivoted_qr
@@ -142,8 +142,8 @@ def _solved(null: Array, found: Mapping[str, Any], names: tuple[str, ...]) -> tu
         own = rows @ null
         size = np.sqrt((own**2).sum(axis=0))
         q, r = np.linalg.qr(own / size)
-        follows: Array = lapack.dtrtrs(r, q.T @ rows)[0] / size[:, None]
-        forces: Array = lapack.dtrtrs(r, lapack.dtrtrs(r, pushed / size[:, None], trans=1)[0])[0] / size[:, None]
+        follows: Array = blas.dtrsm(1.0, r, q.T @ rows) / size[:, None]
+        forces: Array = blas.dtrsm(1.0, r, blas.dtrsm(1.0, r, pushed / size[:, None], trans_a=1)) / size[:, None]
         return follows, forces
     square = null.T @ found["K"] @ null
     size = np.sqrt(np.abs(square).sum(axis=1))

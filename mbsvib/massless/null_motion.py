@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas
 
 from mbsvib.loops import pivoted_qr
 
@@ -100,7 +100,7 @@ def null_space(rows: Array, size: Array, limit: float, rank: int | None = None) 
     null = np.zeros((m, m - rank))
     null[order[rank:], np.arange(m - rank)] = 1.0
     if 0 < rank < m:
-        null[order[:rank]] = -lapack.dtrtrs(qr[:rank, :rank], qr[:rank, rank:])[0]
+        null[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
         null *= safe[order[rank:]] / safe[:, None]
     return null, float(pivots[rank - 1]) if rank else 1.0, float(pivots[rank]) if rank < len(pivots) else 0.0
 
