@@ -267,7 +267,7 @@ def _solve(
     dependent, others = order[:rank], order[rank:]
     if candidate is not None and held is not None:
         dependent, others = candidate[dependent], np.concatenate((candidate[others], held))
-    # not dtrtrs: with two threads OpenBLAS's hands the smallest of equations over, and waits
+    # dtrtrs would wait for a second thread, however small the loop
     block = blas.dtrsm(1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
     block *= -scale.take(dependent)[:, None] / scale.take(others)
     return group, columns.take(dependent), columns.take(others), block
