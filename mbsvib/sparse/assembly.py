@@ -13,6 +13,7 @@ from mbsvib.inertia import spatial_inertia
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.ports import ports
 from mbsvib.sparse.constraints import constraints
+from mbsvib.sparse.couplers import coupled
 from mbsvib.sparse.cuts import short_span
 from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.mobility import check_mobility
@@ -71,7 +72,8 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     number = {name: i for i, name in enumerate(topology.bodies)}
     number |= dict.fromkeys(("ground", *gone), len(bodies))
     structure = tree(topology, bodies)
-    closure = constraints(topology, bodies, number, structure)
+    couplers = coupled(tuple(model._couplers.values()), topology, bodies, number, structure)
+    closure = constraints(topology, bodies, number, structure, couplers)
     place = layout(structure, int(closure.kept.sum()), closure.touched)
     springs = _elements.stack(model.springs.values(), number)
     elastic = relative_rows(structure, place, springs.rows)
@@ -95,11 +97,10 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
         found = geometric(model, topology, structure, place, closure, number, least)
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
-    loops = closure.independent
-    loop_rows = relative_rows(structure, place, loops)
+    loop_rows = closure.over_unknowns(structure, place)
     tableau = build(
         structure, place, kinematics(structure, place), rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
-        np.asarray(loops.force.any(axis=0)), _ordering(closure),
+        closure.slides, _ordering(closure),
     )  # fmt: skip
     check_mobility(structure, closure, place, tableau)
     seen = relative_rows(structure, place, port.rows)
@@ -180,8 +181,7 @@ def with_stiffness(system: SparseSystem, stiffness: Array) -> SparseSystem:
     SparseSystem
         The same unknowns and rows.
     """
-    factor = system.inertia_factor
-    slides = np.asarray(system.constraints.independent.force.any(axis=0))
+    factor, slides = system.inertia_factor, system.constraints.slides
     tableau = build(
         system.structure, system.layout, kinematics(system.structure, system.layout), system.elastic_rows, stiffness,
         system.damping, (factor.T @ factor).tocsr(), system.loop_rows, slides, system.tableau.ordering,

@@ -65,12 +65,6 @@ def wants_sparse(
             raise ModelError(f"linearize: rotor '{rotor}' spins, which method='sparse' does not support yet; use "
                              f"method='dense'.", element=rotor, field="method")  # fmt: skip
         return False
-    if model._couplers:
-        if method == "sparse":
-            coupler = next(iter(model._couplers))
-            raise ModelError(f"linearize: '{coupler}' couples joint coordinates, which method='sparse' does not "
-                             f"support yet; use method='dense'.", element=coupler, field="method")  # fmt: skip
-        return False
     if method == "sparse":
         for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
                                   ("values", values, "linearizes one variant at a time")):  # fmt: skip

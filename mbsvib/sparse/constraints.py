@@ -20,22 +20,26 @@ import numpy as np
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.explain import listed
 from mbsvib.kinematics import Rows
-from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, pivoted_qr
+from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, SAME_POINT, TIE_BREAK, LoopGroup, pivoted_qr
 from mbsvib.parts.joint import POINT_IN_SECOND
-from mbsvib.sparse.rows import path_entries
+from mbsvib.sparse.couplers import locked_entries, row_scale
+from mbsvib.sparse.rows import relative_rows
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.parts import Body
+    from mbsvib.sparse.couplers import Coupled
+    from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
     from mbsvib.topology import Topology
 
     Mask = NDArray[np.bool_]
+    Scales = Callable[[Index, float], Array]
     Rod = tuple[int, int, int, int, Array, Array]
 
 # Groups up to this many entries (rows times coordinates) are decided whole by a dense QR: 0.1 s.
@@ -54,7 +58,8 @@ class Constraints:
     mask ``kept`` of the independent ones; ``groups`` of loops; ``crossing``, the locked rotations that are normal to an
     axis of each body (row, axis in first, axis in second); ``holder``, the body that carries each row's point; ``rods``
     of distance joints, cut or in the tree (row or -1, coordinate or -1, first, second, start, end); and ``touched``,
-    the row and body of every joint on the path of a kept row (rows counted among the kept ones).
+    the row and body of every joint on the path of a kept row (rows counted among the kept ones). Couplers come behind
+    the rows, one each, in ``names``, ``loop``, ``kept`` and ``groups``.
     """
 
     rows: Rows
@@ -66,14 +71,46 @@ class Constraints:
     holder: Index
     rods: tuple[Rod, ...]
     touched: tuple[Index, Index]
+    couplers: Coupled | None = None
 
     @property
     def independent(self) -> Rows:
-        """The rows that the tableau holds."""
-        return Rows(*(getattr(self.rows, key)[..., self.kept] for key in Rows.__slots__))
+        """The rows of cut joints that the tableau holds."""
+        kept = self.kept[: len(self.rows.first)]
+        return Rows(*(getattr(self.rows, key)[..., kept] for key in Rows.__slots__))
+
+    @property
+    def slides(self) -> Mask:
+        """Which multipliers are forces, and not moments."""
+        own = np.asarray(self.independent.force.any(axis=0), dtype=bool)
+        if self.couplers is None:
+            return own
+        return np.concatenate((own, self.couplers.slides[self.kept[len(self.rows.first) :]]))
+
+    def entries(self, tree: Tree) -> Entries:
+        """Return the entries of all rows over the joint coordinates."""
+        return Entries(*locked_entries(tree, self.rows, self.couplers), self.loop, len(self.names))
+
+    def kept_entries(self, tree: Tree) -> tuple[Index, Index, Array]:
+        """Return row (counted among the kept ones), coordinate and value of every entry of the independent rows."""
+        row, column, value = locked_entries(tree, self.rows, self.couplers)
+        used = self.kept[row]
+        return (np.cumsum(self.kept) - 1)[row[used]], column[used], value[used]
+
+    def over_unknowns(self, tree: Tree, place: Layout) -> csr_matrix:
+        """Return the independent rows over the unknowns of the tableau."""
+        rows = relative_rows(tree, place, self.independent)
+        if self.couplers is None:
+            return rows
+        from scipy.sparse import vstack
+
+        kept = np.flatnonzero(self.kept[len(self.rows.first) :])
+        return vstack((rows, self.couplers.rows(tree, place)[kept])).tocsr()
 
 
-def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree) -> Constraints:
+def constraints(
+    topology: Topology, bodies: list[Body], number: Mapping[str, int], tree: Tree, couplers: Coupled | None = None
+) -> Constraints:
     """Return the locked rows of the cut joints and which of them are independent.
 
     Parameters
@@ -86,6 +123,8 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
         Number of each body, ground included.
     tree : Tree
         The tree's arrays.
+    couplers : Coupled, optional
+        Linear relations of joint coordinates.
 
     Returns
     -------
@@ -116,20 +155,26 @@ def constraints(topology: Topology, bodies: list[Body], number: Mapping[str, int
             loop.append(count)
             holder.append(b if joint.kind in POINT_IN_SECOND else a)
     rows = Rows.stack(tuples)
-    entries = Entries(*path_entries(tree, rows, None)[:3], np.array(loop, dtype=np.intp), len(names))
     cut = [topology.joints[k].name for k in topology.cut]
+    rods = _rods(topology, number, tree, names)
+    if couplers is not None:
+        loop += range(len(cut), len(cut) + len(couplers.names))
+        names += couplers.names
+        cut += couplers.names
+    entries = Entries(*locked_entries(tree, rows, couplers), np.array(loop, dtype=np.intp), len(names))
+    scales = partial(row_scale, rows, couplers)
     kept = np.ones(len(names), dtype=bool)
     found: list[LoopGroup] = []
     for members in entries.groups():
-        group = _decide(tree, rows, names, cut, entries, members)
+        group = _decide(tree, rows, names, cut, entries, members, scales)
         found.append(group)
         redundant = set(group.redundant)
         kept[[row for row in group.rows.tolist() if names[row] in redundant]] = False
     place = np.cumsum(kept) - 1
     used = kept[entries.row]
     return Constraints(rows, tuple(names), entries.loop, kept, tuple(found), tuple(crossing),
-                       np.array(holder, dtype=np.intp), _rods(topology, number, tree, names),
-                       (place[entries.row[used]], tree.carried[entries.column[used]]))  # fmt: skip
+                       np.array(holder, dtype=np.intp), rods,
+                       (place[entries.row[used]], tree.carried[entries.column[used]]), couplers)  # fmt: skip
 
 
 def _rods(topology: Topology, number: Mapping[str, int], tree: Tree, names: list[str]) -> tuple[Rod, ...]:
@@ -173,16 +218,16 @@ class Entries:
 
 
 def _decide(
-    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index
+    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales
 ) -> LoopGroup:
     columns = np.unique(entries.of(members)[1])
     loops = np.unique(entries.loop[members])
     if len(loops) == 1 or len(members) * len(columns) <= WHOLE:
-        return _whole(tree, rows, names, cut, entries, members)
-    parts = [_whole(tree, rows, names, cut, entries, members[entries.loop[members] == k]) for k in loops]
+        return _whole(tree, rows, names, cut, entries, members, scales)
+    parts = [_whole(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales) for k in loops]
     gone = {name for part in parts for name in part.redundant}
     left = np.array([row for row in members.tolist() if names[row] not in gone], dtype=np.intp)
-    redundant, kept, dropped = _dependent(_unit_rows(tree, rows, entries, left, columns))
+    redundant, kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales))
     _check_gap([name for part in parts for name in part.joints], kept, dropped)
     gone |= {names[left[k]] for k in redundant.tolist()}
     return LoopGroup(
@@ -192,20 +237,25 @@ def _decide(
     )  # fmt: skip
 
 
-def _whole(tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index) -> LoopGroup:
+def _whole(
+    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales
+) -> LoopGroup:
     """The dense path's decision on some rows alone, in their own coordinates."""
     row, column, value = entries.of(members)
     columns, place = np.unique(column, return_inverse=True)
     phi = np.zeros((len(members), len(columns)))
     phi[row, place] = value
-    points = np.concatenate((rows.point[:, members], tree.point[:, columns]), axis=1)
+    cut_rows = members[members < len(rows.first)]
+    points = np.concatenate((rows.point[:, cut_rows], tree.point[:, columns]), axis=1)
     low, high = points.min(axis=1), points.max(axis=1)
-    length = float((high - low).max()) or 1.0
+    length, distance = float((high - low).max()), float(max(high.max(), -low.min()))
+    if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding
+        length = 1.0
     scale = np.where(tree.turns[columns], 1.0, length)
     scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
-    a = phi * np.where(rows.force[:, members].any(axis=0), 1.0 / length, 1.0)[:, None] * scale
+    a = phi * scales(members, length)[:, None] * scale
     pivots = np.abs(pivoted_qr(a)[0].diagonal())
-    noise = EPS * max(a.shape) * max(1.0, float(max(high.max(), -low.min())) / length)
+    noise = EPS * max(a.shape) * max(1.0, distance / length)
     largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
     rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
     kept = float(pivots[rank - 1]) / largest if rank else 1.0
@@ -234,14 +284,14 @@ def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
         )  # fmt: skip
 
 
-def _unit_rows(tree: Tree, rows: Rows, entries: Entries, left: Index, columns: Index) -> csr_matrix:
+def _unit_rows(tree: Tree, entries: Entries, left: Index, columns: Index, scales: Scales) -> csr_matrix:
     """Some rows of Phi with lengths in links, scaled to unit length."""
     from scipy.sparse import csr_matrix
 
     row, column, value = entries.of(left)
     length = tree.length
     value = value * np.where(tree.turns[column], 1.0, length)
-    value /= np.where(rows.force[:, left].any(axis=0), length, 1.0)[row]
+    value *= scales(left, length)[row]
     norm = np.sqrt(np.bincount(row, value * value, minlength=len(left)))
     return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(left), len(columns)))
 

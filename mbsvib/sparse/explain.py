@@ -55,9 +55,9 @@ def explain(system: SparseSystem) -> str:
 
 
 def _loops(system: SparseSystem) -> list[str]:
-    if not system.cut_joints:
+    if not system.constraints.names:
         return ["  none"]
-    lines = [f"  cut at {listed(system.cut_joints)}"]
+    lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
     for group in system.constraints.groups[:SHOWN]:
         pivots = f"; smallest pivot kept {group.kept:.1e}, largest dropped {group.dropped:.1e}" if group.rank else ""
         lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent{pivots} "

@@ -150,14 +150,21 @@ class Acting:
         centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
         axes, point = np.array(joint.axes), np.array(place_of(joint, dict(self.number), centre), dtype=float)
         motion = Virtual(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point)
+        couplers, target = self.closure.couplers, np.zeros(len(self.closure.names))
+        locked = target[: len(rows.first)]
         if number in self._hung:
             body, sign = self._hung[number]
             enter, leave = self._subtrees
             motion.moved[:-1][(enter >= enter[body]) & (enter < leave[body])] = sign
-            target = -motion.along(rows)
+            locked -= motion.along(rows)
         else:
-            own = self.closure.loop == self.topology.cut.index(number)
-            target = np.where(own, motion.full(rows), 0.0)
+            own = np.flatnonzero(self.closure.loop[: len(locked)] == self.topology.cut.index(number))
+            locked[own] = motion.full(rows)[own]
+        if couplers is not None:
+            row, share = couplers.measured
+            seen = couplers.terms.measured
+            gap = -motion.along(seen) if number in self._hung else motion.full(seen) * (couplers.joint == number)
+            np.add.at(target, len(locked) + row, share * gap)
         return replace(motion, follows=self.release.unknowns(target)) if target.any() else motion
 
     def _elastic(self, motion: Virtual) -> Iterator[tuple[csr_matrix, Array, Array, Array]]:

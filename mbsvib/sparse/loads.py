@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import EquilibriumError
+from mbsvib.kinematics import Rows
 from mbsvib.loads.felt import felt
 from mbsvib.loads.geometric import SQUARES, SUMS, ZERO_FORM
 from mbsvib.loads.pairs import Pairs
@@ -22,7 +23,7 @@ from mbsvib.loads.reactions import skew
 from mbsvib.loads.statics import BALANCE, who
 from mbsvib.loads.wrenches import applied
 from mbsvib.mobility import crossed_product
-from mbsvib.sparse.rows import path_entries, relative_rows
+from mbsvib.sparse.rows import relative_rows
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -117,7 +118,9 @@ def geometric(
     body[at] = body_of
     carried[3:, at] += crossed_product(position[:, body_of] - point[:, at], carried[:3, at])
     if cut is not None:
-        here = np.array(topology.cut, dtype=np.intp)[closure.loop]
+        here = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]]
+        if closure.couplers is not None:
+            here = np.concatenate((here, closure.couplers.joint))
         moment = cut.torque + crossed_product(cut.end - point[:, here], cut.force)
         np.add.at(carried.T, here, np.concatenate((cut.force, moment)).T)
     for k, joint in enumerate(joints):
@@ -125,7 +128,8 @@ def geometric(
             start[:, k] = joint.position
     every = Pairs.join(acting.pairs, Pairs(first, second, start, point, carried[:3], carried[3:]))
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
-    feels = felt(acting, joints, number)
+    coupled = {name.rpartition(".")[0] for coupler in model._couplers.values() for name, _ in coupler.terms}
+    feels = felt(acting, joints, number, coupled)
     rows, stiffness, owner = _rows(every, feels, tree, place, position, n)
     return Geometric(rows, stiffness, owner, names, carried, every, feels, acting)
 
@@ -174,12 +178,12 @@ def _closed(
     lacks = np.einsum("ck,ck->k", motion, behind[:, carried])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
     limit = np.einsum("ck,ck->k", lengths, size[:, carried])
-    rows = closure.independent
-    if not len(rows.first):
+    count = int(closure.kept.sum())
+    if not count:
         _check(lacks, limit, tree, said)
         return None
-    row, column, entry, _ = path_entries(tree, rows, None)
-    value, rest = _least_squares((column, row, entry), len(lacks), len(rows.first), -lacks)
+    row, column, entry = closure.kept_entries(tree)
+    value, rest = _least_squares((column, row, entry), len(lacks), count, -lacks)
     held = np.zeros(len(lacks))
     np.add.at(held, column, np.abs(entry * value[row]))
     _check(-rest, limit + held, tree, said)
@@ -187,6 +191,10 @@ def _closed(
     whole[closure.kept] = value
     if least is not None:
         whole = least(whole)
+    if closure.couplers is not None:  # in joints of the tree they act as parts of these
+        coupler, share = closure.couplers.measured
+        whole = np.concatenate((whole[: len(every.first)], share * whole[len(every.first) + coupler]))
+        every = Rows.join([every, closure.couplers.terms.measured])
     return Pairs(every.first, every.second, every.point, every.point, every.force * whole, every.moment * whole)
 
 

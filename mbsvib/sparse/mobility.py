@@ -12,15 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics import Rows
 from mbsvib.loops import pivoted_qr
 from mbsvib.mobility import LIMIT, STEP
-from mbsvib.sparse.constraints import DEPENDENT, WHOLE, Entries
-from mbsvib.sparse.rows import path_entries
+from mbsvib.sparse.constraints import DEPENDENT, WHOLE
+from mbsvib.sparse.couplers import row_scale
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array, Index
-    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.constraints import Constraints, Entries
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
@@ -49,16 +48,15 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
     if not groups or len(tree.names) <= len(place.multiplier):
         return
     length = min(group.length for group in groups)
-    moved_tree, moved_rows = _moved(tree, closure, _displacement(tree, place, tableau, length))
-    entries = [Entries(*path_entries(t, rows, None)[:3], closure.loop, len(closure.names))
-               for t, rows in ((tree, closure.rows), (moved_tree, moved_rows))]  # fmt: skip
+    moved_tree, moved = _moved(tree, closure, _displacement(tree, place, tableau, length))
+    entries = (closure.entries(tree), moved.entries(moved_tree))
     for group in groups:
         members = [group.rows]
         if len(group.rows) * len(group.columns) > WHOLE:
             members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
         for rows in members:
             # a loop by itself may be nearly singular, which is no reason to refuse it
-            here, nearby = (_rank(tree, closure.rows, part, rows, group.length, limit)
+            here, nearby = (_rank(tree, closure, part, rows, group.length, limit)
                             for part, limit in zip(entries, (DEPENDENT, LIMIT), strict=True))  # fmt: skip
             here = group.rank if rows is group.rows else here
             if nearby > here:
@@ -84,7 +82,7 @@ def _displacement(tree: Tree, place: Layout, tableau: Tableau, length: float) ->
     return result
 
 
-def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Rows]:
+def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree, Constraints]:
     """Joint axes and locked rows after a small motion, to first order."""
     centre = np.concatenate((tree.position, np.zeros((1, 3))))
 
@@ -109,15 +107,17 @@ def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree,
         a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
         b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
         moment[:, row] = np.cross(a[:, 0], b[:, 0])
-    return moved, replace(rows, point=shift(closure.holder, rows.point), force=force, moment=moment)
+    couplers = None if closure.couplers is None else closure.couplers.nearby(turn, shift)
+    rows = replace(rows, point=shift(closure.holder, rows.point), force=force, moment=moment)
+    return moved, replace(closure, rows=rows, couplers=couplers)
 
 
-def _rank(tree: Tree, rows: Rows, entries: Entries, members: Index, length: float, limit: float) -> int:
+def _rank(tree: Tree, closure: Constraints, entries: Entries, members: Index, length: float, limit: float) -> int:
     row, column, value = entries.of(members)
     columns, at = np.unique(column, return_inverse=True)
     a = np.zeros((len(members), len(columns)))
     a[row, at] = value
     a *= np.where(tree.turns[columns], 1.0, length)
-    a *= np.where(rows.force[:, members].any(axis=0), 1.0 / length, 1.0)[:, None]
+    a *= row_scale(closure.rows, closure.couplers, members, length)[:, None]
     pivots = np.abs(pivoted_qr(a)[0].diagonal())
     return int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))

@@ -80,6 +80,10 @@ def _parts(model: Model) -> dict[str, int]:
     number = {name: k for k, name in enumerate(model.bodies)}
     links = [(number[part.first], number[part.second]) for part in (*model.joints.values(), *model.springs.values())
              if part.first in number and part.second in number]  # fmt: skip
+    for coupler in model._couplers.values():
+        joints = [model.joints[name.rpartition(".")[0]] for name, _ in coupler.terms]
+        moved = [number[body] for joint in joints for body in (joint.first, joint.second) if body in number]
+        links += [(moved[0], other) for other in moved[1:]]
     row, column = np.array(links, dtype=np.intp).reshape(-1, 2).T
     n = len(number)
     graph = csr_matrix((np.ones(len(links), dtype=bool), (row, column)), shape=(n, n))
@@ -107,6 +111,8 @@ def _without(model: Model, gone: set[str], inputs: set[str], outputs: set[str]) 
     left._topology = None
     left._bodies = {name: body for name, body in model.bodies.items() if name not in gone}
     left._joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
+    left._couplers = {name: coupler for name, coupler in model._couplers.items()
+                      if all(term.rpartition(".")[0] in left._joints for term, _ in coupler.terms)}  # fmt: skip
     left._loads = {name: load for name, load in model.loads.items() if load.body not in gone}
 
     def placed(part: Any) -> Any:

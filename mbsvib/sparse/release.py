@@ -15,16 +15,16 @@ from scipy.linalg import blas, lapack
 from mbsvib.errors import ModelError
 from mbsvib.explain import listed
 from mbsvib.loops import pivoted_qr
-from mbsvib.sparse.constraints import WHOLE, Entries
+from mbsvib.sparse.constraints import WHOLE
+from mbsvib.sparse.couplers import row_scale
 from mbsvib.sparse.layout import kinematics
-from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.loops import LoopGroup
-    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.constraints import Constraints, Entries
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
@@ -44,8 +44,7 @@ class Release:
 
     @cached_property
     def _entries(self) -> Entries:
-        closure = self._closure
-        return Entries(*path_entries(self._tree, closure.rows, None)[:3], closure.loop, len(closure.names))
+        return self._closure.entries(self._tree)
 
     @cached_property
     def _group(self) -> Index:
@@ -81,8 +80,8 @@ class Release:
         q = np.zeros(len(self._tree.names))
         for k in np.unique(self._group[np.flatnonzero(target)]).tolist():
             group = self._closure.groups[k]
-            solve, row_scale, column_scale = self._solver(k, group)
-            q[group.columns] = column_scale * solve(row_scale * target[group.rows])
+            solve, scale, column_scale = self._solver(k, group)
+            q[group.columns] = column_scale * solve(scale * target[group.rows])
         result = np.zeros(self._place.size)
         result[self._place.coordinate] = q
         x, factor, twists = self._bodies
@@ -94,28 +93,30 @@ class Release:
         result = value.copy()
         for k, group in enumerate(self._closure.groups):
             if group.rank < len(group.rows):
-                solve, row_scale, column_scale = self._solver(k, group)
+                solve, scale, column_scale = self._solver(k, group)
                 row, column, entry = self._entries.of(group.rows)
-                q = column_scale * solve(value[group.rows] / row_scale)
+                q = column_scale * solve(value[group.rows] / scale)
                 moved = np.bincount(row, entry * q[np.searchsorted(group.columns, column)], len(group.rows))
-                result[group.rows] = row_scale**2 * moved
+                result[group.rows] = scale**2 * moved
         return result
 
     def _solver(self, k: int, group: LoopGroup) -> tuple[Callable[[Array], Array], Array, Array]:
         if k not in self._solvers:
             closure, tree = self._closure, self._tree
-            points = np.concatenate((closure.rows.point[:, group.rows], tree.point[:, group.columns]), axis=1)
-            length = float((points.max(axis=1) - points.min(axis=1)).max()) or 1.0
-            row_scale = np.where(closure.rows.force[:, group.rows].any(axis=0), 1.0 / length, 1.0)
+            shape = (len(group.rows), len(group.columns))
+            small, length = shape[0] * shape[1] <= WHOLE, group.length
+            if not small:  # that of the largest loop; forces of least norm are those of the dense path with that of all
+                cut = group.rows[group.rows < len(closure.rows.first)]
+                points = np.concatenate((closure.rows.point[:, cut], tree.point[:, group.columns]), axis=1)
+                length = float((points.max(axis=1) - points.min(axis=1)).max()) or 1.0
+            rows = row_scale(closure.rows, closure.couplers, group.rows, length)
             column_scale = np.where(tree.turns[group.columns], 1.0, length)
             row, column, value = self._entries.of(group.rows)
             column = np.searchsorted(group.columns, column)
-            value = value * row_scale[row] * column_scale[column]
-            shape = (len(group.rows), len(group.columns))
-            small = shape[0] * shape[1] <= WHOLE
+            value = value * rows[row] * column_scale[column]
             solve = _of_small((value, (row, column)), shape, group.rank) if small else \
                 _of_large((value, (row, column)), shape, group)  # fmt: skip
-            self._solvers[k] = (solve, row_scale, column_scale)
+            self._solvers[k] = (solve, rows, column_scale)
         return self._solvers[k]
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.loops import pivoted_qr
-from mbsvib.sparse.rows import path_entries
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,7 +80,7 @@ def _entries(system: SparseSystem) -> tuple[Index, Index, Array]:
     near = system.elastic_rows[(system.stiffness != 0.0) & ~far_rows(system)].tocoo()
     place = np.full(system.layout.size, -1)
     place[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
-    row, column, value, _ = path_entries(system.structure, system.constraints.independent, None)
+    row, column, value = system.constraints.kept_entries(system.structure)
     used = value != 0.0
     return (np.concatenate((near.row, near.shape[0] + row[used])), np.concatenate((place[near.col], column[used])),
             np.concatenate((near.data, value[used])))  # fmt: skip

@@ -1,0 +1,201 @@
+"""Couplers of many bodies: linear relations of joint coordinates as sparse rows, behind the locked rows of cut joints.
+
+The coordinate of a joint in the tree is an unknown of the tableau; that of a cut joint is what its bodies do relative
+to each other. Each coupler is a loop of its own, with one multiplier.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.couplers.rows import Couplings, measure
+from mbsvib.kinematics import Rows
+from mbsvib.sparse.rows import path_entries, relative_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.couplers.rows import Moving
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.parts import Body
+    from mbsvib.parts.coupler import Coupling
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+    from mbsvib.topology import Topology
+
+Entry = tuple["Index", "Index", "Array"]
+
+
+@dataclass(frozen=True, slots=True)
+class Coupled:
+    """Couplers by ``names``, their ``terms`` (whose ``touched`` stays empty), the number of the cut ``joint`` that each
+    measured row belongs to, and the ``largest`` coefficient (2, couplers) of each coupler's angles and distances.
+    """
+
+    names: tuple[str, ...]
+    terms: Couplings
+    joint: Index
+    largest: Array
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which couplers have a distance among their coordinates, shape (couplers,)."""
+        return np.asarray(self.largest[1] > 0.0)
+
+    def scale(self, length: float, members: Index | slice = slice(None)) -> Array:
+        """Return what brings rows to the size of one, where distances are measured in ``length`` [m]."""
+        angle, distance = self.largest[:, members]
+        return np.asarray(1.0 / np.maximum(angle, distance * length))
+
+    @property
+    def measured(self) -> tuple[Index, Array]:
+        """Coupler and coefficient of each measured row."""
+        at = np.flatnonzero(self.terms.column < 0)
+        return self.terms.row[at], self.terms.value[at]
+
+    def nearby(self, turn: Moving, shift: Moving) -> Coupled:
+        """Return the same in a pose nearby."""
+        return replace(self, terms=self.terms.nearby(turn, shift))
+
+    def entries(self, tree: Tree) -> Entry:
+        """Return row, coordinate (ascending by row) and value of every entry over the joint coordinates of a tree."""
+        from scipy.sparse import coo_matrix
+
+        inside = np.flatnonzero(self.terms.column >= 0)
+        row, column, value, _ = path_entries(tree, self.terms.measured, None)
+        coupler, coefficient = self.measured
+        rows = np.concatenate((self.terms.row[inside], coupler[row]))
+        columns = np.concatenate((self.terms.column[inside], column))
+        values = np.concatenate((self.terms.value[inside], coefficient[row] * value))
+        summed = coo_matrix((values, (rows, columns)), shape=(len(self.names), len(tree.names))).tocsr().tocoo()
+        return summed.row.astype(np.intp), summed.col.astype(np.intp), summed.data
+
+    def rows(self, tree: Tree, place: Layout) -> csr_matrix:
+        """Return the rows over the unknowns, (couplers, size), scaled to coefficients of the size of one."""
+        from scipy.sparse import csr_matrix, diags
+
+        shape = (len(self.names), place.size)
+        inside = np.flatnonzero(self.terms.column >= 0)
+        at = (self.terms.row[inside], place.coordinate[self.terms.column[inside]])
+        own = csr_matrix((self.terms.value[inside], at), shape=shape)
+        coupler, coefficient = self.measured
+        share = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(shape[0], len(coupler)))
+        whole = own + share @ relative_rows(tree, place, self.terms.measured)
+        unit = 2.0 ** np.round(np.log2(self.scale(tree.length)))
+        unit[self.slides] *= tree.length  # what the scale of the multiplier takes back
+        return (diags(unit) @ whole).tocsr()
+
+
+def coupled(
+    parts: Sequence[Coupling], topology: Topology, bodies: Sequence[Body], number: Mapping[str, int], tree: Tree
+) -> Coupled | None:
+    """Return the couplers of a mechanism in numbers.
+
+    Parameters
+    ----------
+    parts : sequence of Coupler, Gear, Worm or Rack
+        The couplers.
+    topology : Topology
+        The spanning tree.
+    bodies : sequence of Body
+        The bodies in order.
+    number : mapping
+        Number of each body, ground included.
+    tree : Tree
+        The tree's arrays.
+
+    Returns
+    -------
+    Coupled or None
+        Their terms; None where there is none.
+    """
+    if not parts:
+        return None
+    place = {name: i for i, name in enumerate(tree.names)}
+    joints = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}
+    row, value, turns, column = [], [], [], []
+    measured: list[tuple[float, ...]] = []
+    skew, of_joint = [], []
+    for i, part in enumerate(parts):
+        for name, coefficient in part.terms:
+            owner, _, direction = name.rpartition(".")
+            row.append(i)
+            value.append(coefficient)
+            turns.append(direction[0] == "r")
+            column.append(place.get(name, -1))
+            if name in place:
+                continue
+            k, joint = joints[owner]
+            a, b = number[joint.first], number[joint.second]
+            force, moment, axes = measure(joint, direction)
+            if axes is not None:
+                skew.append((len(measured), *axes))
+            measured.append((a, b, *(joint.point or bodies[min(a, b)].position), *force, *moment))
+            of_joint.append(k)
+    terms = Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
+                      np.array(column, dtype=np.intp), Rows.stack(measured), tuple(skew),
+                      np.zeros((len(parts), 0), dtype=bool))  # fmt: skip
+    largest = np.zeros((2, len(parts)))
+    np.maximum.at(largest, (np.where(terms.turns, 0, 1), terms.row), np.abs(terms.value))
+    return Coupled(tuple(part.name for part in parts), terms, np.array(of_joint, dtype=np.intp), largest)
+
+
+def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
+    """Return the entries of all that loops lock over the joint coordinates.
+
+    Parameters
+    ----------
+    tree : Tree
+        The spanning tree.
+    rows : Rows
+        Locked rows of the cut joints.
+    couplers : Coupled or None
+        The couplers, whose rows come behind these.
+
+    Returns
+    -------
+    tuple of arrays
+        Row (ascending), coordinate and value of every entry.
+    """
+    row, column, value, _ = path_entries(tree, rows, None)
+    if couplers is None:
+        return row, column, value
+    more = couplers.entries(tree)
+    return (np.concatenate((row, len(rows.first) + more[0])), np.concatenate((column, more[1])),
+            np.concatenate((value, more[2])))  # fmt: skip
+
+
+def row_scale(rows: Rows, couplers: Coupled | None, members: Index, length: float) -> Array:
+    """Return the factors by which some locked rows know no units.
+
+    Parameters
+    ----------
+    rows : Rows
+        Locked rows of the cut joints.
+    couplers : Coupled or None
+        The couplers.
+    members : array, shape (n,)
+        Numbers of the rows.
+    length : float
+        What lengths are measured in [m].
+
+    Returns
+    -------
+    array, shape (n,)
+        1 / length for translations, 1 for rotations, 1 / the largest coefficient for couplers.
+    """
+    count = len(rows.first)
+    own = members[members < count]
+    scale = np.where(rows.force[:, own].any(axis=0), 1.0 / length, 1.0)
+    if couplers is None:
+        return scale
+    result = np.empty(len(members))
+    result[members < count] = scale
+    result[members >= count] = couplers.scale(length, members[members >= count] - count)
+    return result
