@@ -311,10 +311,3 @@ def test_joints_by_object_and_names_in_use():
     assert part.words() == {"name": "mesh", "first": "s0.j.rz", "second": "s1.j.rz", "ratio": 2.0}
     with pytest.raises(mv.ModelError, match="the name is taken by a gear"):
         model.add_body("mesh", 1.0, (1, 1, 1))
-
-
-def test_paths_without_couplers_refuse_them_by_name():
-    model = shafts(2)
-    model.add_gear("mesh", "s0.j", "s1.j", 2.0)
-    with pytest.raises(mv.ModelError, match=r"sensitivities: gear 'mesh' .* compare variants by linearize\(values"):
-        model.linearize().eigenvalue_sensitivities(["mesh.ratio"])
