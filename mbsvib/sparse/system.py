@@ -209,8 +209,8 @@ class SparseSystem:
         near : float
             Frequency [Hz] around which modes are taken; default: the lowest.
         correction : bool
-            Whether displacements, and forces in springs, get the static part of all other modes. Velocities and
-            accelerations have none.
+            Whether displacements, and forces in springs and joints, get the static part of all other modes. Velocities
+            and accelerations have none.
 
         Returns
         -------

@@ -128,6 +128,18 @@ def test_static_parts_of_modes_that_are_left_out():
                                rtol=1e-9, atol=1e-9 * np.abs(expected).max())  # fmt: skip
 
 
+def test_static_parts_where_the_mechanism_floats():
+    model = scenes.floating(40)
+    model.add_input("F", "b39", (0.3, 1.0, 0.2, 0.1, 0.2, 0.3))
+    with_forces(model, joints=["j0", "j20"], bodies=["b3"])
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    low = 1e-2 * dense.modes().natural[6:7]
+    expected = dense.frequency_response(low)
+    off, close = (differ(sparse.reduced(20, correction=yes).frequency_response(low), expected) for yes in (False, True))
+    assert close < 1e-8
+    assert off > 1e-2
+
+
 def test_shaking_force_of_very_many_bodies_in_closed_form():
     """Carried along slowly, a chain leans on its foundation with all of its mass, and with its root on the joint."""
     n = 3000
@@ -249,6 +261,13 @@ def test_loaded_machines(make):
     model.add_input("push", list(model.bodies)[-1], (1.0, 0.5, 0.3, 0.2, 0.1, 0.7))
     dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA)) < 1e-9
+
+
+def test_large_loaded_groups_of_loops_are_solved_sparse(monkeypatch):
+    """Forces of the pose of least norm, with redundant constraints, as the dense factors find them."""
+    monkeypatch.setattr("mbsvib.sparse.release.WHOLE", 0)
+    for make in (mv.library.four_bar, mv.library.trifilar_pendulum):
+        test_loaded_machines(make)
 
 
 def test_explain_says_how_forces_come_about():
