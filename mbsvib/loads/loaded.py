@@ -58,7 +58,8 @@ def load(
     applied, felt, memory = scene.loads
     known = acting(applied, felt, scene, memory)
     motion = found["body_motion"]
-    residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion)
+    reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
+    residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion, reach)
     if checked:
         check_balance(residual, size, found["K"], scene, reduction, name)
     phi = scene.closure(relative) if phi is None else phi

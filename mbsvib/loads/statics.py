@@ -28,6 +28,8 @@ BALANCE = 1e-9
 # Positions carry rounding errors, which springs turn into forces: what so many roundings of every coordinate do is
 # allowed for on top.
 ROUNDING = 64.0 * EPS
+# A force turns about a point that is rounded with a lever of so many roundings of the largest coordinate.
+LEAST = ROUNDING / BALANCE
 _PLAIN = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -58,7 +60,7 @@ class Statics:
         return float(np.abs(share).max(initial=0.0))
 
 
-def balance(wrench: Array, size: Array, motion: Array) -> tuple[Array, Array]:
+def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
     """Return the forces along the minimal coordinates and the size of what should cancel there.
 
     Parameters
@@ -69,16 +71,21 @@ def balance(wrench: Array, size: Array, motion: Array) -> tuple[Array, Array]:
         Sizes of the forces and of the moments that add up to them.
     motion : array, shape (bodies, 6, m)
         Motion of the bodies.
+    reach : float
+        Largest coordinate of a point [m].
 
     Returns
     -------
     residual, size : array, shape (m,)
-        B''^T B'^T W, and the same with the lengths of all vectors [N or N m].
+        B''^T B'^T W, and the same with the lengths of all vectors [N or N m], or what the rounding of points asks for:
+        about an axis through the centre of mass, the lever of a weight is nothing else.
     """
     m = motion.shape[-1]
     vectors = motion.reshape(2 * len(motion), 3, m)
     lengths = np.sqrt(np.einsum("bcm,bcm->bm", vectors, vectors))
-    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), size.T.reshape(-1).dot(lengths)
+    least = LEAST * reach * size[0].dot(lengths[1::2])
+    whole = np.maximum(size.T.reshape(-1).dot(lengths), least)
+    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), whole
 
 
 def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:

@@ -20,7 +20,7 @@ from mbsvib.loads.geometric import SQUARES, SUMS, ZERO_FORM
 from mbsvib.loads.pairs import Pairs
 from mbsvib.loads.reactions import place as place_of
 from mbsvib.loads.reactions import skew
-from mbsvib.loads.statics import BALANCE, who
+from mbsvib.loads.statics import BALANCE, LEAST, who
 from mbsvib.loads.wrenches import applied
 from mbsvib.mobility import crossed_product
 from mbsvib.sparse.rows import relative_rows
@@ -98,7 +98,8 @@ def geometric(
     wrench[:3] += acting.weight
     sizes[0] += np.sqrt(np.square(acting.weight).sum(axis=0))
     behind, size = _behind(tree, wrench, sizes)
-    cut = _closed(tree, closure, behind, size, (model.name, topology), least)
+    reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])
+    cut = _closed(tree, closure, behind, size, (model.name, topology), least, reach)
     if cut is not None:
         wrench = wrench + _on_bodies(cut, position)[0]
         behind = _behind(tree, wrench, sizes)[0]
@@ -171,13 +172,13 @@ def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
 
 def _closed(
     tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology],
-    least: Callable[[Array], Array] | None,
+    least: Callable[[Array], Array] | None, reach: float,
 ) -> Pairs | None:  # fmt: skip
     """Forces in the cut joints that bring all into balance, row by row; refused where they do not."""
     motion, carried = tree.motion.T, tree.carried
     lacks = np.einsum("ck,ck->k", motion, behind[:, carried])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
-    limit = np.einsum("ck,ck->k", lengths, size[:, carried])
+    limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, carried]), LEAST * reach * lengths[1] * size[0, carried])
     count = int(closure.kept.sum())
     if not count:
         _check(lacks, limit, tree, said)

@@ -150,3 +150,36 @@ def test_loads_are_parameters_of_systems_too():
     model.add_body("lamp", 2.0, (1, 1, 1))
     model.add_load("wire", "lamp", force=(0, 0, 20.0))
     assert model.linearize().parameters["wire.force.z"] == 20.0
+
+
+def through_the_centre(seed, off=0.0):
+    """A wheel on an axle of any direction, through its centre of mass or beside it, and a bob on a ball joint."""
+    rng = np.random.default_rng(seed)
+    down, axis, hook, hub = (rng.normal(size=3) for _ in range(4))
+    down, axis = down / np.linalg.norm(down), axis / np.linalg.norm(axis)
+    aside = np.cross(axis, down)
+    model = mv.Model("tilted", gravity=9.81 * down)
+    model.add_body("wheel", 2.0, (0.1, 0.1, 0.1), position=hub)
+    model.add_joint("axle", "revolute", "ground", "wheel", hub - 1.3 * axis + off * aside, axis=axis)
+    model.add_body("bob", 1.0, (0.01, 0.01, 0.01), position=hook + 0.3 * down)
+    model.add_joint("ball", "spherical", "ground", "bob", hook, axis=down)
+    return model
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_weights_on_axes_through_their_centres_are_in_balance(seed):
+    """Their levers are rounding, which no force cancels: two of three such wheels, and all such bobs, were refused."""
+    model = through_the_centre(seed)
+    swing = np.sqrt(9.81 * 0.3 / (0.01 + 0.09)) / (2 * np.pi)
+    for method in ("dense", "sparse"):
+        modes = model.linearize(method=method).modes(4)
+        assert modes.frequencies[:2] == pytest.approx([0, 0], abs=1e-7)
+        assert modes.frequencies[2:] == pytest.approx([swing] * 2, rel=1e-12)
+    assert len(model.equilibrium(report=True).residuals) == 1  # nothing to search for
+    assert model.linearize(values={"wheel.mass": [1.0, 2.0]}).modes().frequencies[:, 3] == pytest.approx(swing)
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_a_weight_a_micrometre_beside_its_axis_is_not_in_balance(method):
+    with pytest.raises(mv.EquilibriumError, match=r"'wheel' lacks .* N m about z of joint 'axle'"):
+        through_the_centre(1, off=1e-6).linearize(method=method)
