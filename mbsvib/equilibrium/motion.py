@@ -119,7 +119,7 @@ def size_of(model: Model) -> float:
     points += [joint.point for joint in model.joints.values() if joint.point is not None]
     for spring in model.springs.values():
         points += [spring.position] if isinstance(spring, Bushing) else [spring.start, spring.end]
-    return float(np.ptp(np.array(points), axis=0).max()) or 1.0
+    return float(np.ptp(np.array(points), axis=0).max()) or 1.0 if points else 1.0
 
 
 def along_tree(at: Stance, q: Array) -> Pose:

@@ -207,13 +207,19 @@ class Variants:
 
         return np.array([along(name) for name in names]).reshape(len(names), len(self._nominal))
 
+    @cached_property
+    def _size(self) -> float:
+        """The size of the mechanism [m], nodes of beams included."""
+        from mbsvib.equilibrium.motion import size_of
+        from mbsvib.equilibrium.rigid import stiffened
+
+        return size_of(stiffened(self._model))
+
     def _scale(self, name: str, value: float) -> float:
         """What a parameter is measured by: its value, the size of the mechanism, or the largest entry beside it."""
-        from mbsvib.equilibrium.motion import size_of
-
         parameter = self._model.parameters.entry(name)
         if parameter.field in ("position", "start", "end"):
-            return size_of(self._model)
+            return self._size
         if parameter.field == "orientation":
             return 1.0
         beside = np.abs(np.array(field_of(self._model.parameters.parts[parameter.part], parameter.field)))

@@ -262,11 +262,18 @@ def test_explain_tells_what_flexible_parts_are_made_of():
     assert "superelement 'lump': 1 node, 1 internal coordinates; rank of M 7 and of K 1 of 7" in text
 
 
-def test_other_poses_and_sensitivities_are_refused_by_name():
+def test_other_poses_are_refused_by_name():
     model = cantilever()
     with pytest.raises(mv.ModelError, match=r"'rod\.e1\.x' is no joint coordinate"):
         model.moved({"rod.e1.x": 0.1})
     with pytest.raises(mv.ModelError, match=r"beam 'rod': model.equilibrium"):
         model.equilibrium()
-    with pytest.raises(mv.ModelError, match=r"sensitivities: beam 'rod' is made of elements, where 'rod\.end\.x' has"):
-        model.linearize().eigenvalue_sensitivities(["rod.end.x"])
+
+
+def test_longer_beams_bend_slower_by_the_square_and_stretch_by_the_first_power():
+    """omega ~ 1 / L^2 in bending, 1 / L along the beam and in torsion, however many elements there are."""
+    system = cantilever().linearize()
+    found = system.eigenvalue_sensitivities({"stretch": {"rod.end.x": 1.0, "rod.end.y": 0.2}})[0]
+    powers = (found / system.modes().eigenvalues).real
+    assert np.abs(powers - np.round(powers)).max() < 1e-9
+    assert set(np.round(powers)) == {-2.0, -1.0}
