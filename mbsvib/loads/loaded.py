@@ -11,13 +11,14 @@ from mbsvib.loads.acting import acting
 from mbsvib.loads.geometric import body_rows, line_rows, turning_rows
 from mbsvib.loads.pairs import Pairs
 from mbsvib.loads.reactions import reactions
-from mbsvib.loads.statics import Statics, balance, check_balance
+from mbsvib.loads.statics import ROUNDING, Statics, balance, check_balance
 from mbsvib.loads.unsymmetric import circulatory, follower_rows
 
 if TYPE_CHECKING:
     from mbsvib.assembly import Scene
     from mbsvib.kinematics import Array, Index, Triplets
     from mbsvib.loads.acting import Acting
+    from mbsvib.loads.wrenches import Mask
     from mbsvib.loops import Reduction
 
 
@@ -117,8 +118,25 @@ def geometric_rows(
         stacks.append((more[0], more[1]))
         owner = np.concatenate((owner, loads))
     rows, stiffness = (np.concatenate(parts) for parts in zip(*stacks, strict=True))
+    idle = _without_effect(rows, stiffness, known, pairs, motion)
+    if np.count_nonzero(idle):
+        rows[:, idle] = 0.0
     used = (stiffness * rows.any(axis=1)).nonzero()[0]
     return rows.take(used, axis=0), stiffness.take(used), springs + owner.take(used)
+
+
+def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, motion: Array) -> Mask:
+    """Tell along which coordinates geometric stiffness is the rounding of points, as about an axis that a weight is on.
+
+    What is no stiffness must not be a little of either sign: a wheel that turns freely would swing, or grow.
+    """
+    lengths = np.sqrt(np.square(motion[:, 3:]).sum(axis=1))
+    force = np.sqrt(np.square(pairs.force).sum(axis=0))
+    each = known.sizes[0, :-1] + np.concatenate((force, force)).dot(known.touched)
+    reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
+    rounding = ROUNDING * reach * (lengths * each[:, None]).T.dot(lengths)
+    result: Mask = (np.abs((rows * stiffness[:, None]).T.dot(rows)) <= rounding).all(axis=1)
+    return result
 
 
 def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index) -> None:
