@@ -125,17 +125,24 @@ def operator(system: SparseSystem, sigma: float | None, wanted: int) -> Operator
         return replace(first, total=0)
     lock = unsprung(system)
     if len(lock):
-        far = far_rows(system)
-        modes = None
-        if far.any():
-            near = system.without_rows(far)
-            held = replace(first, factor=near.tableau.factor(lock=system.layout.coordinate[lock]))
-            lock, modes = without_far(system, lock, _locked_motions(held, lock))
-        held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
-        if _holds(held, lock):
-            motions = _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted]
-            return _free(held, motions)
+        try:
+            return _locked(first, lock, wanted)
+        except np.linalg.LinAlgError:  # rows of loads hold a motion one by one, and cancel
+            pass
     return _shifted(first)
+
+
+def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
+    """T at zero with the motions locked that no spring holds, and without them; shifted where these are not all."""
+    system, far, modes = first.system, far_rows(first.system), None
+    if far.any():
+        near = system.without_rows(far)
+        held = replace(first, factor=near.tableau.factor(lock=system.layout.coordinate[lock]))
+        lock, modes = without_far(system, lock, _locked_motions(held, lock))
+    held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
+    if not _holds(held, lock):
+        return _shifted(first)
+    return _free(held, _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted])
 
 
 def _factor(system: SparseSystem, sigma: float) -> Any:

@@ -117,3 +117,14 @@ def test_an_undamped_pole_is_refused():
     with pytest.raises(mv.ResponseError, match=r"omega\[1\] = .* \(an undamped mode\)"):
         system.frequency_response([0.5 * omega[0], omega[0]])
     assert np.isfinite(system.frequency_response(omega * (1 + 1e-9))).all()
+
+
+def test_a_wheel_under_its_weight():
+    """Its rows of load cancel, so that no lock was found for its turning: a bare LinAlgError."""
+    model = mv.Model("wheel", gravity=(0, 0, -9.81))
+    model.add_body("wheel", 2.0, (0.1, 0.1, 0.1), position=(0.3, 0, 0))
+    model.add_joint("axle", "revolute", "ground", "wheel", position=(0, 0, 0), axis=(1, 0, 0))
+    model.add_body("bob", 2.0, (0.1, 0.1, 0.1), position=(1, 0, -0.3))
+    model.add_joint("pin", "revolute", "ground", "bob", position=(1, 0, 0), axis=(0, 1, 0))
+    found = model.linearize(method="sparse").modes(2).frequencies
+    np.testing.assert_allclose(found, [0, np.sqrt(2 * 9.81 * 0.3 / 0.28) / (2 * np.pi)], rtol=1e-12, atol=1e-6)
