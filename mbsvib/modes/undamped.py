@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
+# Stiffness of either sign whose rounding may be as large as itself is none, though the estimate knows but a tenth of that
+# of loads: a pendulum that turns about the vertical must not swing, nor grow.
+NONE = 0.05
 # Below this share of the largest frequency a mode may be a rigid-body mode, and the rank of the rows decides.
 SUSPECT = 1e-5
 # Rows of unit length that depend on each other differ by rounding of the geometry, far below this.
@@ -153,6 +156,10 @@ def undamped(system: System, rtol: float, clean: bool = True) -> Undamped:
         if result is not None:
             return _with_loops(result, system)
     result = refined(scene, shapes, "products", rtol)
+    if scene.sign is not None and np.count_nonzero(result.errors >= NONE):
+        none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # what loads add and take away again
+        scene.null = result.shapes[:, none]
+        result = refined(scene, result.shapes, "products", rtol)
     rungs: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
     for method, rung in rungs if scene.sign is None else ():
         if result.doubt <= rtol:

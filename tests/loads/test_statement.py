@@ -197,3 +197,21 @@ def test_a_tiny_pendulum_far_away_keeps_its_stiffness():
         model.add_joint(f"{name}.j", "revolute", "ground", name, hook, axis=(0, 1, 0))
     exact = [np.sqrt(9.81 / 2) / (2 * np.pi), np.sqrt(9.81 / 2e-6) / (2 * np.pi)]
     assert model.linearize().modes().frequencies == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_pendulum_turns_freely_about_the_vertical_whatever_its_axes(seed):
+    """No coordinate is the vertical one: its stiffness is what two others add and take away again."""
+    rng = np.random.default_rng(seed)
+    down, hook = rng.normal(size=(2, 3))
+    down /= np.linalg.norm(down)
+    model = mv.Model("bob", gravity=9.81 * down)
+    model.add_body("bob", 1.0, (0.01, 0.01, 0.01), position=hook + 0.3 * down)
+    model.add_joint("ball", "spherical", "ground", "bob", hook, axis=rng.normal(size=3))
+    model.add_body("top", 1.0, (0.02, 0.03, 0.04), position=hook)
+    model.add_joint("centre", "spherical", "ground", "top", hook, axis=rng.normal(size=3))
+    modes = model.linearize().modes()
+    assert modes.rigid == 4
+    assert modes.frequencies[:4].tolist() == [0.0] * 4
+    assert modes.frequencies[4:] == pytest.approx([np.sqrt(9.81 * 0.3 / 0.1) / (2 * np.pi)] * 2, rel=1e-13)
+    assert modes.stable
