@@ -43,8 +43,8 @@ anew = library.stewart(
     platform_radius=found["platform.radius"], platform_height=found["platform.height"], base_angles=low,
     platform_angles=high, payload_height=found["platform.position.z"],
 )  # fmt: skip
-frequencies = [each.linearize().modes().frequencies for each in (best.model, anew)]
-assert np.allclose(*frequencies, rtol=1e-10)
+found_again, built_anew = (each.linearize().modes().frequencies for each in (best.model, anew))
+assert np.allclose(found_again, built_anew, rtol=1e-10)
 
 
 def draw():

@@ -1,3 +1,5 @@
+# what is handed over here is wrong on purpose
+# mypy: disable-error-code="arg-type, call-overload, dict-item, list-item"
 """A model where a system is asked for, or the other way round, is refused in words that say what to hand over."""
 
 import numpy as np

@@ -1,6 +1,7 @@
 """Variables as functions of parameters: what ties move, by how much, and how fast."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -127,8 +128,8 @@ def test_functions_are_searched_and_swept():
 
 @dataclass(frozen=True)
 class Odd:
-    moved: dict
-    slopes: dict
+    moved: Any
+    slopes: Any
 
     def values(self, _):
         return self.moved
