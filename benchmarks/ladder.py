@@ -20,7 +20,8 @@ import scipy.linalg as la
 from rich.console import Console
 from rich.table import Table
 
-from mbsvib.modes.undamped import _Scene, by_factors, by_jacobi, by_products, refined
+from mbsvib.modes.rungs import by_factors, by_jacobi, by_products
+from mbsvib.modes.undamped import _Scene, refined
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))

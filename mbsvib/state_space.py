@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, counted, nearest
 from mbsvib.modes.general import is_general
-from mbsvib.modes.undamped import triangle
+from mbsvib.modes.rungs import triangle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

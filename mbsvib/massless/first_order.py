@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modes.undamped import triangle
+from mbsvib.modes.rungs import triangle
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

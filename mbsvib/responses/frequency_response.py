@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 from mbsvib._given import angular
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
-from mbsvib.modes.undamped import _sorted_qr as sorted_qr
+from mbsvib.modes.rungs import sorted_qr
 from mbsvib.responses.modal_sum import residues, sum_of_motions
 from mbsvib.responses.tiny_outputs import mended
 
