@@ -78,7 +78,8 @@ def connect(plant: UnitFile, controller: UnitFile, given: Mapping[str, str | Non
                 f"check_cosimulation: no connection from {words}: there is "
                 f"{', '.join(each.name for each in source.outputs) or 'no output'} on one side, "
                 f"{', '.join(each.name for each in goal.inputs) or 'no input'} on the other. Signals of one name are "
-                f"connected; say others by connections={{input: output}}."
+                f"connected; say others by connections={{input: output}}, on the command line by --connect "
+                f"INPUT=OUTPUT."
             )
     told = [*_told(into_plant, controller, plant, PLANT), *_told(into_controller, plant, controller, CONTROLLER)]
     return Connections(
