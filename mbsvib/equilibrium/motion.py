@@ -40,13 +40,12 @@ CLOSED = 1e-13
 class Stance:
     """A model in one pose: the model as ``described``, its ``pose``, and what moves it from there.
 
-    ``model`` has its bodies and joints in that pose; ``size`` [m] is the size of the mechanism.
-    ``travel`` (terms,) tells how far the coordinates that couplers couple have gone, whole turns included.
+    ``size`` [m] is the size of the mechanism. ``travel`` (terms,) tells how far the coordinates that couplers couple
+    have gone, whole turns included.
     """
 
     described: Model
     pose: Pose
-    model: Model
     cut: tuple[str, ...]
     topology: Topology
     coordinates: Twists
@@ -110,7 +109,7 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = (), near: Array | 
         parts = tuple(model._couplers.values())
         cuts = with_couplers(cuts, parts, topology, bodies, dict(pose.number), coordinates)
         travel = travelled(described, pose, near)
-    return Stance(described, pose, model, tuple(cut), topology, coordinates, cuts, size_of(described), travel)
+    return Stance(described, pose, tuple(cut), topology, coordinates, cuts, size_of(described), travel)
 
 
 def size_of(model: Model) -> float:

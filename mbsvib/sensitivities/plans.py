@@ -145,7 +145,7 @@ def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any
         return False
     # the tension of a spring with a free length comes from its stiffness
     pulls = parameter.field == "stiffness" and getattr(known[2], "free_length", None) is not None
-    return all((known[0], parameter.field) in limit.fields and not pulls for limit in network.limits)
+    return all((known[0], parameter.field) in limit and not pulls for limit in network.limits)
 
 
 def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:

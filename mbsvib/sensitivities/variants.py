@@ -163,10 +163,6 @@ class Variants:
         return tuple(name for k in topology.cut if (name := topology.joints[k].name) in own)
 
     @cached_property
-    def _nominal(self) -> Array:
-        return self._equations({}, {})
-
-    @cached_property
     def _sizes(self) -> Array:
         """What entries are measured by: the geometric mean of the largest of their row and of their column, and at
         least a small share of the largest of all, coordinates being scaled alike.
@@ -182,7 +178,7 @@ class Variants:
                            for n, scale in zip(size.shape, scales.get(key, (unit, unit)), strict=True))  # fmt: skip
             unlike = np.multiply.outer(left, right)
             parts.append((mean + SMALL * float((size / unlike).max(initial=0.0)) * unlike).reshape(-1))
-        return np.concatenate([*parts, np.full(len(self._nominal) - self._count, self._loads)])
+        return np.concatenate([*parts, np.full(len(own.provenance.reduction.independent), self._loads)])
 
     @cached_property
     def _loads(self) -> float:
@@ -205,7 +201,7 @@ class Variants:
             return self._extrapolated(lambda q: self._equations({}, still | {name: q}), 1.0 if known[name] else size,
                                       f"coordinate '{name}'")  # fmt: skip
 
-        return np.array([along(name) for name in names]).reshape(len(names), len(self._nominal))
+        return np.array([along(name) for name in names]).reshape(len(names), len(self._sizes))
 
     @cached_property
     def _size(self) -> float:
