@@ -120,7 +120,7 @@ def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[st
         entry = parameters.entry(name)
         whole = result.setdefault(entry.part, {})
         if entry.field not in whole:
-            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else field_of(
+            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else _value(
                 parameters.parts[entry.part], entry.field)  # fmt: skip
             start = np.array(given, dtype=float)
             whole[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
@@ -170,21 +170,28 @@ def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
     return result
 
 
-def field_of(part: Part, field: str) -> Any:
-    """Return a field of a part, a number or all its entries.
+def scale_of(parameters: Parameters, name: str) -> float:
+    """Return what a parameter is measured by: its own value, or the largest entry beside it.
 
     Parameters
     ----------
-    part : Part
-        The part.
-    field : str
-        The field, as parameters name it.
+    parameters : Parameters
+        Those of the model.
+    name : str
+        Name of the parameter.
 
     Returns
     -------
-    float or tuple
-        Its value.
+    float
+        A positive number [unit of the parameter]; 1 where all entries are 0, and for orientations, which have no size.
     """
+    entry = parameters.entry(name)
+    if entry.value or entry.field == "orientation":
+        return abs(entry.value) or 1.0
+    return float(np.abs(np.array(_value(parameters.parts[entry.part], entry.field))).max()) or 1.0
+
+
+def _value(part: Part, field: str) -> Any:
     return part.number(field) if isinstance(part, Numbered) else getattr(part, field)
 
 

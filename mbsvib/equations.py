@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
@@ -32,8 +34,7 @@ class Provenance:
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
     without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
     inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
-    ``settled``; ``planar`` says that loops are redundant as
-    planar ones are, in every pose.
+    ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose.
     """
 
     topology: Topology

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.changes import scale_of
+from mbsvib.equations import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.parameters import unit
 
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Matrices = dict[str, Array]
 
-LABELS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 # Steps relative to the value: large ones keep most digits, small and negative ones keep inertia possible.
 _STEPS = (32.0, 1.0, 1 / 16, -1 / 16, 1 / 256, -1 / 256)
 _ROUNDING = 256 * np.finfo(float).eps
@@ -89,23 +90,23 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
             failures.pop(name, None)
         if found.coordinates != system.coordinates or found.massless != system.massless:
             return None
-        return {label: getattr(found, label) for label in LABELS}
+        return {label: getattr(found, label) for label in MATRICES}
 
     base = build({})
-    if base is None or any(not _near(base[label], getattr(system, label)) for label in LABELS):
+    if base is None or any(not _near(base[label], getattr(system, label)) for label in MATRICES):
         raise ExportError(f"{caller}: the model of '{system.name}' gives other equations than these, so that nothing "
                           f"tells what parameters do to them; give the system of model.linearize().")  # fmt: skip
-    slopes, steps = {label: np.zeros((len(names), *base[label].shape)) for label in LABELS}, {}
+    slopes, steps = {label: np.zeros((len(names), *base[label].shape)) for label in MATRICES}, {}
     for i, name in enumerate(names):
-        found = _slope(base, known[name], _scale(known, name), lambda value, of=name: build({of: value}))  # type: ignore[misc]
+        found = _slope(base, known[name], scale_of(known, name), lambda value, of=name: build({of: value}))  # type: ignore[misc]
         if found is None:
             raise ExportError(_refusal(known, name, caller, failures.get(name))) from failures.get(name)
         steps[name] = known[name] + 0.4 * found[0]
-        for label in LABELS:
+        for label in MATRICES:
             slopes[label][i] = found[1][label]
     together = build(steps) if len(names) > 1 else base
     shift = np.array([steps[name] - known[name] for name in names]) if len(names) > 1 else np.zeros(len(names))
-    for label in LABELS:
+    for label in MATRICES:
         expected = base[label] + np.tensordot(shift, slopes[label], 1)
         if together is None or not _near(together[label], expected, 1e-9):
             raise ExportError(f"{caller}: {label} is not affine in {', '.join(names)} together, though in each of "
@@ -116,16 +117,6 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
 def _near(found: Array, expected: Array, rtol: float = 1e-11) -> bool:
     size = float(max(np.abs(expected).max(initial=0.0), np.abs(found).max(initial=0.0)))
     return found.shape == expected.shape and bool(np.abs(found - expected).max(initial=0.0) <= rtol * size)
-
-
-def _scale(known: Parameters, name: str) -> float:
-    """The size of a parameter: its own, or that of the largest beside it, which tells what is possible."""
-    value = abs(known[name])
-    if value:
-        return value
-    entry = known.entry(name)
-    beside = (abs(known[other]) for other in known if other.startswith(f"{entry.part}.{entry.field}"))
-    return max(beside, default=0.0) or 1.0
 
 
 def _slope(
@@ -140,7 +131,7 @@ def _slope(
         if end is None or middle is None:
             continue
         slopes = {}
-        for label in LABELS:
+        for label in MATRICES:
             change = end[label] - base[label]
             noise = _ROUNDING * np.maximum(np.abs(end[label]), np.abs(base[label]))
             change[np.abs(change) <= noise] = 0.0

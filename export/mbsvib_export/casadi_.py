@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib.system import System
-from mbsvib_export.affine import LABELS, affine
+from mbsvib_export.affine import affine
 from mbsvib_export.casadi_exponential import exponential_step
 from mbsvib_export.neutral import refuse_many, state_space_of
 from mbsvib_export.packages import need
@@ -128,7 +129,7 @@ def _with_parameters(
         step_of(space, step, "to_casadi")  # refuses what is no step
     m = system.dof
     x, u, p = _symbols(casadi, 2 * m, len(system.inputs), len(found.names))
-    matrix = {label: _affine_matrix(casadi, found, label, p) for label in LABELS}
+    matrix = {label: _affine_matrix(casadi, found, label, p) for label in MATRICES}
     solved = casadi.solve(matrix["M"], casadi.horzcat(-matrix["K"], -matrix["C"], matrix["B"]), "qr")
     a, b = solved[:, : 2 * m], solved[:, 2 * m :]
     acceleration = a @ x + b @ u
@@ -140,7 +141,7 @@ def _with_parameters(
         whole_b = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
         phi, gamma = exponential_step(casadi, whole_a, whole_b, space, float(step))
         sampled = _function(casadi, "step", (x, u, p), (phi @ x + gamma @ u, y))
-    matrices = casadi.Function("matrices", [p], [matrix[label] for label in LABELS], ["p"], list(LABELS))
+    matrices = casadi.Function("matrices", [p], [matrix[label] for label in MATRICES], ["p"], list(MATRICES))
     return _model(space, rates, sampled, matrices, step, found)
 
 

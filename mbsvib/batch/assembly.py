@@ -9,8 +9,9 @@ import numpy as np
 from mbsvib import assembly as single
 from mbsvib.batch.geometry import moves_geometry, varied
 from mbsvib.batch.loops import Pivots, pivots, reduce_batch
-from mbsvib.batch.systems import FACTORS, MATRICES, Batch
+from mbsvib.batch.systems import FACTORS, Batch
 from mbsvib.batch.values import checked
+from mbsvib.equations import MATRICES
 from mbsvib.errors import ModelError
 from mbsvib.inertia import check_mass
 from mbsvib.loads.wrenches import is_loaded

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import assembly as single
-from mbsvib.batch.systems import FACTORS, MATRICES, Batch
+from mbsvib.batch.systems import FACTORS, Batch
+from mbsvib.equations import MATRICES
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar, overload
 
 import numpy as np
 
+from mbsvib.equations import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.explain import SHOWN
 from mbsvib.parts import Joint
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 FACTORS = ("inertia_factor", "elastic_rows", "stiffness", "damping", "body_motion")
 
 

@@ -119,7 +119,7 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
     def chained(form: Field, key: str) -> Array:
         form[plan.breaking] = np.nan
         if plan.whole is not None:
-            form[plan.whole.rows[:, 0], ..., 0] = getattr(plan.whole.slopes, key)
+            form[plan.whole.rows[:, 0], ..., 0] = plan.whole.slopes[key]
         return np.asarray(plan.variables.chain(form[..., 0]))
 
     def ports(

@@ -13,13 +13,13 @@ its equilibrium far from where it is described, each variant finds its own.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.changes import field_of
+from mbsvib.changes import scale_of
+from mbsvib.equations import MATRICES
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.sensitivities.differences import slope
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     Rates = tuple[tuple[str, float], ...]
 
-KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 # The first step, against the value of a parameter or the size that it is measured by; how much smaller the next is.
 STEP, SMALLER, TRIALS = 2.0**-6, 0.125, 4
 # Differences agree as soon as they are this close, against what the matrices are over the scale of the parameter.
@@ -47,23 +46,6 @@ SMALL = 1e-6
 STILL, LEFT, LOOSE = 1e-12, 1e-9, 1e-10
 
 
-@dataclass(frozen=True, slots=True)
-class Slopes:
-    """Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each.
-
-    Not a number where a direction takes degrees of freedom away.
-    """
-
-    M: Array
-    C: Array
-    K: Array
-    B: Array
-    Cq: Array
-    Cv: Array
-    Ca: Array
-    D: Array
-
-
 class Variants:
     """The equations of a system's model with other values of its parameters, and in other poses."""
 
@@ -72,7 +54,7 @@ class Variants:
         self._found: dict[Rates, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
 
-    def slopes(self, directions: Sequence[Direction], every: bool = False) -> Slopes:
+    def slopes(self, directions: Sequence[Direction], every: bool = False) -> dict[str, Array]:
         """Return the derivatives of the system's matrices along some directions, each computed once.
 
         Parameters
@@ -84,8 +66,9 @@ class Variants:
 
         Returns
         -------
-        Slopes
-            Whole matrices.
+        dict of str to array
+            Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a
+            direction takes degrees of freedom away.
 
         Raises
         ------
@@ -102,13 +85,13 @@ class Variants:
             if key in self._refused and not every:
                 raise self._refused[key]
         flat = np.array([self._found[direction.rates] for direction in directions])
-        shapes = [getattr(self._system, key).shape for key in KEYS]
+        shapes = [getattr(self._system, key).shape for key in MATRICES]
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
-        return Slopes(*(part.reshape(len(flat), *shape) for part, shape in zip(parts, shapes, strict=True)))
+        return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
     def _slope(self, direction: Direction) -> Array:
         values = {name: self._model.parameters[name] for name, _ in direction.rates}
-        scale = min(self._scale(name, values[name]) / abs(rate) for name, rate in direction.rates)
+        scale = min(self._scale(name) / abs(rate) for name, rate in direction.rates)
 
         def at(change: float) -> Array:
             return self._equations({name: values[name] + change * rate for name, rate in direction.rates}, {})
@@ -144,7 +127,7 @@ class Variants:
 
     @cached_property
     def _count(self) -> int:
-        return sum(getattr(self._system, key).size for key in KEYS)
+        return sum(getattr(self._system, key).size for key in MATRICES)
 
     @cached_property
     def _model(self) -> Model:
@@ -171,7 +154,7 @@ class Variants:
         unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
         unit[unit == 0.0] = 1.0
         scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
-        for key in KEYS:
+        for key in MATRICES:
             size = np.abs(getattr(own, key))
             mean = np.sqrt(np.multiply.outer(size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)))
             left, right = (np.ones(n) if scale is None else scale
@@ -211,15 +194,10 @@ class Variants:
 
         return size_of(stiffened(self._model))
 
-    def _scale(self, name: str, value: float) -> float:
-        """What a parameter is measured by: its value, the size of the mechanism, or the largest entry beside it."""
-        parameter = self._model.parameters.entry(name)
-        if parameter.field in ("position", "start", "end"):
-            return self._size
-        if parameter.field == "orientation":
-            return 1.0
-        beside = np.abs(np.array(field_of(self._model.parameters.parts[parameter.part], parameter.field)))
-        return abs(value) or float(beside.max()) or 1.0
+    def _scale(self, name: str) -> float:
+        """What a parameter is measured by: the size of the mechanism for places, or else what ``scale_of`` says."""
+        known = self._model.parameters
+        return self._size if known.entry(name).field in ("position", "start", "end") else scale_of(known, name)
 
     def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
         """A slope, with steps made smaller until the differences agree."""
@@ -279,7 +257,7 @@ class Variants:
                              element=own.name)  # fmt: skip
         statics = found.provenance.statics
         left = np.zeros(len(kept)) if statics is None or own.provenance.settled else statics.residual
-        return np.concatenate([*(getattr(found, key).reshape(-1) for key in KEYS), left])
+        return np.concatenate([*(getattr(found, key).reshape(-1) for key in MATRICES), left])
 
 
 class _OtherMobility(MbsvibError):

@@ -11,9 +11,10 @@ import numpy as np
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.kinematics import Array, Index
     from mbsvib.sensitivities.fields import Field, Fields
-    from mbsvib.sensitivities.variants import Slopes
 
 # What differences leave of a number that is zero, against the largest of a matrix.
 ROUNDING = 1e-10
@@ -25,7 +26,7 @@ class Whole:
     """The derivatives ``slopes`` of all matrices to the parameters ``rows`` (k, 1)."""
 
     rows: Index
-    slopes: Slopes
+    slopes: Mapping[str, Array]
     kind: str = "whole"
     field: str = ""
     stride: int = 0
@@ -46,7 +47,7 @@ class Whole:
         other = left if right is None else right
         result: Any = 0.0
         for key, power in _POWERS.items():
-            change = getattr(self.slopes, key)
+            change = self.slopes[key]
             if not change.any():
                 continue
             weight = getattr(left, power) if right is None else getattr(left, power) + getattr(right, power)
@@ -78,10 +79,10 @@ class Whole:
         """
         (i, o), (right, left) = ports, vectors
         for k, row in enumerate(self.rows[:, 0].tolist()):
-            result[row] += self.slopes.D[k][np.ix_(o, i)][:, :, None]
-            result[row] += np.einsum("mi,mon->oin", self.slopes.B[k][:, i], left[:, :, 0])
+            result[row] += self.slopes["D"][k][np.ix_(o, i)][:, :, None]
+            result[row] += np.einsum("mi,mon->oin", self.slopes["B"][k][:, i], left[:, :, 0])
             for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
-                result[row] += power * np.einsum("om,min->oin", getattr(self.slopes, key)[k][o], right[:, 0])
+                result[row] += power * np.einsum("om,min->oin", self.slopes[key][k][o], right[:, 0])
 
     def factors(self, row: int, matrix: str) -> tuple[Array, Array]:
         """Return P and Q (rank, m) with P^T Q + Q^T P the derivative of a matrix to one parameter.
@@ -103,7 +104,7 @@ class Whole:
         ModelError
             If the derivative is not symmetric, or not a number.
         """
-        change: Array = getattr(self.slopes, matrix)[self.rows[:, 0].tolist().index(row)]
+        change: Array = self.slopes[matrix][self.rows[:, 0].tolist().index(row)]
         size = np.abs(change).max(initial=0.0)
         if not np.abs(change - change.T).max(initial=0.0) <= ROUNDING * size:
             raise ModelError(f"factors: the derivative of {matrix} is not symmetric, or not a number, and has no such "

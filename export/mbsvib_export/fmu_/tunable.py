@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib.system import System
-from mbsvib_export.affine import LABELS, affine
+from mbsvib_export.affine import affine
 from mbsvib_export.fmu_.nominal import nominal_values
 from mbsvib_export.fmu_.plant import Plant, Tunable
 from mbsvib_export.neutral import refuse_many
@@ -55,12 +56,12 @@ def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Pl
         raise ExportError(f"to_fmu: '{source.name}' has motions that move no mass (see system.explain()), whose rates "
                           f"are affine in no parameter; give them a little mass, or leave tunable out.")  # fmt: skip
     found, space = affine(source, tunable, "to_fmu"), source.state_space()
-    descriptor = _first_order(*(getattr(source, label) for label in LABELS), unit=1.0)
+    descriptor = _first_order(*(getattr(source, label) for label in MATRICES), unit=1.0)
     sizes = [each.size for each in descriptor]
     starts = np.cumsum([0, *sizes])
     entries = []
     for i, name in enumerate(found.names):
-        slopes = _first_order(*(found.slopes[label][i] for label in LABELS), unit=0.0)
+        slopes = _first_order(*(found.slopes[label][i] for label in MATRICES), unit=0.0)
         place = [np.flatnonzero(each) for each in slopes]
         entries.append(Tunable(
             name, found.units[i], float(found.values[i]),
