@@ -138,15 +138,50 @@ def couplings(
     Couplings
         One row for each coupler.
     """
-    place = {name: i for i, name in enumerate(coordinates.names)}
-    joints = {joint.name: joint for joint in topology.joints}
+    found, _ = terms(parts, coordinates.names, topology, bodies, number)
+    touched = np.zeros((len(parts), len(coordinates.names)), dtype=bool)
+    known = found.column >= 0
+    touched[found.row[known], found.column[known]] = True
+    measured = found.measured
+    for i, a, b in zip(found.row[~known].tolist(), measured.first.tolist(), measured.second.tolist(), strict=True):
+        touched[i] |= coordinates.path[a] != coordinates.path[b]
+    return replace(found, touched=touched)
+
+
+def terms(
+    parts: Sequence[Coupling], names: Sequence[str], topology: Topology, bodies: Sequence[Body],
+    number: Mapping[str, int],
+) -> tuple[Couplings, Index]:  # fmt: skip
+    """Return the terms of all couplers, without what they touch, and the joints of those that have to be measured.
+
+    Parameters
+    ----------
+    parts : sequence of Coupler, Gear, Worm or Rack
+        The model's couplers.
+    names : sequence of str
+        Names of the joint coordinates of the tree.
+    topology : Topology
+        The spanning tree.
+    bodies : sequence of Body
+        The bodies in order.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    Couplings
+        One row for each coupler, ``touched`` (couplers, 0).
+    array, shape (measured terms,)
+        Numbers of the cut joints in which terms are measured.
+    """
+    place = {name: i for i, name in enumerate(names)}
+    joints = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}
     row: list[int] = []
     value: list[float] = []
     turns: list[bool] = []
     column: list[int] = []
     measured: list[tuple[float, ...]] = []
-    skew = []
-    touched = np.zeros((len(parts), len(coordinates.names)), dtype=bool)
+    skew, of_joint = [], []
     for i, part in enumerate(parts):
         for name, coefficient in part.terms:
             owner, _, direction = name.rpartition(".")
@@ -155,17 +190,18 @@ def couplings(
             turns.append(direction[0] == "r")
             column.append(place.get(name, -1))
             if name in place:
-                touched[i, place[name]] = True
                 continue
-            joint = joints[owner]
+            k, joint = joints[owner]
             a, b = number[joint.first], number[joint.second]
             force, moment, axes = measure(joint, direction)
             if axes is not None:
                 skew.append((len(measured), *axes))
             measured.append((a, b, *(joint.point or bodies[min(a, b)].position), *force, *moment))
-            touched[i] |= coordinates.path[a] != coordinates.path[b]
-    return Couplings(np.array(row, dtype=np.intp), np.array(value), np.array(turns, dtype=bool),
-                     np.array(column, dtype=np.intp), Rows.stack(measured), tuple(skew), touched)  # fmt: skip
+            of_joint.append(k)
+    found = Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
+                      np.array(column, dtype=np.intp), Rows.stack(measured), tuple(skew),
+                      np.zeros((len(parts), 0), dtype=bool))  # fmt: skip
+    return found, np.array(of_joint, dtype=np.intp)
 
 
 def with_couplers(cuts: Cuts | None, parts: Sequence[Coupling], *scene: Any) -> Cuts:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.couplers.rows import Couplings, measure
-from mbsvib.kinematics import Rows
+from mbsvib.couplers.rows import terms
 from mbsvib.sparse.rows import path_entries, relative_rows
 
 if TYPE_CHECKING:
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from mbsvib.couplers.rows import Moving
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.couplers.rows import Couplings, Moving
+    from mbsvib.kinematics import Array, Index, Rows
     from mbsvib.parts import Body
     from mbsvib.parts.coupler import Coupling
     from mbsvib.sparse.layout import Layout
@@ -117,33 +116,10 @@ def coupled(
     """
     if not parts:
         return None
-    place = {name: i for i, name in enumerate(tree.names)}
-    joints = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}
-    row, value, turns, column = [], [], [], []
-    measured: list[tuple[float, ...]] = []
-    skew, of_joint = [], []
-    for i, part in enumerate(parts):
-        for name, coefficient in part.terms:
-            owner, _, direction = name.rpartition(".")
-            row.append(i)
-            value.append(coefficient)
-            turns.append(direction[0] == "r")
-            column.append(place.get(name, -1))
-            if name in place:
-                continue
-            k, joint = joints[owner]
-            a, b = number[joint.first], number[joint.second]
-            force, moment, axes = measure(joint, direction)
-            if axes is not None:
-                skew.append((len(measured), *axes))
-            measured.append((a, b, *(joint.point or bodies[min(a, b)].position), *force, *moment))
-            of_joint.append(k)
-    terms = Couplings(np.array(row, dtype=np.intp), np.array(value, dtype=float), np.array(turns, dtype=bool),
-                      np.array(column, dtype=np.intp), Rows.stack(measured), tuple(skew),
-                      np.zeros((len(parts), 0), dtype=bool))  # fmt: skip
+    found, of_joint = terms(parts, tree.names, topology, bodies, number)
     largest = np.zeros((2, len(parts)))
-    np.maximum.at(largest, (np.where(terms.turns, 0, 1), terms.row), np.abs(terms.value))
-    return Coupled(tuple(part.name for part in parts), terms, np.array(of_joint, dtype=np.intp), largest)
+    np.maximum.at(largest, (np.where(found.turns, 0, 1), found.row), np.abs(found.value))
+    return Coupled(tuple(part.name for part in parts), found, of_joint, largest)
 
 
 def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:

@@ -1,6 +1,5 @@
 """Couplers in sparse equations: the dense path's answers, in trees, loops and under loads, and closed forms of many."""
 
-import warnings
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from numpy.testing import assert_allclose
 import mbsvib as mv
 from tests.couplers.test_couplers import four_bar, shafts
 from tests.sparse.test_forces import OMEGA, differ, smallest_pivot, with_forces
-from tests.support.compare import assert_same_eigenvalues
+from tests.support.compare import assert_same_eigenvalues, both_ways
 from tests.support.loaded_models import loaded
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds
 
@@ -29,15 +28,7 @@ def coupled(model, seed, most):
 
 def systems(model):
     """Both systems of a pose that neither path doubts; where one doubts, so does the other."""
-    found = []
-    for method in ("dense", "sparse"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", mv.NearSingularWarning)
-            try:
-                found.append(model.linearize(method=method))
-            except (mv.SingularPoseError, mv.NearSingularWarning) as doubt:
-                found.append(type(doubt))
-    dense, sparse = found
+    dense, sparse = both_ways(model)
     assume(not isinstance(dense, type))
     assert (dense.dof, set(dense.redundant)) == (sparse.dof, set(sparse.redundant))
     assume(dense.dof)

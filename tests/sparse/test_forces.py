@@ -1,10 +1,9 @@
 """Forces in joints, and sums of forces on bodies and the ground, of many bodies: the dense path's answers."""
 
-import warnings
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, reject, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import mbsvib as mv
@@ -12,6 +11,7 @@ from mbsvib.beams import Material, Rectangle
 from tests.sparse import scenes
 from tests.superelements.craig_bampton import NODES, reduced
 from tests.support import overconstrained
+from tests.support.compare import linearized
 from tests.support.loaded_models import loaded
 from tests.support.random_models import closed_loops, open_trees, planar_loops
 
@@ -31,14 +31,7 @@ def with_forces(model, joints=None, bodies=None):
 
 
 def both(model):
-    found = []
-    for method in ("dense", "sparse"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", mv.NearSingularWarning)
-            try:
-                found.append(model.linearize(method=method))
-            except (mv.SingularPoseError, mv.NearSingularWarning):
-                reject()
+    found = [linearized(model, method=method) for method in ("dense", "sparse")]
     assert found[0].outputs == found[1].outputs
     assert found[0].output_units == found[1].output_units
     return found

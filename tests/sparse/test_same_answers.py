@@ -1,6 +1,5 @@
 """Small mechanisms of all kinds: the sparse equations give what the dense ones give."""
 
-import warnings
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from tests.support import overconstrained
-from tests.support.compare import assert_same_eigenvalues, assert_same_response
+from tests.support.compare import assert_same_eigenvalues, assert_same_response, both_ways
 from tests.support.random_models import closed_loops, open_trees, planar_loops
 
 ANY = st.one_of(
@@ -22,15 +21,7 @@ OMEGA = np.array([0.7, 13.0, 170.0, 3e3])
 
 def both(model):
     """Dense and sparse equations of a pose that neither path doubts; where one doubts, so does the other."""
-    found = []
-    for method in ("dense", "sparse"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", mv.NearSingularWarning)
-            try:
-                found.append(model.linearize(method=method))
-            except (mv.SingularPoseError, mv.NearSingularWarning) as doubt:
-                found.append(type(doubt))
-    dense, sparse = found
+    dense, sparse = both_ways(model)
     if isinstance(dense, type) or isinstance(sparse, type):
         assert dense is sparse
         reject()

@@ -19,6 +19,19 @@ def linearized(model, **words):
             reject()
 
 
+def both_ways(model):
+    """The model's dense and its sparse system; in place of one, the kind of its doubt about the pose."""
+    found = []
+    for method in ("dense", "sparse"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", mv.NearSingularWarning)
+            try:
+                found.append(model.linearize(method=method))
+            except (mv.SingularPoseError, mv.NearSingularWarning) as doubt:
+                found.append(type(doubt))
+    return found
+
+
 def elastic_size(model):
     """The largest stiffness and damping, against which an entry that should be zero is judged."""
     springs = model.springs.values()
