@@ -340,24 +340,19 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         ModelError
             If the element or a word is unknown, or a value is refused.
         """
-        if not any(element in group for _, group in self._groups()):
-            known = [name for _, group in self._groups() for name in group]
+        from mbsvib.rebuilding import rebuilt
+
+        known = {name: part for _, group in self._groups() for name, part in group.items()}
+        if element not in known:
             raise ModelError(f"replace: there is no element '{element}' in model '{self.name}'."
                              f"{nearest(element, known)}", element=element)  # fmt: skip
-        model = Model(self.name, self.gravity)
-        for adder, group in self._groups():
-            for part in group.values():
-                add = getattr(model, adder or ADDERS[type(part)])
-                if part.name != element:
-                    add(**part.words())
-                    continue
-                allowed = signature(add).parameters
-                for word in changes:
-                    if word not in allowed:
-                        raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, allowed)} It has "
-                                         f"{', '.join(allowed)}.", element=element, field=word)  # fmt: skip
-                add(**(part.words() | changes))
-        return model
+        for part in (group[element] for _, group in self._groups() if element in group):
+            allowed = signature(getattr(self, ADDERS[type(part)])).parameters
+            for word in changes:
+                if word not in allowed:
+                    raise ModelError(f"replace: '{element}' has no '{word}'.{nearest(word, allowed)} It has "
+                                     f"{', '.join(allowed)}.", element=element, field=word)  # fmt: skip
+        return rebuilt(self, {element: changes})
 
     def _snapshot(self) -> Model:
         """The model as it is now; parts that are added later are not in it."""

@@ -14,14 +14,13 @@ from mbsvib.parts import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, L
 from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.rotor import Rotor
-
-IDENTITY = np.eye(3)
+from mbsvib.rebuilding import remade
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.model import Model
+
+IDENTITY = np.eye(3)
 
 
 def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
@@ -50,7 +49,7 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
     ModelError
         If a part cannot be described in that pose.
     """
-    return _made(model, lambda part: _words(part, pose, relaxed))
+    return remade(model, lambda part: _words(part, pose, relaxed))
 
 
 def skeleton(model: Model, pose: Pose) -> Model:
@@ -71,39 +70,6 @@ def skeleton(model: Model, pose: Pose) -> Model:
     plain = copy(model)
     plain._springs, plain._loads, plain._rotors, plain._inputs, plain._outputs = {}, {}, {}, {}, {}
     return carried(plain, pose)
-
-
-def rebuilt(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
-    """Return a model in which some parts have other words.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    changes : mapping
-        New words of parts by name.
-
-    Returns
-    -------
-    Model
-        The changed model.
-    """
-    return _made(model, lambda part: part.words() | changes.get(part.name, {}))
-
-
-def _made(model: Model, words: Callable[[Any], dict[str, Any] | Body]) -> Model:
-    """A model made of all parts of another in its order, by the words that they have now, or of bodies made already."""
-    from mbsvib.model import ADDERS
-
-    result = type(model)(model.name, model.gravity)
-    for adder, group in model._groups():
-        for part in group.values():
-            found = words(part)
-            if isinstance(found, Body):
-                result._bodies[found.name] = found
-            else:
-                getattr(result, adder or ADDERS[type(part)])(**found)
-    return result
 
 
 def bare(model: Model) -> Model:

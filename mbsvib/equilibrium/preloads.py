@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.elements import eigenrows
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.carry import bare, rebuilt
+from mbsvib.equilibrium.carry import bare
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.refusal import lacking
@@ -18,6 +18,7 @@ from mbsvib.kinematics import Rows, relative_motion
 from mbsvib.loads.statics import BALANCE
 from mbsvib.loops import EPS
 from mbsvib.parts import Bushing, Spring
+from mbsvib.rebuilding import rebuilt
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -77,7 +78,7 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
     return result
 
 
-def settled(model: Model) -> Model:
+def without_rounding(model: Model) -> Model:
     """Return a model in equilibrium with what the rounding of its positions costs taken out of its springs' forces.
 
     A spring of stiffness k and length L cannot tell forces below eps k L by its length; where that is more than statics

@@ -80,7 +80,7 @@ def held_as(model: Model, found: Equilibrium) -> Equilibrium:
     """
     if not model._composed:
         return found
-    from mbsvib.equilibrium.carry import rebuilt
+    from mbsvib.rebuilding import rebuilt
 
     changes = {name: {word: getattr(part, word) for word in ("preload", "free_length") if hasattr(part, word)}
                for name, part in found.model.springs.items()}  # fmt: skip

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from copy import copy
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from mbsvib.parts import Load
+from mbsvib.rebuilding import remade
 
 if TYPE_CHECKING:
     from mbsvib.model import Model
@@ -27,15 +31,14 @@ def with_share(model: Model, share: float) -> Model:
     """
     if share == 1.0:
         return model
-    from mbsvib.model import ADDERS
 
-    gravity = None if model.gravity is None else np.multiply(share, model.gravity)
-    result = type(model)(model.name, gravity)
-    for adder, group in model._groups():
-        if adder != "add_load":
-            for part in group.values():
-                getattr(result, adder or ADDERS[type(part)])(**part.words())
-    for load in model.loads.values() if share else ():
-        words = load.words()
-        result.add_load(**words | {key: np.multiply(share, words[key]) for key in ("force", "torque") if key in words})
-    return result
+    def words(part: Any) -> dict[str, Any]:
+        given: dict[str, Any] = part.words()
+        if isinstance(part, Load):
+            given |= {key: np.multiply(share, given[key]) for key in ("force", "torque") if key in given}
+        return given
+
+    plain: Any = copy(model)
+    plain.gravity = None if model.gravity is None else np.multiply(share, model.gravity)
+    plain._loads = model._loads if share else {}
+    return remade(plain, words)

@@ -10,7 +10,7 @@ from mbsvib.equilibrium.carry import bare, carried
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.path import FOUND, descend, follow, is_stable, stiffness
 from mbsvib.equilibrium.pose import start
-from mbsvib.equilibrium.preloads import settled
+from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.refusal import lacking
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.equilibrium.scaled import with_share
@@ -50,11 +50,11 @@ def equilibrium(model: Model, snap: bool = False, cut: Sequence[str] = ()) -> Eq
     first = stance(plain, pose, cut)
     before = balance(first)
     if before.share <= FOUND:
-        return Equilibrium(settled(carried(model, pose)), 0, (before.share,), (), displacements(pose))
+        return Equilibrium(without_rounding(carried(model, pose)), 0, (before.share,), (), displacements(pose))
     found = descend(first) if snap or not _held(plain, cut) else follow(plain, first, cut)
     if found.stopped:
         raise _unreachable(found)
-    return Equilibrium(settled(carried(model, found.stance.pose)), found.steps, found.residuals, found.shares,
+    return Equilibrium(without_rounding(carried(model, found.stance.pose)), found.steps, found.residuals, found.shares,
                        displacements(found.stance.pose))  # fmt: skip
 
 
