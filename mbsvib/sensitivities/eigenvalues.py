@@ -82,8 +82,9 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     scale[len(found.lead) :] = 1.0
     for some in (resting, *pairs.groups):
         scale[some] = 1.0
-    right = _fields(chosen.network, x, widened.lead, scale if found.left is not None else 2.0 * scale)
-    left = None if found.left is None else _fields(chosen.network, y, found.lead, scale)
+    alone = found.left is None
+    right = _fields(chosen.network, x, widened.lead, 2.0 * scale if alone else scale, 0 if alone else 1)
+    left = None if alone else _fields(chosen.network, y, found.lead, scale, -1)
     result, beside = _simple(chosen, found, left, right)
     if len(resting):
         lead = np.abs(result[:, found.place])
@@ -96,7 +97,7 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
         if chosen.network.partial:
             twice = replace(found, lead=0.5 * (found.lead[first] + found.lead[second]))
             cross = _whole_gram(system, twice, found.right[:, second], np.asarray(found.left)[:, first])
-        form = chosen.variables.chain(_complex(table(chosen, left.take(first), right.take(second)), chosen))
+        form = chosen.chain(_joined(table(chosen, left.take(first), right.take(second))))
         _part(result, found, pairs, (gram, cross), form)
     elif len(pairs.groups):
         # between two motions: half of what both together have beyond each
@@ -127,19 +128,19 @@ def _whole_gram(system: System, found: Spectrum, right: Field, left: Field | Non
     return np.asarray((y * (2.0 * found.lead * (system.M @ right) + system.C @ right)).sum(axis=0), dtype=complex)
 
 
-def _fields(network: Network, motion: Motions, values: Complex, scale: Complex) -> Fields:
+def _fields(network: Network, motion: Motions, values: Complex, scale: Complex, side: int) -> Fields:
     """Fields of e^(lambda t), times a scale; of real shapes the real and the imaginary parts, in real arithmetic."""
     powers = np.array([scale, scale * values, scale * values * values])[:, None]
     if motion.body.dtype.kind != "c":
         powers = np.concatenate((powers.real, powers.imag), axis=1)
-    return fields(network, motion, *powers)
+    return fields(network, motion, *powers, side=side)
 
 
 def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
     """Forms of all eigenvalues, conjugates included, (variables, eigenvalues), and those of sums behind them."""
     first, second = (right, None) if left is None else (left, right)
     lead = len(found.lead)
-    if chosen.variables.identity and found.alternates:
+    if chosen.variables.identity and chosen.balanced is None and found.alternates:
         padded = chosen.size + PADDING
         result = np.zeros((padded, found.count), dtype=complex)
         beside = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
@@ -157,7 +158,7 @@ def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -
         result, beside = result[: chosen.size], beside[: chosen.size]
         result[chosen.breaking] = np.nan
         return result, beside
-    form = chosen.variables.chain(_complex(table(chosen, first, second), chosen))
+    form = chosen.chain(_joined(table(chosen, first, second)))
     result = np.empty((len(form), found.count), dtype=complex)
     _set(result, found, np.arange(lead), form[:, :lead])
     return result, form[:, lead:]
@@ -182,12 +183,6 @@ def _joined(form: Field) -> Complex:
         return np.asarray(real)
     result = np.empty(real.shape, dtype=complex)
     result.real, result.imag = real, imag[0]
-    return result
-
-
-def _complex(form: Field, chosen: Plan) -> Complex:
-    result = _joined(form)
-    result[chosen.breaking] = np.nan
     return result
 
 

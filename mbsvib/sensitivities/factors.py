@@ -20,6 +20,7 @@ import numpy as np
 
 from mbsvib.parts import Body, Joint, Spring
 from mbsvib.sensitivities.fields import acts, applied
+from mbsvib.sensitivities.vectors import cross, wide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -198,8 +199,8 @@ def _rod_end(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
 def _turned_about(found: Fields, k: Any, rho: Array) -> Terms:
     """Rods turn with their ends, each by its rho (parts, 3)."""
     d, w = -found.relative[k], found.wrench[k]
-    wide = _wide(rho, d)
-    force, moment = _cross(wide, w[:, :3]), _cross(wide, w[:, 3:])
+    turn = wide(rho, d)
+    force, moment = cross(turn, w[:, :3]), cross(turn, w[:, 3:])
     return [(force[:, i], d[:, i]) for i in range(3)] + [(moment[:, i], d[:, 3 + i]) for i in range(3)]
 
 
@@ -222,14 +223,14 @@ def _start(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
 
 def _end(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
     d = found.relative[k]
-    return _line_end(found, k, data, d[:, :3] + _cross(d[:, 3:], _wide(data[1], d)), 1.0)
+    return _line_end(found, k, data, d[:, :3] + cross(d[:, 3:], wide(data[1], d)), 1.0)
 
 
 def _line_end(found: Fields, k: Any, data: tuple[Array, ...], u: Field, sign: float) -> list[Terms]:
     line, _, length = data
-    wide = _wide(line, u)
-    across = u - wide * _along(line, u)[:, None]
-    change = across * _wide(sign / length, u) + _cross(wide, found.relative[k, 3:])
+    e = wide(line, u)
+    across = u - e * _along(line, u)[:, None]
+    change = across * wide(sign / length, u) + cross(e, found.relative[k, 3:])
     tension = _along(line, found.wrench[k, :3])
     return [[(tension, change[:, i])] for i in range(3)]
 
@@ -248,20 +249,6 @@ def _crossed(force: Field, theta: Field) -> list[Terms]:
     return [[(force[:, j], theta[:, k]), (force[:, k], -theta[:, j])] for j, k in ((1, 2), (2, 0), (0, 1))]
 
 
-def _wide(vectors: Array, like: Field) -> Array:
-    """Vectors (k, 3) or numbers (k,) that broadcast against (k, 3, ...)."""
-    return vectors.reshape(*vectors.shape, *[1] * (like.ndim - vectors.ndim))
-
-
 def _along(axis: Array, vectors: Field) -> Field:
     """Components (k, ...) of vectors (k, 3, ...) along axes (k, 3)."""
     return applied(axis[:, None], vectors)[:, 0]
-
-
-def _cross(a: Field, b: Field) -> Field:
-    """Vector products of (k, 3, ...)."""
-    result: Field = np.empty(np.broadcast(a, b).shape, dtype=np.result_type(a, b))
-    for axis, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[:, i], b[:, j], out=result[:, axis])
-        result[:, axis] -= a[:, j] * b[:, i]
-    return result

@@ -134,7 +134,7 @@ def applied(matrices: Array, vectors: Field) -> Field:
 
 def fields(
     network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None,
-    strain: Field | None = None,
+    strain: Field | None = None, side: int = 0,
 ) -> Fields:  # fmt: skip
     """Return motions with the wrenches that go with them.
 
@@ -151,6 +151,8 @@ def fields(
         Further wrenches on bodies, at their centres of mass, counted as inertia is.
     strain : array, shape (s, 6, ...), optional
         What springs see, where that is not their relative motion.
+    side : int
+        1 for the right, -1 for the left side of forms between two motions, which need not be symmetric.
 
     Returns
     -------
@@ -162,6 +164,8 @@ def fields(
     if motion.viscous is not None:
         spring_wrench = spring_wrench + motion.viscous * rate
     on_bodies = body_wrench if load is None else body_wrench + load
+    if network.forces is not None:
+        on_bodies = on_bodies + network.forces.on_bodies(motion.body, side) * stiff
     wrench = np.concatenate((_transmitted(network, on_bodies, spring_wrench), spring_wrench))
     seen = motion.relative[len(network.joints) :] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, stiff, rate, square)

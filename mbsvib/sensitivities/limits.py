@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.beams.beam import Beam
+from mbsvib.parts import Body, Bushing, Joint, Load, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.load import Gravity
 from mbsvib.parts.rotor import Rotor
@@ -53,3 +54,24 @@ def limits(system: System) -> tuple[Limit, ...]:
         # dampers that turn with a rotor are stiffness, too
         result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
     return tuple(map(frozenset, result))
+
+
+def follows(system: System) -> bool:
+    """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    bool
+        True for rigid bodies with mass, joints, springs, bushings, gravity and loads.
+    """
+    came = system.provenance
+    return (
+        came.statics is not None and not came.settled and came.massless is None and came.dropped is None
+        and system.gyroscopic is None
+        and all(isinstance(part, (Body, Bushing, Gravity, Joint, Load, Spring)) for part in came.parts)
+    )

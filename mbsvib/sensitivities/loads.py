@@ -33,7 +33,8 @@ class Loads:
     point, ``on_bodies`` (b, 6, p) at the centres of mass; ``order`` (p,) is how often an output is differentiated.
 
     ``strain`` (s, 6, p) is what forces in springs take from the strain, ``carried`` (b, 6, p) the motion of the bodies
-    with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where it stays.
+    with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where it is given by its ``point`` (p, 3),
+    ``carrier`` (p,) the body that carries this point along, -1 for none.
     """
 
     wrench: Array
@@ -43,6 +44,7 @@ class Loads:
     strain: Array
     carried: Array
     centre: Index
+    carrier: Index
     point: Array
 
 
@@ -99,7 +101,8 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
     number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": bodies}
     count = len(parts)
     wrench, point = np.zeros((count, 6)), np.zeros((count, 3))
-    first, second, centre = np.full(count, bodies), np.full(count, bodies), np.full(count, -1)
+    first, second = np.full(count, bodies), np.full(count, bodies)
+    centre, carrier = np.full(count, -1), np.full(count, -1)
     strain, carried = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
     order = np.zeros(count, dtype=np.intp)
     for i, part in enumerate(parts):
@@ -113,7 +116,10 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
         else:
             first[i], second[i] = number[part.relative_to], number[part.body]
             owner = int(second[i] if second[i] < bodies else first[i])
-            centre[i] = owner if part.position is None else -1
+            if part.position is None:
+                centre[i] = owner
+            elif second[i] < bodies:
+                carrier[i] = second[i]
             point[i] = network.position[owner] if part.position is None else part.position
             wrench[i] = part.wrench
             order[i] = 0 if isinstance(part, Input) else QUANTITIES.index(part.quantity)
@@ -123,7 +129,8 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
             if body < bodies:
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
-    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre, point)
+    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre,
+                 carrier, point)  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:
@@ -131,7 +138,7 @@ def no_loads(network: Network, count: int) -> Loads:
     none = np.zeros((len(network.bodies), 6, count))
     return Loads(np.zeros((count, 6)), np.zeros((count, 6, network.displacements.shape[1])), none,
                  np.zeros(count, dtype=np.intp), np.zeros((len(network.springs), 6, count)), none,
-                 np.full(count, -1), np.zeros((count, 3)))  # fmt: skip
+                 np.full(count, -1), np.full(count, -1), np.zeros((count, 3)))  # fmt: skip
 
 
 def _spring(network: Network, part: ForceOutput) -> tuple[int, Array] | None:

@@ -117,10 +117,9 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
     left, right = unit[:, :, None, None], unit[:, None, :, None]
 
     def chained(form: Field, key: str) -> Array:
-        form[plan.breaking] = np.nan
         if plan.whole is not None:
             form[plan.whole.rows[:, 0], ..., 0] = plan.whole.slopes[key]
-        return np.asarray(plan.variables.chain(form[..., 0]))
+        return np.asarray(plan.chain(form[..., 0]))
 
     def ports(
         key: str, pair: tuple[Loads, Loads], powers: tuple[Array, Array, Array], vectors: tuple[Array, Array]
@@ -129,7 +128,7 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
         return chained(derivatives(plan, pair, powers, vectors, turning), key)
 
     x, y = motions(network, right), motions(network, left)
-    square = {key: chained(table(plan, fields(network, y, *powers), fields(network, x, *powers)), key)
+    square = {key: chained(table(plan, fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1)), key)
               for key, powers in _POWERS.items()}  # fmt: skip
     at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
     seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}

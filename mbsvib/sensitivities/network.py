@@ -21,7 +21,8 @@ from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
 from mbsvib.sensitivities.flexible import pieces
-from mbsvib.sensitivities.limits import limits
+from mbsvib.sensitivities.forces import forces
+from mbsvib.sensitivities.limits import follows, limits
 from mbsvib.sensitivities.variants import Variants
 from mbsvib.topology import FLOATS
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array, Index, Twists
     from mbsvib.parts._part import Part
+    from mbsvib.sensitivities.balanced import Balanced
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.limits import Limit
     from mbsvib.sensitivities.plans import Plan
     from mbsvib.system import System
@@ -41,13 +44,14 @@ _SIX = np.eye(6)
 @dataclass(frozen=True, slots=True)
 class Constraints:
     """The locked rows of the cut joints, (rows,) each: ``wrench`` (rows, 6) at their joint's point, world axes;
-    ``closing`` (j, rows) adds them up by joint. Of dependent coordinates (d,): the body ``carried`` and from the
+    ``closing`` (j, rows) adds them up by joint. Of the coordinates ``dependent`` (d,): the body ``carried`` and from the
     network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from what they feel to the
     forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that load nothing.
     """
 
     wrench: Array
     closing: csr_array
+    dependent: Index
     carried: Index
     arm: Array
     twist: Array
@@ -65,7 +69,8 @@ class Network:
     j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
     that are not zero. ``limits`` say which parameters act by rules of their own; those of all others come from
-    ``variants``. A ``bare`` network has no parts, as no parameter has a rule.
+    ``variants``. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a loaded
+    scene whose derivatives through the equilibrium are known.
     """
 
     parts: tuple[Part, ...]
@@ -94,6 +99,7 @@ class Network:
     limits: tuple[Limit, ...]
     variants: Variants
     bare: bool = False
+    forces: Forces | None = None
 
     @property
     def partial(self) -> bool:
@@ -104,6 +110,13 @@ class Network:
     def damped(self) -> bool:
         """Whether any damper acts."""
         return bool(self.damping.any())
+
+    @cached_property
+    def balanced(self) -> Balanced | None:
+        """The network under its forces, where derivatives through the equilibrium are known of all its parts."""
+        from mbsvib.sensitivities.balanced import balanced
+
+        return None if self.forces is None else balanced(self, self.variants.system)
 
     @cached_property
     def every(self) -> Plan:
@@ -160,7 +173,7 @@ def network(system: System) -> Network:
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         None if ties is None else _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
         displacements, np.flatnonzero(displacements.any(axis=1)), limits(system),
-        Variants(system),
+        Variants(system), forces=forces(system, bodies, joints, springs, number, point) if follows(system) else None,
     )  # fmt: skip
 
 
@@ -309,6 +322,6 @@ def _constraints(
     return Constraints(
         np.concatenate((cuts.rows.force, cuts.rows.moment)).T,
         csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-        behind[dependent], origin - coordinates.point[:, dependent].T, twist,
+        dependent, behind[dependent], origin - coordinates.point[:, dependent].T, twist,
         np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
     )  # fmt: skip

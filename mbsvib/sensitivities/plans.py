@@ -13,17 +13,23 @@ from mbsvib.parts import Joint
 from mbsvib.sensitivities.factors import constants, rule
 from mbsvib.sensitivities.flexible import beam_rule
 from mbsvib.sensitivities.variables import Direction
+from mbsvib.sensitivities.variants import not_held
 from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.parameters import Parameter
+    from mbsvib.sensitivities.balanced import Balanced
     from mbsvib.sensitivities.factors import Rule
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.variables import Variables
 
+# Fields of springs that say what force they have at the pose, and are no part of K by themselves.
+FORCES = ("preload", "free_length")
 _PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
 
 
@@ -53,11 +59,18 @@ class Family:
 
 @dataclass(frozen=True)
 class Plan:
-    """The variables asked for and the families of the parameters that they move."""
+    """The variables asked for and the families of the parameters that they move.
+
+    Where these go through an equilibrium, the parameters are all there are of ``balanced``, and variables move the pose
+    by ``motion`` (variables, m), those ``lost`` along one that nothing holds.
+    """
 
     network: Network
     variables: Variables
     families: tuple[Family | Whole, ...]
+    balanced: Balanced | None = None
+    motion: Array | None = None
+    lost: NDArray[np.bool_] | None = None
 
     @cached_property
     def breaking(self) -> NDArray[np.bool_]:
@@ -68,8 +81,26 @@ class Plan:
 
     @property
     def size(self) -> int:
-        """Number of parameters and directions."""
+        """Number of rows that forms have: parameters and directions, and behind them what moves the pose."""
+        if self.balanced is not None:
+            return self.balanced.size
         return len(self.variables.parameters) + len(self.variables.directions)
+
+    def chain(self, values: Any) -> Any:
+        """Turn derivatives to the parameters (size, ...) into those to the variables (variables, ...), not a number
+        where a parameter, changed alone, takes degrees of freedom away; ``values`` may be used up.
+        """
+        broken = self.breaking
+        if self.balanced is None or self.motion is None or self.lost is None:
+            values[broken] = np.nan
+            return self.variables.chain(values)
+        count = len(self.variables.parameters)
+        own = values[:count]
+        moved = np.tensordot(self.balanced.links.carried.T, own, axes=1) + values[count:]
+        result = self.variables.chain(own) + np.tensordot(self.motion, moved, axes=1)
+        rates = self.variables.rates
+        result[self.lost | (broken[:count] if rates is None else abs(rates) @ broken[:count] > 0.0)] = np.nan
+        return result
 
     def only(self, kind: str, *fields: str) -> tuple[Family, ...]:
         """Return the families of parts of one kind, or of some of their fields."""
@@ -104,6 +135,59 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
     ModelError
         If the equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
     """
+    parts = _parts(network)
+    rule: dict[tuple[str, str], bool] = {}
+    for parameter in asked.parameters:
+        own = (parameter.part, parameter.field)
+        if own not in rule:
+            rule[own] = _has_rule(network, parameter, parts.get(parameter.part))
+    without = np.array([not rule[each.part, each.field] for each in asked.parameters], dtype=np.bool_)
+    if without.any() and network.balanced is not None:
+        return _through_equilibrium(network, network.balanced, asked, every)
+    if without.any() and not asked.identity:
+        asked = asked.joined(without)
+        whole, directions = len(asked.parameters) + np.arange(len(asked.directions)), asked.directions
+    else:
+        whole = np.flatnonzero(without)
+        directions = tuple(Direction(name, ((name, 1.0),)) for name in (asked.parameters[k].name for k in whole))
+    own_rules = [(place, each) for place, each in enumerate(asked.parameters) if rule[each.part, each.field]]
+    families: list[Family | Whole] = [*_families(network, parts, own_rules)]
+    if directions:
+        families.append(Whole(whole[:, None], network.variants.slopes(directions, every)))
+    return Plan(network, asked, tuple(families))
+
+
+def _through_equilibrium(network: Network, balanced: Balanced, asked: Variables, every: bool) -> Plan:
+    """A plan for variables that move the pose."""
+    asked = asked.among(balanced.entries)
+    motion, lost = balanced.follow(asked.rates)
+    if lost.any() and not every:
+        raise not_held(asked.names[int(np.argmax(lost))], network.variants.system.name)
+    return Plan(network, asked, balanced.families, balanced, motion, lost)
+
+
+def families_of(network: Network, entries: Sequence[Parameter]) -> tuple[Family, ...]:
+    """Return the families of parameters as if all of them acted by what their own parts do alone.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    entries : sequence of Parameter
+        The parameters.
+
+    Returns
+    -------
+    tuple of Family
+        Families of those that have a rule.
+    """
+    parts = _parts(network)
+    return tuple(_families(network, parts, [(place, each) for place, each in enumerate(entries) if each.part in parts
+                                            and each.field not in FORCES]))  # fmt: skip
+
+
+def _parts(network: Network) -> dict[str, tuple[str, int, Any]]:
+    """Kind, number and part of each name."""
     joints = len(network.joints)
     parts: dict[str, tuple[str, int, Any]] = {}
     for kind, shift, members in (("body", 0, network.bodies), ("joint", 0, network.joints),
@@ -111,37 +195,26 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
     if not network.bare:
         parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
-    rule: dict[tuple[str, str], bool] = {}
-    for parameter in asked.parameters:
-        own = (parameter.part, parameter.field)
-        if own not in rule:
-            rule[own] = _has_rule(network, parameter, parts.get(parameter.part))
-    without = np.array([not rule[each.part, each.field] for each in asked.parameters], dtype=np.bool_)
-    if without.any() and not asked.identity:
-        asked = asked.joined(without)
-        whole, directions = len(asked.parameters) + np.arange(len(asked.directions)), asked.directions
-    else:
-        whole = np.flatnonzero(without)
-        directions = tuple(Direction(name, ((name, 1.0),)) for name in (asked.parameters[k].name for k in whole))
+    return parts
+
+
+def _families(
+    network: Network, parts: dict[str, tuple[str, int, Any]], members: Sequence[tuple[int, Parameter]]
+) -> list[Family]:
     groups: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
-    for place, parameter in enumerate(asked.parameters):
-        if not rule[parameter.part, parameter.field]:
-            continue
+    for place, parameter in members:
         kind, number, part = parts[parameter.part]
         index = parameter.index
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
         rod = isinstance(part, Joint) and part.end is not None
         key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), rod)
         groups.setdefault(key, []).append((place, number, slot))
-    families: list[Family | Whole] = [_family(network, key, members) for key, members in groups.items()]
-    if directions:
-        families.append(Whole(whole[:, None], network.variants.slopes(directions, every)))
-    return Plan(network, asked, tuple(families))
+    return [_family(network, key, found) for key, found in groups.items()]
 
 
 def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any] | None) -> bool:
     """Whether a parameter acts by what its own part does alone."""
-    if known is None or parameter.field in ("preload", "free_length"):
+    if known is None or parameter.field in FORCES:
         return False
     # the tension of a spring with a free length comes from its stiffness
     pulls = parameter.field == "stiffness" and getattr(known[2], "free_length", None) is not None

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Index
+    from mbsvib.sensitivities.balanced import Balanced
     from mbsvib.sensitivities.factors import Terms
     from mbsvib.sensitivities.fields import Field, Fields
     from mbsvib.sensitivities.plans import Family, Plan
@@ -69,9 +70,11 @@ def forms(
 
 
 def table(
-    plan: Plan, left: Fields, right: Fields | None = None, families: Iterable[Family | Whole] | None = None
+    plan: Plan | Balanced, left: Fields, right: Fields | None = None, families: Iterable[Family | Whole] | None = None
 ) -> Field:
-    """Return x^T (dT/dp) y of all parameters, (parameters, ...); arguments and halves as of ``forms``."""
+    """Return x^T (dT/dp) y of all parameters, (parameters, ...); arguments and halves as of ``forms``. Those of some
+    families leave out what the forces at the pose do.
+    """
     kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
     result = np.zeros((plan.size, *_tail(left, right)), dtype=kind)
     for rows, stride, block in forms(plan.families if families is None else families, left, right):
@@ -81,6 +84,8 @@ def table(
             result[rows[asked]] = block[asked]
         else:
             into[:] = block
+    if families is None and plan.balanced is not None:
+        plan.balanced.add(result, left, right)
     return result
 
 

@@ -86,8 +86,7 @@ def frequency_response_sensitivities(
         forms = derivatives(plan, (acting, seeing), powers, vectors, turns)
         if plan.whole is not None:
             plan.whole.with_ports(forms, (i, o), powers, vectors)
-        forms[plan.breaking] = np.nan
-        result[..., part] = plan.variables.chain(forms)
+        result[..., part] = plan.chain(forms)
     result[..., w < 0.0] = result[..., w < 0.0].conj()
     return result
 
@@ -138,7 +137,7 @@ def derivatives(
     on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
     by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
     on_left = -seeing.on_bodies[:, :, :, None, None] * by_order
-    right = fields(network, x, *powers, load=on_right)
+    right = fields(network, x, *powers, load=on_right, side=1)
     left = _seeing(network, y, seeing, powers, on_left)
     result: Field = -table(plan, left, right)
     bodies = plan.only("body")
@@ -156,28 +155,33 @@ def _seeing(
 ) -> Fields:
     """Fields of L; forces in springs are seen through strains that lack their directions."""
     if not seeing.strain.any():
-        return fields(network, motion, *powers, load=load)
+        return fields(network, motion, *powers, load=load, side=-1)
     asked = seeing.strain[:, :, :, None, None]
     strain = motion.relative[len(network.joints) :] - asked
     viscous = None if motion.viscous is None else motion.viscous - applied(network.damping, asked)
     lacking = replace(motion, elastic=motion.elastic - applied(network.stiffness, asked), viscous=viscous)
-    return fields(network, lacking, *powers, load=load, strain=strain)
+    return fields(network, lacking, *powers, load=load, strain=strain, side=-1)
 
 
 def _move_ports(
     result: Field, plan: Plan, ports: tuple[Loads, Loads], vectors: tuple[Field, Field], by_order: Field,
     turns: Array,
 ) -> None:  # fmt: skip
-    """Ports at centres of mass move with these: dG = wrench . (angular x dp)."""
+    """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
     (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    for family in plan.only("body", "position"):
-        for body, rows in zip(family.number.tolist(), family.rows, strict=True):
-            asked = rows >= 0
-            for i in np.flatnonzero(acting.centre == body):
-                theta = np.tensordot(acting.motion[i, 3:], left, axes=1)
-                result[rows[asked], :, i] += np.cross(acting.wrench[i, :3], theta, axisb=0, axisc=0)[asked]
-            for o in np.flatnonzero(seeing.centre == body):
-                theta = np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o] + turns[o][:, :, None].swapaxes(
-                    0, 1
-                )
-                result[rows[asked], o] += np.cross(seeing.wrench[o, :3], theta, axisb=0, axisc=0)[asked]
+    inputs, outputs = range(len(acting.wrench)), range(len(seeing.wrench))
+    moves = [(acting, i, (slice(None), i), np.tensordot(acting.motion[i, 3:], left, axes=1)) for i in inputs]
+    moves += [(seeing, o, (o,), np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
+               + turns[o][:, :, None].swapaxes(0, 1)) for o in outputs]  # fmt: skip
+    for port, k, own, theta in moves:
+        if port.centre[k] < 0 and (port.carrier[k] < 0 or plan.balanced is None):
+            continue
+        slope = np.cross(port.wrench[k, :3], theta, axisb=0, axisc=0)
+        if port.centre[k] < 0:
+            assert plan.balanced is not None
+            plan.balanced.carry(result[:, *own], int(port.carrier[k]), port.point[k], slope)
+            continue
+        for family in plan.only("body", "position"):
+            for rows in family.rows[family.number == port.centre[k]]:
+                asked = rows >= 0
+                result[rows[asked], *own] += slope[asked]

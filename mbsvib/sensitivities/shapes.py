@@ -168,8 +168,8 @@ def shape_sensitivities(system: System, plan: Plan, modes: Modes) -> Complex:
         pushed = np.concatenate([_pushed(plan, modes.shapes[:, some], values[some])
                                  for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
         own = np.asarray(moving @ modes.shapes[:, group])
-        forms = -(vectors.T @ plan.variables.chain(pushed[0]))
-        mass = modes.shapes[:, group].conj().T @ plan.variables.chain(pushed[1])
+        forms = -(vectors.T @ plan.chain(pushed[0]))
+        mass = modes.shapes[:, group].conj().T @ plan.chain(pushed[1])
         change = _bordered(square, gamma, values[group[0]], own, forms)
         keep = own.conj().T @ change
         result[:, :, group] = vectors @ (change - own @ (keep + 0.5 * mass))
@@ -184,8 +184,7 @@ def _pushed(plan: Plan, shapes: Any, values: Complex) -> Complex:
     none, one = np.zeros(len(values)), np.ones(len(values))
     result = np.empty((2, plan.size, len(shapes), len(values)), dtype=complex)
     for place, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
-        result[place] = table(plan, fields(network, y, *powers), fields(network, x, *powers))
-    result[:, plan.breaking] = np.nan
+        result[place] = table(plan, fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
     return result
 
 

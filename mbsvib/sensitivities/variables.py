@@ -52,6 +52,20 @@ class Variables:
             (self.rate == 1.0).all() and (self.parameter == every).all() and (self.variable == every).all()
         )
 
+    @cached_property
+    def rates(self) -> csr_array | None:
+        """How variables move parameters and directions, (variables, parameters); None: they are the parameters."""
+        if self.identity:
+            return None
+        count = len(self.parameters) + len(self.directions)
+        return csr_array((self.rate, (self.variable, self.parameter)), shape=(len(self.names), count))
+
+    def among(self, every: tuple[Parameter, ...]) -> Variables:
+        """Return the same variables with more parameters than they move, ``every`` one there is."""
+        place = {entry.name: k for k, entry in enumerate(every)}
+        own = np.array([place[entry.name] for entry in self.parameters], dtype=np.intp)
+        return Variables(self.names, every, self.variable, own[self.parameter], self.rate)
+
     def joined(self, together: Mask) -> Variables:
         """Return the same variables, in which all of some parameters that one variable moves are one direction.
 
@@ -90,10 +104,10 @@ class Variables:
 
     def chain(self, values: Any) -> Any:
         """Turn derivatives to the parameters (parameters, ...) into those to the variables (variables, ...)."""
-        if self.identity:
+        rates = self.rates
+        if rates is None:
             return values
-        table = csr_array((self.rate, (self.variable, self.parameter)), shape=(len(self.names), len(values)))
-        flat = table @ values.reshape(len(values), prod(values.shape[1:]))
+        flat = rates @ values.reshape(len(values), prod(values.shape[1:]))
         return flat.reshape(len(self.names), *values.shape[1:])
 
 

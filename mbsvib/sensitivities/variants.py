@@ -50,7 +50,7 @@ class Variants:
     """The equations of a system's model with other values of its parameters, and in other poses."""
 
     def __init__(self, system: System) -> None:
-        self._system = system
+        self.system = system
         self._found: dict[Rates, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
 
@@ -85,7 +85,7 @@ class Variants:
             if key in self._refused and not every:
                 raise self._refused[key]
         flat = np.array([self._found[direction.rates] for direction in directions])
-        shapes = [getattr(self._system, key).shape for key in MATRICES]
+        shapes = [getattr(self.system, key).shape for key in MATRICES]
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
@@ -118,30 +118,26 @@ class Variants:
         motion = right[holds].T @ ((left[:, holds].T @ pushed) / sizes[holds])
         over = pushed - row * (stiffness @ (unit * motion))
         if (np.abs(over) > LEFT * (np.abs(pushed).max(initial=0.0) + row * rounding)).any():
-            raise ModelError(
-                f"sensitivities: '{name}' moves the equilibrium of '{self._system.name}' along a motion that no "
-                f"stiffness holds, or that of a bent beam, so that there is no derivative. Name other parameters, or "
-                f"compare variants by model.with_values.", element=name,
-            )  # fmt: skip
+            raise not_held(name, self.system.name)
         return np.asarray(change + (unit * motion) @ along[:, : self._count])
 
     @cached_property
     def _count(self) -> int:
-        return sum(getattr(self._system, key).size for key in MATRICES)
+        return sum(getattr(self.system, key).size for key in MATRICES)
 
     @cached_property
     def _model(self) -> Model:
-        came = self._system.provenance
+        came = self.system.provenance
         if came.origin is None or came.dropped is not None:
             raise ModelError(
-                f"sensitivities of '{self._system.name}': it is no system as model.linearize() returns it, so that "
-                f"nothing tells what all of its parameters do; ask that one.", element=self._system.name,
+                f"sensitivities of '{self.system.name}': it is no system as model.linearize() returns it, so that "
+                f"nothing tells what all of its parameters do; ask that one.", element=self.system.name,
             )  # fmt: skip
         return came.origin
 
     @cached_property
     def _cut(self) -> tuple[str, ...]:
-        topology = self._system.provenance.topology
+        topology = self.system.provenance.topology
         own = self._model.joints
         return tuple(name for k in topology.cut if (name := topology.joints[k].name) in own)
 
@@ -150,7 +146,7 @@ class Variants:
         """What entries are measured by: the geometric mean of the largest of their row and of their column, and at
         least a small share of the largest of all, coordinates being scaled alike.
         """
-        own, parts = self._system, []
+        own, parts = self.system, []
         unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
         unit[unit == 0.0] = 1.0
         scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
@@ -166,7 +162,7 @@ class Variants:
     @cached_property
     def _loads(self) -> float:
         """The largest of the forces that cancel in the pose along a coordinate, 0 without any load."""
-        statics = self._system.provenance.statics
+        statics = self.system.provenance.statics
         return 0.0 if statics is None else float(statics.size.max(initial=0.0))
 
     @cached_property
@@ -174,7 +170,7 @@ class Variants:
         """Derivatives along the motions of the pose, (coordinates, ...)."""
         from mbsvib.equilibrium.moved import coordinates_of
 
-        came = self._system.provenance
+        came = self.system.provenance
         names = [came.joint_coordinates[i] for i in came.reduction.independent.tolist()]
         size, known = coordinates_of(self._model, self._cut)
         names = [name for name in names if name in known]
@@ -226,8 +222,8 @@ class Variants:
         if best is None or least > WORST:
             more = f" ({refusal})" if best is None else f" (differences agree to {least:.1e} only)"
             raise ModelError(
-                f"sensitivities: the equations of '{self._system.name}' do not change smoothly with {what}{more}. "
-                f"Compare variants by model.with_values, or name other parameters.", element=self._system.name,
+                f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {what}{more}. "
+                f"Compare variants by model.with_values, or name other parameters.", element=self.system.name,
             ) from refusal  # fmt: skip
         return best
 
@@ -237,7 +233,7 @@ class Variants:
         from mbsvib.equilibrium.moved import moved
         from mbsvib.equilibrium.settled import settled
 
-        own = self._system
+        own = self.system
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model = self._model.with_values(values) if values else self._model
@@ -258,6 +254,15 @@ class Variants:
         statics = found.provenance.statics
         left = np.zeros(len(kept)) if statics is None or own.provenance.settled else statics.residual
         return np.concatenate([*(getattr(found, key).reshape(-1) for key in MATRICES), left])
+
+
+def not_held(name: str, system: str) -> ModelError:
+    """The refusal of a variable that loads a motion which no stiffness holds."""
+    return ModelError(
+        f"sensitivities: '{name}' moves the equilibrium of '{system}' along a motion that no stiffness holds, or that "
+        f"of a bent beam, so that there is no derivative. Name other parameters, or compare variants by "
+        f"model.with_values.", element=name,
+    )  # fmt: skip
 
 
 class _OtherMobility(MbsvibError):

@@ -1,0 +1,270 @@
+"""Loaded scenes in balance: derivatives through the equilibrium, analytic and by the adjoint.
+
+The Lagrangian of the loaded scene, expanded to second order in the motions x and y of the bodies, gives
+x^T K y = V_xy + sum of H over all forces. A parameter p changes it directly, by the forces in joints, and by the pose:
+
+- the forces lambda in joints change so that bodies stay in balance and joints carry no force along what they free. The
+  motion z of second order in which every joint gives way by dH/d lambda tells their share without knowing them:
+  sum of d lambda . dH/d lambda = lambda . dS s - dF . z, where F are applied forces and s what joints move in it;
+- the pose gives way by dq/dp = K^-1 dR/dp to what the forces R along the coordinates leave over. As it does, points
+  and axes go with the bodies, springs change their tension: the parameters of the model in the new pose follow at
+  rates P, so that all derivatives are those at the pose as it is, plus (dq/dp)^T P^T times these.
+
+One solution for z a pair of motions, and one factorization of K, give the derivatives to all parameters.
+
+Source: implicit function theorem on the Lagrangian; method.md, sections 5 and 10.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.kinematics import body_motion
+from mbsvib.loads.reactions import carriers
+from mbsvib.sensitivities.fields import Fields, applied, onto
+from mbsvib.sensitivities.links import links
+from mbsvib.sensitivities.plans import families_of
+from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.vectors import cross, wide
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array
+    from mbsvib.parameters import Parameter
+    from mbsvib.sensitivities.fields import Field
+    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.links import Links
+    from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.plans import Family
+    from mbsvib.system import System
+
+# Motions whose stiffness is less than this share of the largest are held by nothing.
+LOOSE = 1e-10
+# What may be left of forces along such motions, against all forces of their kind: rounding.
+LEFT = 1e-9
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``families`` and ``links``.
+
+    ``behind`` (bodies, joints) holds +1 or -1 where a joint of the tree lies between ground and the body, ``swing``
+    (bodies, 6, d) are the bodies' motions per dependent coordinate, ``stiffness`` is K (m, m).
+    """
+
+    network: Network
+    forces: Forces
+    entries: tuple[Parameter, ...]
+    families: tuple[Family, ...]
+    links: Links
+    behind: Array
+    swing: Array
+    stiffness: Array
+
+    @property
+    def size(self) -> int:
+        """Number of rows: all parameters, then the coordinates along which the pose moves."""
+        return self.links.count + len(self.stiffness)
+
+    def add(self, result: Field, left: Fields, right: Fields | None = None) -> None:
+        """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
+
+        Parameters
+        ----------
+        result : array, shape (size, ...)
+            Forms by the rules of parts, of all parameters; then of the pose.
+        left, right : Fields
+            The motions x and y; right None: y = x, and half of each form is added.
+        """
+        other, at, joints = left if right is None else right, self.links.at, self.forces.counts[0]
+        x, y = self.forces.seen(left.body), self.forces.seen(other.body)
+        weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
+        gap = self.forces.by_wrench(x, None if right is None else y)
+        moved = self.forces.seen(self._followed(gap[:joints]))[1] - gap
+        found = self._given(moved, gap)
+        point, start = self.forces.by_place(x, None if right is None else y)
+        for key, part in (("point", point), ("start", start[self.forces.lines]),
+                          ("turn", self.forces.by_turn(x, y)), ("twist", self._stiffened(x[1], y[1]))):  # fmt: skip
+            _put(found, getattr(at, key), part)
+        found = found * weight
+        _put(found, at.twist, self._twisted(left, right))
+        self._fold(result, found, weight * moved[:joints])
+
+    def carry(self, result: Field, body: int, point: Array, slope: Field) -> None:
+        """Add, in place, what the pose does by moving a point that a body carries.
+
+        Parameters
+        ----------
+        result : array, shape (size, ...)
+            Derivatives to parameters and to the pose.
+        body : int
+            Number of the body.
+        point : array, shape (3,)
+            The point [m].
+        slope : array, shape (3, ...)
+            Derivatives to the point.
+        """
+        own = self.network.displacements[6 * body : 6 * body + 6]
+        moves = own[:3] + np.cross(own[3:], point - self.network.position[body], axisa=0).T
+        result[self.links.count :] += np.tensordot(moves.T, slope, axes=1)
+
+    @cached_property
+    def pushes(self) -> Array:
+        """Derivatives (size, m) of the forces along the coordinates to parameters, then to the pose: there -K."""
+        body = self.network.displacements.reshape(len(self.forces.centre), 6, -1)
+        relative = -self.forces.seen(body)[1]
+        result = np.zeros((self.size, len(self.stiffness)))
+        self._fold(result, self._given(relative, np.zeros_like(relative)), relative[: self.forces.counts[0]])
+        return result
+
+    def follow(self, rates: Any) -> tuple[Array, NDArray[np.bool_]]:
+        """Return how the pose gives way to variables, dq/dp = K^-1 dR/dp.
+
+        Parameters
+        ----------
+        rates : csr_array or None, shape (variables, parameters)
+            How variables move parameters; None: variables are the parameters.
+
+        Returns
+        -------
+        motion : array, shape (variables, m)
+            Motion of the equilibrium along the minimal coordinates.
+        lost : array of bool, shape (variables,)
+            Variables that load a motion which no stiffness holds.
+        """
+        own = self.pushes[: self.links.count]
+        pushed, size = own, self._loads[: self.links.count]
+        if rates is not None:
+            pushed, size = rates @ own, abs(rates) @ size
+        unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(self.stiffness)), np.finfo(float).tiny))
+        left, held, right = np.linalg.svd(unit[:, None] * self.stiffness * unit)
+        holds = held > LOOSE * held.max(initial=0.0)
+        along = (pushed * unit) @ left
+        motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
+        over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
+        return motion, (over > LEFT * size).any(axis=1)
+
+    @cached_property
+    def _loads(self) -> Array:
+        """Sizes (parameters, m) of the forces that parameters change, each with the largest of its field."""
+        result = np.zeros((self.links.count, len(self.stiffness)))
+        for rows in self.links.fields:
+            result[rows] = np.abs(self.pushes[rows]).max(axis=0, initial=0.0)
+        return result
+
+    def _fold(self, result: Field, found: Field, moved: Field) -> None:
+        """Add to parameters what belongs to them, and to the pose the rest; ``moved`` (joints, 6, ...) is what joints
+        move to second order.
+        """
+        count, tail = self.links.count, found.shape[1:]
+        flat = found.reshape(len(found), prod(tail))
+        result[:count] += (self.links.matrix @ flat).reshape(count, *tail)
+        result[count:] += (self.links.shifted.T @ flat).reshape(len(self.stiffness), *tail)
+        joints = tuple(family for family in self.families if family.kind == "joint")
+        if joints:
+            result += table(self, *self._resting(moved), joints)
+
+    def _given(self, moved: Field, gap: Field) -> Field:
+        """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
+        left, at = moved.copy(), self.links.at
+        left[: self.forces.counts[0]] = 0.0
+        wrench, point, start = self.forces.given_way(left, gap)
+        found = np.zeros((at.size, *moved.shape[2:]), dtype=moved.dtype)
+        for key, part in (("point", point), ("start", start[self.forces.lines]),
+                          ("wrench", wrench[self.forces.counts[0] :])):  # fmt: skip
+            _put(found, getattr(at, key), part)
+        return found
+
+    def _resting(self, moved: Field) -> tuple[Fields, Fields]:
+        """The forces in joints at rest, and what joints move (joints, 6, ...), as fields."""
+        springs, joints = self.forces.counts[1], len(moved)
+        tail = moved.shape[2:]
+        ones, zero = (1,) * len(tail), np.zeros((1,) * len(tail))
+        wrench = np.zeros((joints + springs, 6, *ones))
+        wrench[:joints] = wide(self.forces.wrench[:joints], wrench)
+        relative = np.zeros((joints + springs, 6, *tail), dtype=moved.dtype)
+        relative[:joints] = moved
+        still = np.zeros(wrench.shape, dtype=moved.dtype)
+        none = np.zeros((len(self.forces.centre), 6, *ones))
+        return (Fields(none[0, :1], none, none, still, still[joints:], wrench, zero, zero, zero),
+                Fields(none[0, :1], np.broadcast_to(none, (*none.shape[:2], *tail)), none, relative, still[joints:],
+                       still, zero, zero, zero))  # fmt: skip
+
+    def _followed(self, gap: Field) -> Field:
+        """Motions (bodies, 6, ...) of second order at the centres of mass, in which each joint gives way by ``gap``."""
+        network = self.network
+        tail = gap.shape[2:]
+        joints, bodies = len(gap), len(network.bodies)
+        flat = _moved(gap.reshape(joints, 6, prod(tail)), network.origin - network.point[:joints])
+        z = np.tensordot(self.behind, flat, axes=1)
+        ties = network.constraints
+        if ties is not None:
+            assert network.closing is not None
+            opened = _moved(onto(network.closing.T, z) - flat, network.point[:joints] - network.origin)
+            residual = applied(ties.wrench[:, None], onto(ties.closing.T, opened))[:, 0]
+            z = _moved(z, network.position - network.origin)
+            z -= np.tensordot(self.swing, ties.pull.T @ residual, axes=1)
+        else:
+            z = _moved(z, network.position - network.origin)
+        return np.asarray(z.reshape(bodies, 6, *tail))
+
+    def _stiffened(self, r: Field, s: Field) -> Field:
+        """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...)."""
+        own = self.forces.bushings
+        m = wide(self.forces.wrench[own, 3:], r)
+        r, s = r[own, 3:], s[own, 3:]
+        return (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
+
+    def _twisted(self, left: Fields, right: Fields | None) -> Field:
+        """The same for its stiffness and damping: K and C go with (1 - [rho]x / 2) on both sides."""
+        own = self.forces.bushings
+        strained = own - self.forces.counts[0]
+        found = -0.5 * cross(left.strain[strained, 3:], (left if right is None else right).wrench[own, 3:])
+        if right is not None:
+            found = found - 0.5 * cross(right.strain[strained, 3:], left.wrench[own, 3:])
+        return found
+
+
+def _put(found: Field, at: slice, part: Field) -> None:
+    """Add derivatives (k, 3, ...) or (k, 6, ...) at their place in a row."""
+    found[at] += part.reshape(at.stop - at.start, *found.shape[1:])
+
+
+def _moved(motion: Field, arm: Array) -> Field:
+    """Motions (k, 6, n) of points that are at ``arm`` (k, 3) from the present ones."""
+    result = motion.copy()
+    result[:, :3] += cross(motion[:, 3:], wide(arm, motion))
+    return result
+
+
+def balanced(network: Network, system: System) -> Balanced:
+    """Return a network in balance.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections, with their forces.
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    Balanced
+        What its parameters do to forces and pose.
+    """
+    assert network.forces is not None
+    assert network.coordinates is not None
+    entries = system.parameters.entries
+    position = np.concatenate((network.position, np.zeros((1, 3)))).T
+    ties, free = network.constraints, body_motion(network.coordinates, network.position)
+    return Balanced(
+        network, network.forces, entries, families_of(network, entries), links(network, network.forces, entries),
+        carriers(system.provenance.topology, position).behind[:-1],
+        free[:, :, ties.dependent] if ties is not None else free[:, :, :0], system.K,
+    )  # fmt: skip

@@ -1,0 +1,342 @@
+"""The forces at the pose, and the stiffness that they have against small motions of the bodies that they act between.
+
+Bodies move by exponentials of twists. A force f and torque t at p on a second body, that go with the first one as those
+of joints and bushings do, see its motion (v, w) at p and the relative one (V, W) to second order; between motions x, y
+
+H = f . (w_x x V_y - W_x x v_y - W_x x V_y) / 2 + t . (w_x x W_y) / 2 + the same with x and y exchanged
+
+and across a line e of length L that carries T, T/L V_x . (1 - e e^T) V_y more. With two free rotations about a and b,
+by x_a and x_b, half of t . (a x b) (x_a y_b + x_b y_a) is added. Weights and dead forces are forces against ground.
+What has no potential is antisymmetric: t . (w_x x W_y) / 2 of dead torques, -f . (w_x x v_y - w_y x v_x) / 2 -
+t . (w_x x w_y) / 2 of forces and torques that follow their body, all of their part. At rest, where the forces on every
+body cancel, the sum of H is the geometric stiffness.
+
+Source: Baker-Campbell-Hausdorff, log(exp(-x) exp(y)) = y - x - [x, y] / 2, put into the Lagrangian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from mbsvib.parts import Bushing, Load
+from mbsvib.parts.load import Gravity
+from mbsvib.sensitivities.vectors import cross, dot, wide
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.parts import Body, Joint, Spring
+    from mbsvib.sensitivities.vectors import Field
+    from mbsvib.system import System
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces at the pose (n,), world axes: in joints, in springs and bushings, then weights, then loads.
+
+    ``wrench`` (n, 6) acts at ``point`` (n, 3) on the body ``second`` (n,), its opposite on ``first`` (bodies: ground),
+    ``centre`` (bodies, 3) are the centres of mass. ``span`` (n, 3) leads from the start to the end of rods and line
+    springs, whose force acts at their end, and is 0 elsewhere; ``axes`` (n, 2, 3) are those of joints with two free
+    rotations, 0 elsewhere. ``counts`` are the numbers of joints, springs, weights and loads, ``gravity`` (3,) is the
+    acceleration of free fall. ``dead`` and ``follower`` number the loads that stay fixed in the world and in the body.
+    """
+
+    first: Index
+    second: Index
+    point: Array
+    wrench: Array
+    span: Array
+    axes: Array
+    centre: Array
+    counts: tuple[int, int, int, int]
+    gravity: Array
+    dead: Index
+    follower: Index
+
+    @cached_property
+    def length(self) -> Array:
+        """Lengths (n,) of rods and line springs [m], infinite elsewhere."""
+        length = np.linalg.norm(self.span, axis=1)
+        return np.where(length > 0.0, length, np.inf)
+
+    @cached_property
+    def line(self) -> Array:
+        """Directions (n, 3) of rods and line springs, 0 elsewhere."""
+        return self.span / self.length[:, None]
+
+    @cached_property
+    def bend(self) -> Array:
+        """T / L (n,) of rods and line springs [N/m], 0 elsewhere."""
+        return -(self.wrench[:, :3] * self.line).sum(axis=1) / self.length
+
+    @cached_property
+    def _normal(self) -> Array:
+        """a x b (n, 3) of two free rotations, 0 elsewhere."""
+        return np.cross(self.axes[:, 0], self.axes[:, 1])
+
+    @cached_property
+    def _picks(self) -> tuple[Array, Array]:
+        """Vectors (n, 3) that pick x_a and x_b out of a relative rotation, 0 elsewhere."""
+        a, b = self.axes[:, 0], self.axes[:, 1]
+        square = (self._normal * self._normal).sum(axis=1)[:, None]
+        share = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
+        return share * np.cross(b, self._normal), share * np.cross(self._normal, a)
+
+    @cached_property
+    def twice(self) -> Index:
+        """Numbers of the joints with two free rotations."""
+        return np.flatnonzero(self._normal.any(axis=1))
+
+    @cached_property
+    def lines(self) -> Index:
+        """Numbers of the rods and line springs."""
+        return np.flatnonzero(np.isfinite(self.length))
+
+    @cached_property
+    def bushings(self) -> Index:
+        """Numbers of the bushings."""
+        joints, springs, *_ = self.counts
+        return np.setdiff1d(np.arange(joints, joints + springs), self.lines)
+
+    @cached_property
+    def _onto(self) -> tuple[csr_array, csr_array]:
+        """Which forces act on bodies (bodies, n), as on the second and as on the first."""
+        bodies, every = len(self.centre), np.arange(len(self.first))
+
+        def onto(which: Index) -> csr_array:
+            moves = which < bodies
+            return csr_array((np.ones(moves.sum()), (which[moves], every[moves])), shape=(bodies, len(every)))
+
+        return onto(self.second), onto(self.first)
+
+    def seen(self, body: Field) -> tuple[Field, Field]:
+        """Return what forces see of motions of the bodies, of their first body and the relative one (n, 6, ...).
+
+        Parameters
+        ----------
+        body : array, shape (bodies, 6, ...)
+            Motions at the centres of mass.
+
+        Returns
+        -------
+        pair of array, shape (n, 6, ...)
+            At the points of the forces.
+        """
+        first, second = self._at(self.first, body), self._at(self.second, body)
+        return first, second - first
+
+    def _at(self, which: Index, body: Field) -> Field:
+        moves = which < len(self.centre)
+        result = np.zeros((len(which), *body.shape[1:]), dtype=body.dtype)
+        own = body[which[moves]]
+        arm = self.point[moves] - self.centre[which[moves]]
+        result[moves] = own
+        result[moves, :3] += cross(own[:, 3:], wide(arm, own))
+        return result
+
+    def slopes(self, seen: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
+        """Return the derivatives of H(x, y) to what forces see of one motion, for what they see of the other.
+
+        Parameters
+        ----------
+        seen : pair of array, shape (n, 6, ...)
+            What they see of the other.
+        side : int
+            1: that is y; -1: that is x; 0: both are the same motion, for which nothing antisymmetric counts.
+
+        Returns
+        -------
+        pair of array, shape (n, 6, ...)
+            Derivatives to the motions of the first body and to the relative ones.
+        """
+        (first, relative), like = seen, seen[0]
+        f, t = wide(self.wrench[:, :3], like), wide(self.wrench[:, 3:], like)
+        v, w, rv, rw = first[:, :3], first[:, 3:], relative[:, :3], relative[:, 3:]
+        across = rv - wide(self.line, like) * dot(wide(self.line, like), rv)
+        on_first = 0.5 * np.concatenate((cross(rw, f), cross(rw, t) + cross(rv, f)), axis=1)
+        on_both = 0.5 * np.concatenate((cross(f, w - rw), cross(t, w) + cross(f, v + rv)), axis=1)
+        on_both[:, :3] += wide(self.bend[:, None], like) * across
+        for k, couple, (p, q) in self._doubles():
+            x_a, x_b = (np.tensordot(axis, rw[k], axes=1) for axis in (p, q))
+            on_both[k, 3:] += 0.5 * couple * (np.multiply.outer(p, x_b) + np.multiply.outer(q, x_a))
+        k = self.follower
+        on_both[k] = 0.0
+        if side:
+            on_both[self.dead, 3:] += 0.5 * side * cross(rw, t)[self.dead]
+            on_both[k, :3] = 0.5 * side * cross(f[k], rw[k])
+            on_both[k, 3:] = -0.5 * side * (cross(rw[k], t[k]) + cross(rv[k], f[k]))
+        return on_first, on_both
+
+    def _doubles(self) -> list[tuple[int, float, tuple[Array, Array]]]:
+        """Number of each joint with two free rotations, t . (a x b), and what picks these."""
+        return [(k, float(self.wrench[k, 3:] @ self._normal[k]), (self._picks[0][k], self._picks[1][k]))
+                for k in self.twice.tolist()]  # fmt: skip
+
+    def on_bodies(self, body: Field, side: int) -> Field:
+        """Return the wrenches (bodies, 6, ...) at the centres of mass by which forces answer motions, as springs do;
+        ``side`` as of ``slopes``.
+        """
+        on_first, on_both = self.slopes(self.seen(body), side)
+        second, first = self._onto
+        return self._summed(second, self.second, on_both) + self._summed(first, self.first, on_first - on_both)
+
+    def _summed(self, onto: csr_array, which: Index, wrench: Field) -> Field:
+        moves = which < len(self.centre)
+        arm = np.zeros((len(which), 3))
+        arm[moves] = self.point[moves] - self.centre[which[moves]]
+        wrench = np.concatenate((wrench[:, :3], wrench[:, 3:] + cross(wide(arm, wrench), wrench[:, :3])), axis=1)
+        total: Field = onto @ wrench.reshape(len(wrench), prod(wrench.shape[1:]))
+        return total.reshape(len(self.centre), *wrench.shape[1:])
+
+    def by_wrench(self, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> Field:
+        """Return the derivatives of H(x, y) to the wrenches, (n, 6, ...): how far their bodies give way. None: y = x."""
+        alone, y = y is None, x if y is None else y
+        (a, r), (b, s) = x, y
+        force = 0.5 * (cross(a[:, 3:], s[:, :3]) - cross(s[:, 3:], a[:, :3]) + cross(b[:, 3:], r[:, :3])
+                       - cross(r[:, 3:], b[:, :3]) - cross(r[:, 3:], s[:, :3]) - cross(s[:, 3:], r[:, :3]))  # fmt: skip
+        torque = 0.5 * (cross(a[:, 3:], s[:, 3:]) + cross(b[:, 3:], r[:, 3:]))
+        line = wide(self.line, force)
+        across = dot(r[:, :3], s[:, :3]) - dot(line, r[:, :3]) * dot(line, s[:, :3])
+        force -= line * wide(1.0 / self.length[:, None], force) * across
+        for k, _, (p, q) in self._doubles():
+            torque[k] += 0.5 * np.multiply.outer(self._normal[k], _exchanged(p, q, r[k, 3:], s[k, 3:]))
+        follower = self.follower
+        force[follower] = 0.0
+        if not alone:
+            turned = 0.5 * cross(r[:, 3:], s[:, 3:])
+            torque[self.dead] += turned[self.dead]
+            torque[follower] = -turned[follower]
+            r, s = r[follower], s[follower]
+            force[follower] = 0.5 * (cross(s[:, 3:], r[:, :3]) - cross(r[:, 3:], s[:, :3]))
+        return np.concatenate((force, torque), axis=1)
+
+    def by_place(self, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> tuple[Field, Field]:
+        """Return the derivatives of H(x, y) to the points of forces and to the starts of lines, (n, 3, ...) each, while
+        bodies move and are loaded as they are. None: y = x.
+        """
+        point, alone, y = np.zeros(1), y is None, x if y is None else y
+        for one, side, (other_first, other) in ((x, -1, y), (y, 1, x)):
+            on_first, on_both = self.slopes(one, 0 if alone else side)
+            point = point + cross(on_first[:, :3], other_first[:, 3:]) + cross(on_both[:, :3], other[:, 3:])
+        r, s = x[1][:, :3], y[1][:, :3]
+        line = wide(self.line, point)
+        bend, inverse = wide(self.bend[:, None], point), wide(1.0 / self.length[:, None], point)
+        along, beside = dot(line, r), dot(line, s)
+        turned = r * beside + s * along
+        turned = turned - line * dot(line, turned)
+        stretched = -bend * inverse * (turned + line * (dot(r, s) - along * beside))
+        return point + stretched, -stretched
+
+    def by_turn(self, x: tuple[Field, Field], y: tuple[Field, Field]) -> Field:
+        """Return the derivatives of H(x, y) to turns of the axes of joints with two free rotations, (joints, 3, ...)."""
+        r, s = x[1][:, 3:], y[1][:, 3:]
+        tail = np.broadcast_shapes(r.shape[1:], s.shape[1:])
+        result = np.zeros((len(self.twice), *tail), dtype=np.result_type(r, s))
+        for i, (k, couple, (p, q)) in enumerate(self._doubles()):
+            own = np.cross(self._normal[k], self.wrench[k, 3:])
+            result[i] = 0.5 * np.multiply.outer(own, _exchanged(p, q, r[k], s[k]))
+            for one, other in ((r[k], s[k]), (s[k], r[k])):
+                for first, second in ((p, q), (q, p)):
+                    turned = cross(one[None], wide(first[None], one[None]))[0]
+                    result[i] -= 0.5 * couple * turned * np.tensordot(second, other, axes=1)
+        return result
+
+    def picked(self, relative: Field) -> Field:
+        """Return the rotation about the first axis of each joint with two, as a vector (joints, 3, ...)."""
+        k = self.twice
+        first = dot(wide(self._picks[0][k], relative[k, 3:]), relative[k, 3:])
+        return np.asarray(first * wide(self.axes[k, 0], relative[k, 3:]))
+
+    def given_way(self, left: Field, gap: Field) -> tuple[Field, Field, Field]:
+        """Return the derivatives of minus the work of the forces on relative motions ``left`` + ``gap``, (n, 6, ...).
+
+        Parameters
+        ----------
+        left : array, shape (n, 6, ...)
+            What is left of the motions where bodies give way by ``gap``; 0 in joints, which allow it.
+        gap : array, shape (n, 6, ...)
+            How far bodies give way, see ``by_wrench``.
+
+        Returns
+        -------
+        tuple of array, shape (n, 6, ...), (n, 3, ...) and (n, 3, ...)
+            Derivatives to the wrenches, their points and the starts of lines.
+        """
+        f, line = wide(self.wrench[:, :3], left), wide(self.line, left)
+        across = left[:, :3] - line * dot(line, left[:, :3])
+        stretched = wide(self.bend[:, None], left) * across
+        return -left, stretched - cross(f, left[:, 3:] + gap[:, 3:]), -stretched
+
+
+def _exchanged(p: Array, q: Array, r: Field, s: Field) -> Field:
+    """r_a s_b + r_b s_a of two relative rotations (3, ...)."""
+    (r_a, r_b), (s_a, s_b) = (tuple(np.tensordot(axis, each, axes=1) for axis in (p, q)) for each in (r, s))
+    return np.asarray(r_a * s_b + r_b * s_a)
+
+
+def forces(
+    system: System, bodies: Sequence[Body], joints: Sequence[Joint], springs: Sequence[Bushing | Spring],
+    number: dict[str, int], point: Array,
+) -> Forces:  # fmt: skip
+    """Return the forces at the pose of a system.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion of a loaded scene.
+    bodies, joints, springs : sequence
+        Its network.
+    number : dict
+        Number of each body, ground included.
+    point : array, shape (joints + springs, 3)
+        Points of the connections.
+
+    Returns
+    -------
+    Forces
+        In joints, springs, of gravity and loads.
+    """
+    statics, parts = system.provenance.statics, system.provenance.parts
+    assert statics is not None
+    gravity = next((np.array(part.acceleration) for part in parts if isinstance(part, Gravity)), np.zeros(3))
+    loads = [part for part in parts if isinstance(part, Load)]
+    ground, j = len(bodies), len(joints)
+    connections = (*joints, *springs)
+    n = len(connections) + len(bodies) + len(loads)
+    wrench, place, span, axes = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3))
+    first, second = np.full(n, ground), np.empty(n, dtype=np.intp)
+    first[: len(connections)] = [number[part.first] for part in connections]
+    second[:] = [*(number[part.second] for part in connections), *range(ground), *(number[p.body] for p in loads)]
+    place[: len(connections)] = point
+    for k, joint in enumerate(joints):
+        at = statics.pairs.end[:, len(statics.applied.names) + k]
+        wrench[k] = statics.joints[:, k]
+        wrench[k, 3:] += np.cross(at - place[k], wrench[k, :3])
+        if joint.end is not None:
+            span[k] = np.subtract(joint.end, joint.position or np.zeros(3))
+        turns = [six[3:] for name, six in joint.freedom if name[0] == "r"] if joint.end is None else []
+        if len(turns) == 2:
+            axes[k] = turns
+    for k, spring in enumerate(springs, j):
+        if isinstance(spring, Bushing):
+            own = np.array(spring.preload or np.zeros(6)).reshape(2, 3)
+            wrench[k] = (own @ np.array(spring.orientation).T).reshape(6)
+        else:
+            place[k], span[k] = spring.end, np.subtract(spring.end, spring.start)
+            wrench[k, :3] = -spring.tension * np.array(spring.line)
+    for k, body in enumerate(bodies, len(connections)):
+        place[k], wrench[k, :3] = body.position, body.mass * gravity
+    for k, load in enumerate(loads, len(connections) + len(bodies)):
+        place[k] = bodies[number[load.body]].position if load.position is None else load.position
+        wrench[k] = *load.force, *load.torque
+    follows = np.array([load.follower for load in loads], dtype=bool)
+    every = np.arange(n - len(loads), n)
+    return Forces(first, second, place, wrench, span, axes, np.array([body.position for body in bodies]),
+                  (j, len(springs), ground, len(loads)), gravity, every[~follows], every[follows])  # fmt: skip
