@@ -82,8 +82,9 @@ class Balanced:
         left, right : Fields
             The motions x and y; right None: y = x, and half of each form is added.
         """
-        other, at, joints = left if right is None else right, self.links.at, self.forces.counts[0]
-        x, y = self.forces.seen(left.body), self.forces.seen(other.body)
+        at, joints = self.links.at, self.forces.counts[0]
+        x = self.forces.seen(left.body)
+        y = x if right is None else self.forces.seen(right.body)
         weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
         gap = self.forces.by_wrench(x, None if right is None else y)
         moved = self.forces.seen(self._followed(gap[:joints]))[1] - gap

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
-# The same where derivatives are differences of whole matrices.
+# The same where derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
 ZERO_WHOLE = 1e-8
 # Rows beyond the last parameter, so that the last part of a family has as many behind it as the others.
 PADDING = 64
@@ -70,6 +70,8 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     """
     chosen = planned(system, parameters)
     found, pairs = system._spectrum
+    if len(pairs.groups) and found.left is None and chosen.unsymmetric:
+        found = replace(found, left=found.right)
     widened = found if found.left is not None else found.with_sums(pairs)
     x = motions(chosen.network, widened.right[:, None])
     y = x if found.left is None else motions(chosen.network, found.left[:, None])
@@ -89,7 +91,7 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     if len(resting):
         lead = np.abs(result[:, found.place])
         size = (lead / np.abs(scale[: len(found.lead)])).max(axis=1, keepdims=True)
-        zero = ZERO_FORM if chosen.whole is None else ZERO_WHOLE
+        zero = ZERO_FORM if chosen.whole is None and chosen.balanced is None else ZERO_WHOLE
         _set(result, found, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups) and left is not None:
         first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))

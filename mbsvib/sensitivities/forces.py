@@ -163,9 +163,8 @@ class Forces:
         on_first = 0.5 * np.concatenate((cross(rw, f), cross(rw, t) + cross(rv, f)), axis=1)
         on_both = 0.5 * np.concatenate((cross(f, w - rw), cross(t, w) + cross(f, v + rv)), axis=1)
         on_both[:, :3] += wide(self.bend[:, None], like) * across
-        for k, couple, (p, q) in self._doubles():
-            x_a, x_b = (np.tensordot(axis, rw[k], axes=1) for axis in (p, q))
-            on_both[k, 3:] += 0.5 * couple * (np.multiply.outer(p, x_b) + np.multiply.outer(q, x_a))
+        if len(self.twice):
+            on_both[self.twice, 3:] += 0.5 * wide(self._couple, like) * self._coupled(rw[self.twice])
         k = self.follower
         on_both[k] = 0.0
         if side:
@@ -174,10 +173,15 @@ class Forces:
             on_both[k, 3:] = -0.5 * side * (cross(rw[k], t[k]) + cross(rv[k], f[k]))
         return on_first, on_both
 
-    def _doubles(self) -> list[tuple[int, float, tuple[Array, Array]]]:
-        """Number of each joint with two free rotations, t . (a x b), and what picks these."""
-        return [(k, float(self.wrench[k, 3:] @ self._normal[k]), (self._picks[0][k], self._picks[1][k]))
-                for k in self.twice.tolist()]  # fmt: skip
+    @cached_property
+    def _couple(self) -> Array:
+        """t . (a x b) of joints with two free rotations, (joints, 1)."""
+        return (self.wrench[self.twice, 3:] * self._normal[self.twice]).sum(axis=1, keepdims=True)
+
+    def _coupled(self, turn: Field) -> Field:
+        """The derivatives of x_a y_b + x_b y_a to the relative rotation of y, for that of x (joints, 3, ...)."""
+        p, q = (wide(each[self.twice], turn) for each in self._picks)
+        return p * dot(q, turn) + q * dot(p, turn)
 
     def on_bodies(self, body: Field, side: int) -> Field:
         """Return the wrenches (bodies, 6, ...) at the centres of mass by which forces answer motions, as springs do;
@@ -205,8 +209,8 @@ class Forces:
         line = wide(self.line, force)
         across = dot(r[:, :3], s[:, :3]) - dot(line, r[:, :3]) * dot(line, s[:, :3])
         force -= line * wide(1.0 / self.length[:, None], force) * across
-        for k, _, (p, q) in self._doubles():
-            torque[k] += 0.5 * np.multiply.outer(self._normal[k], _exchanged(p, q, r[k, 3:], s[k, 3:]))
+        if len(k := self.twice):
+            torque[k] += 0.5 * wide(self._normal[k], torque) * dot(self._coupled(r[k, 3:]), s[k, 3:])
         follower = self.follower
         force[follower] = 0.0
         if not alone:
@@ -221,10 +225,10 @@ class Forces:
         """Return the derivatives of H(x, y) to the points of forces and to the starts of lines, (n, 3, ...) each, while
         bodies move and are loaded as they are. None: y = x.
         """
-        point, alone, y = np.zeros(1), y is None, x if y is None else y
-        for one, side, (other_first, other) in ((x, -1, y), (y, 1, x)):
-            on_first, on_both = self.slopes(one, 0 if alone else side)
-            point = point + cross(on_first[:, :3], other_first[:, 3:]) + cross(on_both[:, :3], other[:, 3:])
+        if y is None:
+            point, y = 2.0 * self._levers(self.slopes(x), x), x
+        else:
+            point = self._levers(self.slopes(x, -1), y) + self._levers(self.slopes(y, 1), x)
         r, s = x[1][:, :3], y[1][:, :3]
         line = wide(self.line, point)
         bend, inverse = wide(self.bend[:, None], point), wide(1.0 / self.length[:, None], point)
@@ -234,19 +238,19 @@ class Forces:
         stretched = -bend * inverse * (turned + line * (dot(r, s) - along * beside))
         return point + stretched, -stretched
 
+    @staticmethod
+    def _levers(slopes: tuple[Field, Field], seen: tuple[Field, Field]) -> Field:
+        """What moving the points of forces does to slopes times motions."""
+        (on_first, on_both), (first, relative) = slopes, seen
+        return np.asarray(cross(on_first[:, :3], first[:, 3:]) + cross(on_both[:, :3], relative[:, 3:]))
+
     def by_turn(self, x: tuple[Field, Field], y: tuple[Field, Field]) -> Field:
         """Return the derivatives of H(x, y) to turns of the axes of joints with two free rotations, (joints, 3, ...)."""
-        r, s = x[1][:, 3:], y[1][:, 3:]
-        tail = np.broadcast_shapes(r.shape[1:], s.shape[1:])
-        result = np.zeros((len(self.twice), *tail), dtype=np.result_type(r, s))
-        for i, (k, couple, (p, q)) in enumerate(self._doubles()):
-            own = np.cross(self._normal[k], self.wrench[k, 3:])
-            result[i] = 0.5 * np.multiply.outer(own, _exchanged(p, q, r[k], s[k]))
-            for one, other in ((r[k], s[k]), (s[k], r[k])):
-                for first, second in ((p, q), (q, p)):
-                    turned = cross(one[None], wide(first[None], one[None]))[0]
-                    result[i] -= 0.5 * couple * turned * np.tensordot(second, other, axes=1)
-        return result
+        k = self.twice
+        r, s = x[1][k, 3:], y[1][k, 3:]
+        on_r, on_s = self._coupled(s), self._coupled(r)
+        normal = wide(np.cross(self._normal[k], self.wrench[k, 3:]), on_r)
+        return np.asarray(0.5 * (normal * dot(on_r, r) - wide(self._couple, on_r) * (cross(r, on_r) + cross(s, on_s))))
 
     def picked(self, relative: Field) -> Field:
         """Return the rotation about the first axis of each joint with two, as a vector (joints, 3, ...)."""
@@ -273,12 +277,6 @@ class Forces:
         across = left[:, :3] - line * dot(line, left[:, :3])
         stretched = wide(self.bend[:, None], left) * across
         return -left, stretched - cross(f, left[:, 3:] + gap[:, 3:]), -stretched
-
-
-def _exchanged(p: Array, q: Array, r: Field, s: Field) -> Field:
-    """r_a s_b + r_b s_a of two relative rotations (3, ...)."""
-    (r_a, r_b), (s_a, s_b) = (tuple(np.tensordot(axis, each, axes=1) for axis in (p, q)) for each in (r, s))
-    return np.asarray(r_a * s_b + r_b * s_a)
 
 
 def forces(

@@ -14,7 +14,7 @@ from mbsvib.sensitivities.fields import fields, motions
 from mbsvib.sensitivities.loads import feedthrough, no_loads, ported
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.responses import derivatives
-from mbsvib.sensitivities.whole import Whole
+from mbsvib.sensitivities.whole import Whole, factored
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,6 +32,8 @@ _POWERS = {"K": (_ONE, _NONE, _NONE), "C": (_NONE, _ONE, _NONE), "M": (_NONE, _N
 _SEEN = {"K": "Cq", "C": "Cv", "M": "Ca"}
 # A factor below this share of the largest of its kind is rounding.
 ACTS = 1e-15
+# Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
+SYMMETRIC = 1e-12
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,7 +84,11 @@ class MatrixDerivatives:
                 f"factors('{variable}', '{matrix}'): there is no '{asked}'.{nearest(asked, known)} There is: "
                 f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
             )  # fmt: skip
-        return _factors(self._plan, self.variables.index(variable), matrix)
+        place = self.variables.index(variable)
+        if self._plan.balanced is not None:  # what the equilibrium does is no product of few parts
+            p, q = factored(getattr(self, matrix)[place], matrix, SYMMETRIC)
+            return p.T, q.T
+        return _factors(self._plan, place, matrix)
 
     def __repr__(self) -> str:
         return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"

@@ -80,6 +80,13 @@ class Plan:
         return breaking(self)
 
     @property
+    def unsymmetric(self) -> bool:
+        """Whether derivatives of K may have an antisymmetric part where K has none, as those to torques have."""
+        if self.balanced is not None:
+            return bool(self.balanced.forces.counts[3])
+        return self.whole is not None and not self.whole.symmetric
+
+    @property
     def size(self) -> int:
         """Number of rows that forms have: parameters and directions, and behind them what moves the pose."""
         if self.balanced is not None:

@@ -60,6 +60,12 @@ class Whole:
             result = np.zeros((len(self.rows), *tail), dtype=left.vectors.dtype)
         return np.asarray(result[:, None])
 
+    @property
+    def symmetric(self) -> bool:
+        """Whether all derivatives of K are symmetric."""
+        change = np.nan_to_num(self.slopes["K"])
+        return bool(np.abs(change - change.swapaxes(1, 2)).max(initial=0.0) <= ROUNDING * np.abs(change).max(initial=0.0))
+
     def with_ports(
         self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],
         vectors: tuple[Field, Field],
@@ -104,11 +110,35 @@ class Whole:
         ModelError
             If the derivative is not symmetric, or not a number.
         """
-        change: Array = self.slopes[matrix][self.rows[:, 0].tolist().index(row)]
-        size = np.abs(change).max(initial=0.0)
-        if not np.abs(change - change.T).max(initial=0.0) <= ROUNDING * size:
-            raise ModelError(f"factors: the derivative of {matrix} is not symmetric, or not a number, and has no such "
-                             f"factors; take the matrix itself.", element=matrix)  # fmt: skip
-        sizes, vectors = np.linalg.eigh(0.5 * (change + change.T))
-        acts = np.abs(sizes) > ROUNDING * size
-        return 0.5 * sizes[acts, None] * vectors.T[acts], vectors.T[acts]
+        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, ROUNDING)
+
+
+def factored(change: Array, matrix: str, rounding: float) -> tuple[Array, Array]:
+    """Return P and Q (rank, m) with P^T Q + Q^T P a symmetric matrix.
+
+    Parameters
+    ----------
+    change : array, shape (m, m)
+        The derivative of a matrix.
+    matrix : str
+        Its name, for the message.
+    rounding : float
+        What is zero, against the largest entry.
+
+    Returns
+    -------
+    pair of array, shape (rank, m)
+        Factors.
+
+    Raises
+    ------
+    ModelError
+        If the derivative is not symmetric, or not a number.
+    """
+    size = np.abs(change).max(initial=0.0)
+    if not np.abs(change - change.T).max(initial=0.0) <= rounding * size:
+        raise ModelError(f"factors: the derivative of {matrix} is not symmetric, or not a number, and has no such "
+                         f"factors; take the matrix itself.", element=matrix)  # fmt: skip
+    sizes, vectors = np.linalg.eigh(0.5 * (change + change.T))
+    acts = np.abs(sizes) > rounding * size
+    return 0.5 * sizes[acts, None] * vectors.T[acts], vectors.T[acts]
