@@ -17,7 +17,7 @@ Source: implicit function theorem on the Lagrangian; method.md, sections 5 and 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -27,10 +27,11 @@ import numpy as np
 from mbsvib.kinematics import body_motion
 from mbsvib.loads.reactions import carriers
 from mbsvib.sensitivities.fields import Fields, applied, onto
+from mbsvib.sensitivities.following import carried, shifted
 from mbsvib.sensitivities.links import links
 from mbsvib.sensitivities.plans import families_of
 from mbsvib.sensitivities.products import table
-from mbsvib.sensitivities.vectors import cross, wide
+from mbsvib.sensitivities.vectors import cross, product, wide
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,7 +56,9 @@ class Balanced:
     """A network in balance under its ``forces``, with all its parameters ``entries``, their ``families`` and ``links``.
 
     ``behind`` (bodies, joints) holds +1 or -1 where a joint of the tree lies between ground and the body, ``swing``
-    (bodies, 6, d) are the bodies' motions per dependent coordinate, ``stiffness`` is K (m, m).
+    (bodies, 6, d) are the bodies' motions per dependent coordinate, ``stiffness`` is K (m, m). The pose may make the
+    ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then ``carried`` (p, c) along, and
+    forces ``shifted`` (e, c) beside these.
     """
 
     network: Network
@@ -66,11 +69,14 @@ class Balanced:
     behind: Array
     swing: Array
     stiffness: Array
+    motions: Array
+    carried: Array
+    shifted: Array
 
     @property
     def size(self) -> int:
-        """Number of rows: all parameters, then the coordinates along which the pose moves."""
-        return self.links.count + len(self.stiffness)
+        """Number of rows: all parameters, then the motions of the pose."""
+        return self.links.count + self.motions.shape[2]
 
     def add(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
@@ -111,21 +117,23 @@ class Balanced:
         slope : array, shape (3, ...)
             Derivatives to the point.
         """
-        own = self.network.displacements[6 * body : 6 * body + 6]
+        own = self.motions[body]
         moves = own[:3] + np.cross(own[3:], point - self.network.position[body], axisa=0).T
-        result[self.links.count :] += np.tensordot(moves.T, slope, axes=1)
+        result[self.links.count :] += product(moves.T, slope)
 
     @cached_property
     def pushes(self) -> Array:
-        """Derivatives (size, m) of the forces along the coordinates to parameters, then to the pose: there -K."""
-        body = self.network.displacements.reshape(len(self.forces.centre), 6, -1)
-        relative = -self.forces.seen(body)[1]
-        result = np.zeros((self.size, len(self.stiffness)))
+        """Derivatives (size, m) of the forces along the coordinates to parameters and to motions of the pose; together
+        with what these do to parameters, -K for those along the coordinates.
+        """
+        m = len(self.stiffness)
+        relative = -self.forces.seen(self.motions[:, :, :m])[1]
+        result = np.zeros((self.size, m))
         self._fold(result, self._given(relative, np.zeros_like(relative)), relative[: self.forces.counts[0]])
         return result
 
-    def follow(self, rates: Any) -> tuple[Array, NDArray[np.bool_]]:
-        """Return how the pose gives way to variables, dq/dp = K^-1 dR/dp.
+    def follow(self, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
+        """Return how the pose gives way to variables, along the coordinates dq/dp = K^-1 dR/dp.
 
         Parameters
         ----------
@@ -134,22 +142,44 @@ class Balanced:
 
         Returns
         -------
-        motion : array, shape (variables, m)
-            Motion of the equilibrium along the minimal coordinates.
+        motion : array, shape (variables, c)
+            Motion of the pose; along the motions behind the coordinates, of which each variable has its own or none.
         lost : array of bool, shape (variables,)
             Variables that load a motion which no stiffness holds.
         """
-        own = self.pushes[: self.links.count]
-        pushed, size = own, self._loads[: self.links.count]
-        if rates is not None:
-            pushed, size = rates @ own, abs(rates) @ size
+        count, m = self.links.count, len(self.stiffness)
+        own = self.pushes[:count]
+        pushed, size = (own, self._loads) if rates is None else (rates @ own, abs(rates) @ self._loads)
+        beside = np.eye(len(pushed), self.motions.shape[2] - m)
+        if beside.size:
+            also = self.carried[:, m:].T @ own + self.pushes[count + m :]
+            pushed, size = pushed + also, size + np.abs(also)
         unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(self.stiffness)), np.finfo(float).tiny))
         left, held, right = np.linalg.svd(unit[:, None] * self.stiffness * unit)
         holds = held > LOOSE * held.max(initial=0.0)
         along = (pushed * unit) @ left
         motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
         over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
-        return motion, (over > LEFT * size).any(axis=1)
+        return np.concatenate((motion, beside), axis=1), (over > LEFT * size).any(axis=1)
+
+    def following(self, gaps: Array) -> Balanced:
+        """Return the same with further motions of the pose: those in which joints give way.
+
+        Parameters
+        ----------
+        gaps : array, shape (joints, 6, v)
+            How far each joint gives way at its point, one motion after the other.
+
+        Returns
+        -------
+        Balanced
+            With v motions more.
+        """
+        motion = self._followed(gaps)
+        more = tuple(each(self.network, self.forces, self.links, motion) for each in (carried, shifted))
+        return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
+                       carried=np.concatenate((self.carried, more[0]), axis=1),
+                       shifted=np.concatenate((self.shifted, more[1]), axis=1))  # fmt: skip
 
     @cached_property
     def _loads(self) -> Array:
@@ -166,7 +196,7 @@ class Balanced:
         count, tail = self.links.count, found.shape[1:]
         flat = found.reshape(len(found), prod(tail))
         result[:count] += (self.links.matrix @ flat).reshape(count, *tail)
-        result[count:] += (self.links.shifted.T @ flat).reshape(len(self.stiffness), *tail)
+        result[count:] += product(self.shifted.T, found)
         joints = tuple(family for family in self.families if family.kind == "joint")
         if joints:
             result += table(self, *self._resting(moved), joints)
@@ -261,11 +291,14 @@ def balanced(network: Network, system: System) -> Balanced:
     """
     assert network.forces is not None
     assert network.coordinates is not None
-    entries = system.parameters.entries
+    forces, entries = network.forces, system.parameters.entries
     position = np.concatenate((network.position, np.zeros((1, 3)))).T
     ties, free = network.constraints, body_motion(network.coordinates, network.position)
+    known = links(network, forces, entries)
+    motions = network.displacements.reshape(len(network.bodies), 6, -1)
     return Balanced(
-        network, network.forces, entries, families_of(network, entries), links(network, network.forces, entries),
+        network, forces, entries, families_of(network, entries), known,
         carriers(system.provenance.topology, position).behind[:-1],
-        free[:, :, ties.dependent] if ties is not None else free[:, :, :0], system.K,
+        free[:, :, ties.dependent] if ties is not None else free[:, :, :0], system.K, motions,
+        carried(network, forces, known, motions), shifted(network, forces, known, motions),
     )  # fmt: skip

@@ -99,7 +99,7 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
         if chosen.network.partial:
             twice = replace(found, lead=0.5 * (found.lead[first] + found.lead[second]))
             cross = _whole_gram(system, twice, found.right[:, second], np.asarray(found.left)[:, first])
-        form = chosen.chain(_joined(table(chosen, left.take(first), right.take(second))))
+        form = _joined(chosen.chain(table(chosen, left.take(first), right.take(second))))
         _part(result, found, pairs, (gram, cross), form)
     elif len(pairs.groups):
         # between two motions: half of what both together have beyond each
@@ -160,7 +160,7 @@ def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -
         result, beside = result[: chosen.size], beside[: chosen.size]
         result[chosen.breaking] = np.nan
         return result, beside
-    form = chosen.chain(_joined(table(chosen, first, second)))
+    form = _joined(chosen.chain(table(chosen, first, second)))
     result = np.empty((len(form), found.count), dtype=complex)
     _set(result, found, np.arange(lead), form[:, :lead])
     return result, form[:, lead:]

@@ -99,6 +99,11 @@ class Forces:
         """Numbers of the rods and line springs."""
         return np.flatnonzero(np.isfinite(self.length))
 
+    @property
+    def loads(self) -> Index:
+        """Numbers of the loads, which come last."""
+        return np.arange(len(self.first) - self.counts[3], len(self.first))
+
     @cached_property
     def bushings(self) -> Index:
         """Numbers of the bushings."""

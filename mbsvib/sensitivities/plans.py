@@ -14,6 +14,7 @@ from mbsvib.sensitivities.factors import constants, rule
 from mbsvib.sensitivities.flexible import beam_rule
 from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import not_held
+from mbsvib.sensitivities.vectors import product
 from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
@@ -103,8 +104,10 @@ class Plan:
             return self.variables.chain(values)
         count = len(self.variables.parameters)
         own = values[:count]
-        moved = np.tensordot(self.balanced.links.carried.T, own, axes=1) + values[count:]
-        result = self.variables.chain(own) + np.tensordot(self.motion, moved, axes=1)
+        moved = product(self.balanced.carried.T, own)
+        moved += values[count:]
+        result = product(self.motion, moved)
+        result += self.variables.chain(own)
         rates = self.variables.rates
         result[self.lost | (broken[:count] if rates is None else abs(rates) @ broken[:count] > 0.0)] = np.nan
         return result

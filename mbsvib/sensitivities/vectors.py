@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,3 +30,11 @@ def dot(a: Field, b: Field) -> Field:
 def wide(vectors: Field, like: Field) -> Field:
     """Vectors (k, 3) or numbers (k,) that broadcast against (k, 3, ...)."""
     return vectors.reshape(*vectors.shape, *[1] * (like.ndim - vectors.ndim))
+
+
+def product(matrix: NDArray[np.float64], values: Field) -> Field:
+    """Products of a real matrix (v, k) and numbers (k, ...), complex ones by their two parts."""
+    flat = np.ascontiguousarray(values).reshape(len(values), prod(values.shape[1:]))
+    kind = flat.dtype
+    result: Field = matrix @ (flat.view(float) if kind.kind == "c" else flat)
+    return result.view(kind).reshape(len(matrix), *values.shape[1:])
