@@ -162,13 +162,15 @@ class Balanced:
         over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
         return np.concatenate((motion, beside), axis=1), (over > LEFT * size).any(axis=1)
 
-    def following(self, gaps: Array) -> Balanced:
+    def following(self, gaps: Array, forces: csr_array) -> Balanced:
         """Return the same with further motions of the pose: those in which joints give way.
 
         Parameters
         ----------
         gaps : array, shape (joints, 6, v)
             How far each joint gives way at its point, one motion after the other.
+        forces : csr_array, shape (v, e)
+            What changes of the forces then.
 
         Returns
         -------
@@ -179,7 +181,7 @@ class Balanced:
         more = tuple(each(self.network, self.forces, self.links, motion) for each in (carried, shifted))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
                        carried=np.concatenate((self.carried, more[0]), axis=1),
-                       shifted=np.concatenate((self.shifted, more[1]), axis=1))  # fmt: skip
+                       shifted=np.concatenate((self.shifted, more[1] + forces.T), axis=1))  # fmt: skip
 
     @cached_property
     def _loads(self) -> Array:

@@ -13,6 +13,7 @@ from mbsvib.parts import Body, Bushing, Joint, Load, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.load import Gravity
 from mbsvib.parts.rotor import Rotor
+from mbsvib.sensitivities.described import holds_turns, turned
 
 if TYPE_CHECKING:
     from mbsvib.system import System
@@ -49,7 +50,7 @@ def limits(system: System) -> tuple[Limit, ...]:
     if came.statics is not None:
         falls = any(isinstance(part, Gravity) for part in parts)
         still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
-        result.append({_DAMPING, _INERTIA} if came.settled else still)
+        result.append(({_INERTIA} if _turned(system) else {_DAMPING, _INERTIA}) if came.settled else still)
     if system.gyroscopic is not None or any(isinstance(part, Rotor) for part in parts):
         # dampers that turn with a rotor are stiffness, too
         result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
@@ -67,11 +68,19 @@ def follows(system: System) -> bool:
     Returns
     -------
     bool
-        True for rigid bodies with mass, joints, springs, bushings, gravity and loads.
+        True for rigid bodies with mass, joints, springs, bushings, gravity and loads, unless bushings with moments were
+        turned on the way to an equilibrium that was found.
     """
     came = system.provenance
     return (
-        came.statics is not None and not came.settled and came.massless is None and came.dropped is None
-        and system.gyroscopic is None
+        came.statics is not None and came.massless is None and came.dropped is None and system.gyroscopic is None
         and all(isinstance(part, (Body, Bushing, Gravity, Joint, Load, Spring)) for part in came.parts)
-    )
+        and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)
+                    for part in came.parts)
+    )  # fmt: skip
+
+
+def _turned(system: System) -> frozenset[str]:
+    """Bushings that turned on the way to an equilibrium that was found elsewhere."""
+    came = system.provenance
+    return turned(came.origin, came.parts) if came.settled and came.origin is not None else frozenset()

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array, Index, Twists
     from mbsvib.parts._part import Part
     from mbsvib.sensitivities.balanced import Balanced
+    from mbsvib.sensitivities.described import Described
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.limits import Limit
     from mbsvib.sensitivities.plans import Plan
@@ -117,6 +118,16 @@ class Network:
         from mbsvib.sensitivities.balanced import balanced
 
         return None if self.forces is None else balanced(self, self.variants.system)
+
+    @cached_property
+    def described(self) -> Described | None:
+        """What parameters as described do, where the equilibrium was found in another pose."""
+        from mbsvib.sensitivities.described import described
+
+        came = self.variants.system.provenance
+        if self.forces is None or self.balanced is None or not came.settled or came.origin is None:
+            return None
+        return described(self, self.forces, self.balanced.links, came.origin)
 
     @cached_property
     def every(self) -> Plan:

@@ -11,6 +11,7 @@ import numpy as np
 from mbsvib.beams.beam import Beam
 from mbsvib.parts import Joint
 from mbsvib.sensitivities.factors import constants, rule
+from mbsvib.sensitivities.fields import onto
 from mbsvib.sensitivities.flexible import beam_rule
 from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import not_held
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.parameters import Parameter
@@ -62,14 +64,16 @@ class Family:
 class Plan:
     """The variables asked for and the families of the parameters that they move.
 
-    Where these go through an equilibrium, the parameters are all there are of ``balanced``, and variables move the pose
-    by ``motion`` (variables, m), those ``lost`` along one that nothing holds.
+    Where these go through an equilibrium, the parameters are all there are of ``balanced``: variables move them at
+    ``rates`` (variables, parameters), None one by one, and the pose by ``motion`` (variables, c), those ``lost`` along
+    one that nothing holds.
     """
 
     network: Network
     variables: Variables
     families: tuple[Family | Whole, ...]
     balanced: Balanced | None = None
+    rates: csr_array | None = None
     motion: Array | None = None
     lost: NDArray[np.bool_] | None = None
 
@@ -107,9 +111,9 @@ class Plan:
         moved = product(self.balanced.carried.T, own)
         moved += values[count:]
         result = product(self.motion, moved)
-        result += self.variables.chain(own)
-        rates = self.variables.rates
-        result[self.lost | (broken[:count] if rates is None else abs(rates) @ broken[:count] > 0.0)] = np.nan
+        result += own if self.rates is None else onto(self.rates, own)
+        asked = self.variables.rates
+        result[self.lost | (broken[:count] if asked is None else abs(asked) @ broken[:count] > 0.0)] = np.nan
         return result
 
     def only(self, kind: str, *fields: str) -> tuple[Family, ...]:
@@ -152,7 +156,8 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
         if own not in rule:
             rule[own] = _has_rule(network, parameter, parts.get(parameter.part))
     without = np.array([not rule[each.part, each.field] for each in asked.parameters], dtype=np.bool_)
-    if without.any() and network.balanced is not None:
+    told = network.described is None or all(map(network.described.tells, asked.parameters))
+    if without.any() and network.balanced is not None and told:
         return _through_equilibrium(network, network.balanced, asked, every)
     if without.any() and not asked.identity:
         asked = asked.joined(without)
@@ -169,11 +174,16 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
 
 def _through_equilibrium(network: Network, balanced: Balanced, asked: Variables, every: bool) -> Plan:
     """A plan for variables that move the pose."""
-    asked = asked.among(balanced.entries)
-    motion, lost = balanced.follow(asked.rates)
+    asked, found = asked.among(balanced.entries), network.described
+    rates = asked.rates
+    if found is not None:
+        moved = (found.rates, found.forces, found.gaps)
+        rates, forces, gaps = moved if rates is None else tuple(rates @ each for each in moved)
+        balanced = balanced.following(gaps.toarray().reshape(len(asked.names), -1, 6).transpose(1, 2, 0), forces)
+    motion, lost = balanced.follow(rates)
     if lost.any() and not every:
         raise not_held(asked.names[int(np.argmax(lost))], network.variants.system.name)
-    return Plan(network, asked, balanced.families, balanced, motion, lost)
+    return Plan(network, asked, balanced.families, balanced, rates, motion, lost)
 
 
 def families_of(network: Network, entries: Sequence[Parameter]) -> tuple[Family, ...]:
