@@ -135,7 +135,7 @@ def _fields(network: Network, motion: Motions, values: Complex, scale: Complex, 
     powers = np.array([scale, scale * values, scale * values * values])[:, None]
     if motion.body.dtype.kind != "c":
         powers = np.concatenate((powers.real, powers.imag), axis=1)
-    return fields(network, motion, *powers, side=side)
+    return fields(network, motion, powers[0], powers[1], powers[2], side=side)
 
 
 def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:

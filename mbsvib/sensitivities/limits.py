@@ -13,7 +13,7 @@ from mbsvib.parts import Body, Bushing, Joint, Load, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.load import Gravity
 from mbsvib.parts.rotor import Rotor
-from mbsvib.sensitivities.described import holds_turns, turned
+from mbsvib.sensitivities.balance.described import holds_turns, turned
 
 if TYPE_CHECKING:
     from mbsvib.system import System

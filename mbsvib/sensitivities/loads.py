@@ -33,8 +33,8 @@ class Loads:
     point, ``on_bodies`` (b, 6, p) at the centres of mass; ``order`` (p,) is how often an output is differentiated.
 
     ``strain`` (s, 6, p) is what forces in springs take from the strain, ``carried`` (b, 6, p) the motion of the bodies
-    with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where it is given by its ``point`` (p, 3),
-    ``carrier`` (p,) the body that carries this point along, -1 for none.
+    with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where its ``point`` (p, 3)
+    is given, and ``carrier`` (p,) the body that carries this point along, -1 for none.
     """
 
     wrench: Array

@@ -20,8 +20,8 @@ from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
+from mbsvib.sensitivities.balance.forces import forces
 from mbsvib.sensitivities.flexible import pieces
-from mbsvib.sensitivities.forces import forces
 from mbsvib.sensitivities.limits import follows, limits
 from mbsvib.sensitivities.variants import Variants
 from mbsvib.topology import FLOATS
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array, Index, Twists
     from mbsvib.parts._part import Part
-    from mbsvib.sensitivities.balanced import Balanced
-    from mbsvib.sensitivities.described import Described
-    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.balance.balanced import Balanced
+    from mbsvib.sensitivities.balance.described import Described
+    from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.limits import Limit
     from mbsvib.sensitivities.plans import Plan
     from mbsvib.system import System
@@ -45,8 +45,8 @@ _SIX = np.eye(6)
 @dataclass(frozen=True, slots=True)
 class Constraints:
     """The locked rows of the cut joints, (rows,) each: ``wrench`` (rows, 6) at their joint's point, world axes;
-    ``closing`` (j, rows) adds them up by joint. Of the coordinates ``dependent`` (d,): the body ``carried`` and from the
-    network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from what they feel to the
+    ``closing`` (j, rows) adds them up by joint. Of the ``dependent`` coordinates (d,): the body ``carried`` and from
+    the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from what they feel to the
     forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that load nothing.
     """
 
@@ -70,8 +70,8 @@ class Network:
     j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
     that are not zero. ``limits`` say which parameters act by rules of their own; those of all others come from
-    ``variants``. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a loaded
-    scene whose derivatives through the equilibrium are known.
+    ``variants``. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
+    loaded scene whose derivatives through the equilibrium are known.
     """
 
     parts: tuple[Part, ...]
@@ -115,14 +115,14 @@ class Network:
     @cached_property
     def balanced(self) -> Balanced | None:
         """The network under its forces, where derivatives through the equilibrium are known of all its parts."""
-        from mbsvib.sensitivities.balanced import balanced
+        from mbsvib.sensitivities.balance.balanced import balanced
 
         return None if self.forces is None else balanced(self, self.variants.system)
 
     @cached_property
     def described(self) -> Described | None:
         """What parameters as described do, where the equilibrium was found in another pose."""
-        from mbsvib.sensitivities.described import described
+        from mbsvib.sensitivities.balance.described import described
 
         came = self.variants.system.provenance
         if self.forces is None or self.balanced is None or not came.settled or came.origin is None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.kinematics import Array, Index
     from mbsvib.parameters import Parameter
-    from mbsvib.sensitivities.balanced import Balanced
+    from mbsvib.sensitivities.balance.balanced import Balanced
     from mbsvib.sensitivities.factors import Rule
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.variables import Variables

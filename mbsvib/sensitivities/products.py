@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Index
-    from mbsvib.sensitivities.balanced import Balanced
     from mbsvib.sensitivities.factors import Terms
     from mbsvib.sensitivities.fields import Field, Fields
     from mbsvib.sensitivities.plans import Family, Plan
@@ -70,22 +69,28 @@ def forms(
 
 
 def table(
-    plan: Plan | Balanced, left: Fields, right: Fields | None = None, families: Iterable[Family | Whole] | None = None
+    plan: Plan, left: Fields, right: Fields | None = None, families: Iterable[Family | Whole] | None = None
 ) -> Field:
-    """Return x^T (dT/dp) y of all parameters, (parameters, ...); arguments and halves as of ``forms``. Those of some
-    families leave out what the forces at the pose do.
+    """Return x^T (dT/dp) y of all parameters, (size, ...); arguments and halves as of ``forms``. Those of some families
+    only leave out what the forces at the pose do.
     """
+    result = ruled(plan.families if families is None else families, plan.size, left, right)
+    if families is None and plan.balanced is not None:
+        plan.balanced.add(result, left, right)
+    return result
+
+
+def ruled(families: Iterable[Family | Whole], size: int, left: Fields, right: Fields | None = None) -> Field:
+    """Return x^T (dT/dp) y by the rules of families, (size, ...), zero for what these do not hold."""
     kind = np.result_type(left.body_wrench, left.wrench, *(() if right is None else (right.body_wrench, right.wrench)))
-    result = np.zeros((plan.size, *_tail(left, right)), dtype=kind)
-    for rows, stride, block in forms(plan.families if families is None else families, left, right):
+    result = np.zeros((size, *_tail(left, right)), dtype=kind)
+    for rows, stride, block in forms(families, left, right):
         into = picked(result, rows, stride)
         if into is None:
             asked = rows >= 0
             result[rows[asked]] = block[asked]
         else:
             into[:] = block
-    if families is None and plan.balanced is not None:
-        plan.balanced.add(result, left, right)
     return result
 
 

@@ -169,19 +169,15 @@ def _move_ports(
 ) -> None:  # fmt: skip
     """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
     (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    inputs, outputs = range(len(acting.wrench)), range(len(seeing.wrench))
-    moves = [(acting, i, (slice(None), i), np.tensordot(acting.motion[i, 3:], left, axes=1)) for i in inputs]
-    moves += [(seeing, o, (o,), np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
-               + turns[o][:, :, None].swapaxes(0, 1)) for o in outputs]  # fmt: skip
+    moves = [(acting, i, result[:, :, i], np.tensordot(acting.motion[i, 3:], left, axes=1))
+             for i in range(len(acting.wrench))]  # fmt: skip
+    moves += [(seeing, o, result[:, o], np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
+               + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(seeing.wrench))]  # fmt: skip
     for port, k, own, theta in moves:
-        if port.centre[k] < 0 and (port.carrier[k] < 0 or plan.balanced is None):
-            continue
         slope = np.cross(port.wrench[k, :3], theta, axisb=0, axisc=0)
-        if port.centre[k] < 0:
-            assert plan.balanced is not None
-            plan.balanced.carry(result[:, *own], int(port.carrier[k]), port.point[k], slope)
-            continue
+        if port.carrier[k] >= 0 and plan.balanced is not None:
+            plan.balanced.carry(own, int(port.carrier[k]), port.point[k], slope)
         for family in plan.only("body", "position"):
             for rows in family.rows[family.number == port.centre[k]]:
                 asked = rows >= 0
-                result[rows[asked], *own] += slope[asked]
+                own[rows[asked]] += slope[asked]

@@ -24,7 +24,7 @@ def cross(a: Field, b: Field) -> Field:
 
 def dot(a: Field, b: Field) -> Field:
     """Scalar products (k, 1, ...) of (k, 3, ...)."""
-    return (a * b).sum(axis=1, keepdims=True)
+    return np.asarray((a * b).sum(axis=1, keepdims=True))
 
 
 def wide(vectors: Field, like: Field) -> Field:

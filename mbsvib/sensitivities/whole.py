@@ -64,7 +64,8 @@ class Whole:
     def symmetric(self) -> bool:
         """Whether all derivatives of K are symmetric."""
         change = np.nan_to_num(self.slopes["K"])
-        return bool(np.abs(change - change.swapaxes(1, 2)).max(initial=0.0) <= ROUNDING * np.abs(change).max(initial=0.0))
+        apart = np.abs(change - change.swapaxes(1, 2)).max(initial=0.0)
+        return bool(apart <= ROUNDING * np.abs(change).max(initial=0.0))
 
     def with_ports(
         self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],

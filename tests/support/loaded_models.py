@@ -63,3 +63,10 @@ def loaded(seed, bodies=3, loops=0, kinds=None, *, hold="bushings", follower=Fal
         else:
             model.add_load(f"{body}.hold", body, wrench[:3], wrench[3:])
     return model
+
+
+def stiffened(seed, bodies=3, loops=0, **words):
+    """The same in a balance that is stable: its bushings are far stiffer than its forces."""
+    model = loaded(seed, bodies, loops, **words)
+    return model.with_values({name: 1e6 * (1 + k % 7) for k, name in enumerate(model.parameters)
+                              if name.startswith("bush") and ".stiffness." in name})  # fmt: skip

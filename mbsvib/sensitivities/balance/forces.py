@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -74,7 +74,7 @@ class Forces:
     @cached_property
     def bend(self) -> Array:
         """T / L (n,) of rods and line springs [N/m], 0 elsewhere."""
-        return -(self.wrench[:, :3] * self.line).sum(axis=1) / self.length
+        return np.asarray(-(self.wrench[:, :3] * self.line).sum(axis=1) / self.length)
 
     @cached_property
     def _normal(self) -> Array:
@@ -181,12 +181,12 @@ class Forces:
     @cached_property
     def _couple(self) -> Array:
         """t . (a x b) of joints with two free rotations, (joints, 1)."""
-        return (self.wrench[self.twice, 3:] * self._normal[self.twice]).sum(axis=1, keepdims=True)
+        return np.asarray((self.wrench[self.twice, 3:] * self._normal[self.twice]).sum(axis=1, keepdims=True))
 
     def _coupled(self, turn: Field) -> Field:
         """The derivatives of x_a y_b + x_b y_a to the relative rotation of y, for that of x (joints, 3, ...)."""
         p, q = (wide(each[self.twice], turn) for each in self._picks)
-        return p * dot(q, turn) + q * dot(p, turn)
+        return np.asarray(p * dot(q, turn) + q * dot(p, turn))
 
     def on_bodies(self, body: Field, side: int) -> Field:
         """Return the wrenches (bodies, 6, ...) at the centres of mass by which forces answer motions, as springs do;
@@ -205,7 +205,7 @@ class Forces:
         return total.reshape(len(self.centre), *wrench.shape[1:])
 
     def by_wrench(self, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> Field:
-        """Return the derivatives of H(x, y) to the wrenches, (n, 6, ...): how far their bodies give way. None: y = x."""
+        """Return the derivatives of H(x, y) to the wrenches, (n, 6, ...), by which bodies give way. None: y = x."""
         alone, y = y is None, x if y is None else y
         (a, r), (b, s) = x, y
         force = 0.5 * (cross(a[:, 3:], s[:, :3]) - cross(s[:, 3:], a[:, :3]) + cross(b[:, 3:], r[:, :3])
@@ -250,7 +250,7 @@ class Forces:
         return np.asarray(cross(on_first[:, :3], first[:, 3:]) + cross(on_both[:, :3], relative[:, 3:]))
 
     def by_turn(self, x: tuple[Field, Field], y: tuple[Field, Field]) -> Field:
-        """Return the derivatives of H(x, y) to turns of the axes of joints with two free rotations, (joints, 3, ...)."""
+        """Return the derivatives of H(x, y) to turns of joints with two free rotations, (joints, 3, ...)."""
         k = self.twice
         r, s = x[1][k, 3:], y[1][k, 3:]
         on_r, on_s = self._coupled(s), self._coupled(r)

@@ -11,8 +11,8 @@ from mbsvib.sensitivities.vectors import cross, wide
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.links import Links
+    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.balance.links import Links
     from mbsvib.sensitivities.network import Network
 
 

@@ -20,27 +20,28 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.kinematics import body_motion
 from mbsvib.loads.reactions import carriers
+from mbsvib.sensitivities.balance.following import carried, shifted
+from mbsvib.sensitivities.balance.links import links
 from mbsvib.sensitivities.fields import Fields, applied, onto
-from mbsvib.sensitivities.following import carried, shifted
-from mbsvib.sensitivities.links import links
 from mbsvib.sensitivities.plans import families_of
-from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.products import ruled
 from mbsvib.sensitivities.vectors import cross, product, wide
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     from mbsvib.kinematics import Array
     from mbsvib.parameters import Parameter
+    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.balance.links import Links
     from mbsvib.sensitivities.fields import Field
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.links import Links
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.plans import Family
     from mbsvib.system import System
@@ -76,7 +77,7 @@ class Balanced:
     @property
     def size(self) -> int:
         """Number of rows: all parameters, then the motions of the pose."""
-        return self.links.count + self.motions.shape[2]
+        return self.links.count + int(self.motions.shape[2])
 
     def add(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
@@ -97,7 +98,7 @@ class Balanced:
         found = self._given(moved, gap)
         point, start = self.forces.by_place(x, None if right is None else y)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
-                          ("turn", self.forces.by_turn(x, y)), ("twist", self._stiffened(x[1], y[1]))):  # fmt: skip
+                          ("turn", self.forces.by_turn(x, y)), ("twist", self._stiffened(left, right))):  # fmt: skip
             _put(found, getattr(at, key), part)
         found = found * weight
         _put(found, at.twist, self._twisted(left, right))
@@ -201,7 +202,7 @@ class Balanced:
         result[count:] += product(self.shifted.T, found)
         joints = tuple(family for family in self.families if family.kind == "joint")
         if joints:
-            result += table(self, *self._resting(moved), joints)
+            result += ruled(joints, self.size, *self._resting(moved))
 
     def _given(self, moved: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
@@ -247,11 +248,12 @@ class Balanced:
             z = _moved(z, network.position - network.origin)
         return np.asarray(z.reshape(bodies, 6, *tail))
 
-    def _stiffened(self, r: Field, s: Field) -> Field:
+    def _stiffened(self, left: Fields, right: Fields | None) -> Field:
         """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...)."""
         own = self.forces.bushings
+        strained = own - self.forces.counts[0]
+        r, s = (each.strain[strained, 3:] for each in (left, left if right is None else right))
         m = wide(self.forces.wrench[own, 3:], r)
-        r, s = r[own, 3:], s[own, 3:]
         return (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
 
     def _twisted(self, left: Fields, right: Fields | None) -> Field:

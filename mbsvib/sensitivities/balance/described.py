@@ -15,19 +15,21 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.parts import Bushing, Load
-from mbsvib.sensitivities.links import Terms
+from mbsvib.sensitivities.balance.links import Terms
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
     from mbsvib.parameters import Parameter
     from mbsvib.parts import Joint, Spring
     from mbsvib.parts._part import Part
-    from mbsvib.sensitivities.forces import Forces
-    from mbsvib.sensitivities.links import Links
+    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.balance.links import Links
     from mbsvib.sensitivities.network import Network
+
+    Follows = Callable[[str, str, Array], None]
 
 # Bodies that turned by less than this [rad] against each other did not.
 STRAIGHT = 1e-14
@@ -53,18 +55,18 @@ class Described:
 class _Pose:
     """Where bodies went from where they are described."""
 
-    def __init__(self, origin: Model, there: dict[str, Any]) -> None:
+    def __init__(self, origin: Model, there: Mapping[str, Any]) -> None:
         self._origin, self._there = origin.bodies, there
 
     def turn(self, body: str) -> Array:
         if body == "ground":
             return np.eye(3)
-        return np.array(self._there[body].orientation) @ np.array(self._origin[body].orientation).T
+        return np.asarray(np.array(self._there[body].orientation) @ np.array(self._origin[body].orientation).T)
 
     def point(self, body: str, at: Any) -> Array:
         if body == "ground":
             return np.array(at)
-        return self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position)
+        return np.asarray(self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position))
 
 
 def turned(origin: Model, parts: Iterable[Part]) -> frozenset[str]:
@@ -127,9 +129,8 @@ def described(network: Network, forces: Forces, links: Links, origin: Model) -> 
         for field in ("position", "orientation"):
             follows(body.name, field, pose.turn(body.name))
     for k, joint in enumerate(network.joints):
-        first, second = pose.turn(joint.first), pose.turn(joint.second)
-        (_rod if joint.end is not None else _joint)(follows, gaps, k, origin.joints[joint.name], joint, (first, second),
-                                                    pose)  # fmt: skip
+        put = _joint if joint.end is None else _rod
+        put(follows, gaps, k, origin.joints[joint.name], joint, pose)
     away = np.zeros((len(forces.first), 6, 3))
     for k, joint in enumerate(network.joints):
         away[k, 3:] = pose.turn(joint.second) - pose.turn(joint.first)
@@ -164,40 +165,30 @@ def described(network: Network, forces: Forces, links: Links, origin: Model) -> 
                      turned(origin, network.parts))  # fmt: skip
 
 
-def _joint(
-    follows: Any, gaps: Terms, k: int, given: Joint, joint: Joint, turns: tuple[Array, Array], pose: _Pose
-) -> None:
+def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, pose: _Pose) -> None:
     """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
-    away = turns[0] - turns[1]
-    gap = np.zeros(3)
+    first, second = pose.turn(joint.first), pose.turn(joint.second)
+    at = given.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
+    gap = pose.point(joint.second, at) - pose.point(joint.first, at)
+    follows(joint.name, "orientation", first)
     if given.position is not None:
-        gap = pose.point(joint.second, given.position) - pose.point(joint.first, given.position)
-        follows(joint.name, "position", turns[1])
-        for i in range(3):
-            gaps.put((joint.name, "position", (i,)), 6 * k, away[:, i])
-    elif given.locked:
-        gap = _travel(given, joint, pose)
-    follows(joint.name, "orientation", turns[0])
+        follows(joint.name, "position", second)
     for i in range(3):
-        gaps.put((joint.name, "orientation", (i,)), 6 * k, np.cross(turns[0][:, i], gap))
-        gaps.put((joint.name, "orientation", (i,)), 6 * k + 3, away[:, i])
+        if given.position is not None:
+            gaps.put((joint.name, "position", (i,)), 6 * k, (first - second)[:, i])
+        gaps.put((joint.name, "orientation", (i,)), 6 * k, np.cross(first[:, i], gap))
+        gaps.put((joint.name, "orientation", (i,)), 6 * k + 3, (first - second)[:, i])
     if joint.pitch:
         axis = np.array(joint.axes)[:, 2]
         gaps.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
 
 
-def _travel(given: Joint, joint: Joint, pose: _Pose) -> Array:
-    """How far bodies have moved against each other in a joint that has no point, as none of them turns in it."""
-    body = given.first if given.first != "ground" else given.second
-    at = pose._origin[body].position
-    return pose.point(joint.second, at) - pose.point(joint.first, at)
-
-
-def _rod(follows: Any, gaps: Terms, k: int, given: Any, joint: Any, turns: tuple[Array, Array], _: _Pose) -> None:
+def _rod(follows: Follows, gaps: Terms, k: int, given: Any, joint: Any, pose: _Pose) -> None:
     """It keeps its length as described."""
     before, after = (np.subtract(rod.end, rod.position) for rod in (given, joint))
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
-    for field, turn, sign in (("position", turns[0], -1.0), ("end", turns[1], 1.0)):
+    for field, body, sign in (("position", joint.first, -1.0), ("end", joint.second, 1.0)):
+        turn = pose.turn(body)
         follows(joint.name, field, turn)
         for i in range(3):
             gaps.put((joint.name, field, (i,)), 6 * k, sign * (before[i] - after @ turn[:, i]) * after)
@@ -225,9 +216,10 @@ def _bushing(
         beside.put((bushing.name, "orientation", (i,)), place, back)
     local = np.concatenate((axes.T @ gap, np.zeros(3)))
     whole = isinstance(bushing.stiffness[0], tuple)
-    for i, j in ((i, j) for i in range(6) for j in (range(i, 6) if whole else (i,))):
-        force = np.zeros(6)
-        force[i] = -local[j]
-        force[j] = -local[i]
-        in_world = np.concatenate((axes @ force[:3], axes @ force[3:]))
-        beside.put((bushing.name, "stiffness", (i, j) if whole else (i,)), place, in_world)
+    for i in range(6):
+        for j in range(i, 6) if whole else (i,):
+            force = np.zeros(6)
+            force[i] = -local[j]
+            force[j] = -local[i]
+            in_world = (force.reshape(2, 3) @ axes.T).reshape(6)
+            beside.put((bushing.name, "stiffness", (i, j) if whole else (i,)), place, in_world)

@@ -10,7 +10,6 @@ from scipy.sparse import csr_array
 
 from mbsvib.parts import Bushing, Load, Spring
 from mbsvib.parts.load import Gravity
-from mbsvib.sensitivities.vectors import cross, wide
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -18,15 +17,15 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Index
     from mbsvib.parameters import Parameter
     from mbsvib.parts._part import Part
-    from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
 
 
 @dataclass(frozen=True, slots=True)
 class Extras:
-    """Where what is no parameter stands in one long row: the points (n, 3) of forces, the starts (lines, 3) of lines, the
-    wrenches (applied, 6) of applied forces, turns (k, 3) of joints with two free rotations, and twists (bushings, 3) of
-    the second bodies of bushings. Forces ``applied`` begin behind the joints, ``lines`` gives the number of each line.
+    """Where what is no parameter stands in one long row: points (n, 3) of forces, starts (lines, 3) of lines, wrenches
+    (applied, 6) of applied forces, turns (k, 3) of joints with two free rotations, and twists (bushings, 3) of the
+    second bodies of bushings. ``joints`` come before the applied forces, ``lines`` gives the number of each line.
     """
 
     point: slice
@@ -34,7 +33,7 @@ class Extras:
     wrench: slice
     turn: slice
     twist: slice
-    applied: int
+    joints: int
     lines: dict[int, int]
 
     @staticmethod
@@ -44,8 +43,8 @@ class Extras:
         sizes = (3 * count, 3 * len(forces.lines), 6 * (count - joints), 3 * len(forces.twice),
                  3 * len(forces.bushings))  # fmt: skip
         ends = np.cumsum(sizes).tolist()
-        places = (slice(end - size, end) for size, end in zip(sizes, ends, strict=True))
-        return Extras(*places, joints, {k: i for i, k in enumerate(forces.lines.tolist())})
+        point, start, wrench, turn, twist = (slice(end - size, end) for size, end in zip(sizes, ends, strict=True))
+        return Extras(point, start, wrench, turn, twist, joints, {k: i for i, k in enumerate(forces.lines.tolist())})
 
     @property
     def size(self) -> int:
@@ -62,13 +61,13 @@ class Extras:
 
     def wrench_of(self, force: int) -> int:
         """Return where the wrench of an applied force begins."""
-        return int(self.wrench.start) + 6 * (force - self.applied)
+        return int(self.wrench.start) + 6 * (force - self.joints)
 
 
 @dataclass(frozen=True)
 class Links:
-    """How parameters, by part, field and index in ``row``, act on what is no parameter: by ``matrix`` (p, e) on a row of
-    e numbers, in which each has its place ``at``. ``fields`` number the parameters of each field of each kind of part.
+    """How parameters, by part, field and index in ``row``, act on what is no parameter: by ``matrix`` (p, e) on a long
+    row, in which each has its place ``at``. ``fields`` number the parameters of each field of each kind of part.
     """
 
     row: dict[tuple[str, str, tuple[int, ...]], int]
@@ -83,7 +82,7 @@ class Links:
 
 
 class Terms:
-    """Terms of a matrix (p, e) that are collected one by one.
+    """Terms of a matrix with a row for each parameter, collected one by one.
 
     Parameters
     ----------
@@ -108,7 +107,7 @@ class Terms:
             self.put((part, field, (i,)), place + i, (1.0,))
 
     def matrix(self, width: int) -> csr_array:
-        """Return the matrix, (p, width)."""
+        """Return the matrix, (parameters, width)."""
         row, column, value = zip(*self._terms, strict=True) if self._terms else ((), (), ())
         return csr_array((value, (row, column)), shape=(len(self.row), width))
 
@@ -144,7 +143,10 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
     for i, k in enumerate(forces.twice.tolist()):
         terms.along(network.joints[k].name, "orientation", int(at.turn.start) + 3 * i)
     for k, spring in enumerate(network.springs, joints):
-        (_bushing if isinstance(spring, Bushing) else _spring)(terms, spring, k)  # type: ignore[operator]
+        if isinstance(spring, Bushing):
+            _bushing(terms, spring, k)
+        else:
+            _spring(terms, spring, k)
     for k, body in enumerate(network.bodies):
         terms.along(body.name, "position", at.point_of(weight + k))
         terms.put((body.name, "mass", ()), at.wrench_of(weight + k), forces.gravity)

@@ -1,0 +1,1 @@
+"""Derivatives through the equilibrium of loaded scenes."""
