@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 # Numbers that the fields of one block of frequencies may hold.
 BLOCK = 2_000_000
+# Numbers that a force at the pose takes for a pair of motions.
+PAIRED = 48
 
 
 def frequency_response_sensitivities(
@@ -76,7 +78,10 @@ def frequency_response_sensitivities(
     plan = planned(system, parameters, network)
     turns = feedthrough(system, (i, acting), (o, seeing))[1]
     result = np.empty((len(plan.variables.names), len(o), len(i), len(w)), dtype=complex)
-    block = max(1, BLOCK // ((len(network.point) + 1) * 12 * (len(i) + len(o))))
+    numbers = (len(network.point) + 1) * 12 * (len(i) + len(o))
+    if plan.balanced is not None:  # forces see each pair of an input and an output
+        numbers += len(plan.balanced.forces.first) * PAIRED * len(i) * len(o)
+    block = max(1, BLOCK // max(1, numbers))
     for start in range(0, len(w), block):
         part = slice(start, start + block)
         size = np.abs(w[part])

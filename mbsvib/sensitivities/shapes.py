@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import ModelError
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities, planned
 from mbsvib.sensitivities.fields import fields, motions
 from mbsvib.sensitivities.products import table
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from mbsvib.modes import Modes
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.plans import Plan
+    from mbsvib.sensitivities.states import Basis
     from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 BLOCK = 4_000_000
 # A rigid-body mode stays one if what would move it is less than this share of what moves the others.
 RIGID = 1e-9
+# A shape of unit size that moves less mass than this share moves none.
+MOVES = 0.5
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,7 +95,8 @@ class ModeSensitivities:
 
     @cached_property
     def shapes(self) -> Complex:
-        """Derivatives of the shapes, shape (v, m, modes), with x^H M x and the phase kept as they are.
+        """Derivatives of the shapes, shape (v, m, modes), with x^H M x and the phase kept as they are; of a shape that
+        moves no mass, its largest entry.
 
         Shapes of eigenvalues that coincide are a basis of their subspace, which moves as a whole: their derivatives
         are those of such a basis. Not a number where a rigid-body mode becomes an elastic one.
@@ -151,28 +154,29 @@ def shape_sensitivities(system: System, plan: Plan, modes: Modes) -> Complex:
     Raises
     ------
     ModelError
-        If the system has motions without mass.
+        If the system has motions without mass and spin.
     """
     chosen = basis(system)
-    if chosen.massive < system.dof:
-        raise ModelError(
-            f"sensitivities of '{system.name}': shapes with motions without mass have no derivatives yet. There are "
-            f"those of eigenvalues, frequencies and damping ratios.", element=system.name,
-        )  # fmt: skip
-    vectors, square, gamma = chosen.vectors, chosen.stiffness, chosen.damping
+    vectors, k = chosen.vectors, chosen.massive
     m, values = system.dof, modes.pairs[:, 0].astype(complex)
     result = np.empty((len(plan.variables.names), m, m), dtype=complex)
-    moving = vectors.T @ system.M
+    coordinates = np.concatenate((vectors[:, :k].T @ system.M, vectors[:, k:].T @ system.C)) @ modes.shapes
+    resting = np.linalg.norm(coordinates[:k], axis=0) < MOVES
+    largest = np.argmax(np.abs(modes.shapes), axis=0)
     for group in _groups(values):
         step = max(1, BLOCK // max(1, plan.size * m))
         pushed = np.concatenate([_pushed(plan, modes.shapes[:, some], values[some])
                                  for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
-        own = np.asarray(moving @ modes.shapes[:, group])
+        own = np.asarray(coordinates[:, group])
         forms = -(vectors.T @ plan.chain(pushed[0]))
-        mass = modes.shapes[:, group].conj().T @ plan.chain(pushed[1])
-        change = _bordered(square, gamma, values[group[0]], own, forms)
-        keep = own.conj().T @ change
-        result[:, :, group] = vectors @ (change - own @ (keep + 0.5 * mass))
+        held = own.conj().T.copy()
+        held[:, k:] = 0.0
+        still = bool(resting[group].any())
+        change = _bordered(chosen, values[group[0]], own, vectors[largest[group]] if still else held, forms)
+        if not still:
+            mass = modes.shapes[:, group].conj().T @ plan.chain(pushed[1])
+            change = change - own @ (held @ change + 0.5 * mass)
+        result[:, :, group] = vectors @ change
     return result
 
 
@@ -188,14 +192,15 @@ def _pushed(plan: Plan, shapes: Any, values: Complex) -> Complex:
     return result
 
 
-def _bordered(square: Array, gamma: Array, value: complex, own: Any, forms: Complex) -> Complex:
-    """Solve T X' + T' X lambda' = F, X^H X' = 0 in the undamped modes, (v, m, k), with rows and columns balanced."""
+def _bordered(chosen: Basis, value: complex, own: Any, held: Any, forms: Complex) -> Complex:
+    """Solve T X' + T' X lambda' = F, H X' = 0 in a basis, (v, m, k), with rows and columns balanced."""
     m, k = own.shape
+    mass = np.where(np.arange(m) < chosen.massive, 1.0, 0.0)
     matrix = np.zeros((m + k, m + k), dtype=complex)
-    matrix[:m, :m] = square + value * value * np.eye(m) + value * gamma
+    matrix[:m, :m] = chosen.stiffness + value * chosen.damping + value * value * np.diag(mass)
     # rigid-body modes stay at 0: what would move them must vanish, whichever damper brakes them
-    matrix[:m, m:] = own if value == 0.0 else 2.0 * value * own + gamma @ own
-    matrix[m:, :m] = own.conj().T
+    matrix[:m, m:] = own if value == 0.0 else 2.0 * value * mass[:, None] * own + chosen.damping @ own
+    matrix[m:, :m] = held
     row = 1.0 / np.maximum(np.abs(matrix).max(axis=1), np.finfo(float).tiny)
     matrix *= row[:, None]
     column = 1.0 / np.maximum(np.abs(matrix).max(axis=0), np.finfo(float).tiny)

@@ -226,6 +226,33 @@ def test_relaxation_in_time_and_norms(start):
             assert norm.slopes[k] == pytest.approx(slope, rel=1e-6, abs=1e-12)
 
 
-def test_shapes_without_mass_are_refused_by_name():
-    with pytest.raises(mv.ModelError, match=r"sensitivities of 'relaxing': shapes with motions without mass"):
-        relaxing().linearize().mode_sensitivities("leg.damping").shapes  # noqa: B018
+def nodes():
+    """Two nodes without mass between springs and dampers, beside a mass that they never move."""
+    model = mv.Model("nodes")
+    model.add_body("mass", 2.0, (0.1, 0.1, 0.1))
+    model.add_joint("way", "prismatic", "ground", "mass", position=(0, 0, 0), axis=(0, 0, 1))
+    model.add_spring("leg", "ground", "mass", (0, 0, -1), (0, 0, 0), 300.0)
+    for k in (1, 2):
+        model.add_body(f"node{k}", 0.0, (0, 0, 0), position=(k, 0, 0))
+        model.add_joint(f"way{k}", "prismatic", "ground", f"node{k}", position=(k, 0, 0), axis=(0, 0, 1))
+        model.add_spring(f"foot{k}", "ground", f"node{k}", (k, 0, -1), (k, 0, 0), 100.0 * k * k, damping=5.0 * k)
+    model.add_spring("tie", "node1", "node2", (1, 0, 0), (2, 0, 0.5), 80.0, damping=2.0)
+    return model
+
+
+@pytest.mark.parametrize(("make", "names"), [
+    (relaxing, ["leg.stiffness", "leg.damping", "mass.mass"]), (nodes, ["foot1.damping", "tie.stiffness", "mass.mass"]),
+])  # fmt: skip
+def test_shapes_with_motions_without_mass(make, names):
+    """With x^H M x and the phase kept; where no mass moves, the largest entry."""
+    model = make()
+    system = model.linearize()
+    modes, found = system.modes(), system.mode_sensitivities(names).shapes
+    x = modes.shapes
+    norm = np.einsum("im,ij,jm->m", x.conj(), system.M, x).real
+    for k, name in enumerate(names):
+        expected = difference(model, system, name, lambda s: s.modes().shapes)
+        with np.errstate(all="ignore"):  # shapes() turns each to have its largest entry real
+            turned = np.einsum("im,ij,jm->m", x.conj(), system.M, expected).imag / norm
+        expected = expected - 1j * x * np.where(norm > 0.5, turned, 0.0)
+        assert np.abs(found[k] - expected).max() <= 1e-9 * max(np.abs(expected).max(), 1.0)
