@@ -129,6 +129,12 @@ def _moved_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
     return _crossed(found.body_wrench[k, :3], found.body[k, 3:])
 
 
+def moved_floating(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    """A body that floats: its coordinates are those of its centre of mass, so that all that hangs on it follows."""
+    carried = _crossed(found.support[data[0], :3], -found.body[k, 3:])
+    return [a + b for a, b in zip(_moved_body(found, k, ()), carried, strict=True)]
+
+
 def _turned_body(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
     return _crossed(found.body_wrench[k, 3:], found.body[k, 3:])
 

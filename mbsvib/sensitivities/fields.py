@@ -57,8 +57,9 @@ class Fields:
     """Motions of bodies and connections, and the wrench in each, world axes.
 
     ``vectors`` (m, ...) in minimal coordinates, bodies (b, 6, ...) at their centres of mass, connections
-    (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is
-    what springs see. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
+    (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is what springs see, ``support`` (f, 6, ...) what ground
+    would have to do to bodies that float and to all that hangs on them. ``stiff``, ``rate`` and ``square`` are factors
+    of stiffness, damping and inertia: 1, s and s^2.
     """
 
     vectors: Field
@@ -67,6 +68,7 @@ class Fields:
     relative: Field
     strain: Field
     wrench: Field
+    support: Field
     stiff: Field
     rate: Field
     square: Field
@@ -166,13 +168,14 @@ def fields(
     on_bodies = body_wrench if load is None else body_wrench + load
     if network.forces is not None:
         on_bodies = on_bodies + network.forces.on_bodies(motion.body, side) * stiff
-    wrench = np.concatenate((_transmitted(network, on_bodies, spring_wrench), spring_wrench))
+    in_joints, support = _transmitted(network, on_bodies, spring_wrench)
+    wrench = np.concatenate((in_joints, spring_wrench))
     seen = motion.relative[len(network.joints) :] if strain is None else strain
-    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, stiff, rate, square)
+    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, stiff, rate, square)
 
 
-def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> Field:
-    """What the joints transmit, (j, 6, ...) at their points."""
+def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field]:
+    """What the joints transmit (j, 6, ...), and what bodies that float would ask of ground (f, 6, ...)."""
     tail = body_wrench.shape[2:]
     on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
                              for wrench in (body_wrench, spring_wrench))  # fmt: skip
@@ -181,11 +184,13 @@ def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> 
         at = network.point[len(network.joints) :] - network.origin
         load += onto(network.acting, shifted(on_springs, at))
     behind = _behind(network, load)
-    if network.constraints is None:
-        found = _at_joints(network, behind)
-    else:
-        found = in_joints(network, behind, multipliers(network, behind))
-    return found.reshape(len(network.joints), 6, *tail)
+    closing: Any = 0.0
+    if network.constraints is not None:
+        behind, closing = _closed(network, behind, multipliers(network, behind))
+    floating = network.floating
+    support = shifted(behind[floating], network.origin - network.position[floating])
+    return ((_at_joints(network, behind) + closing).reshape(len(network.joints), 6, *tail),
+            support.reshape(len(floating), 6, *tail))  # fmt: skip
 
 
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:
@@ -205,12 +210,18 @@ def in_joints(network: Network, behind: Field, mu: Field) -> Field:
     array, shape (j, 6, n)
         Wrenches at the joints' points.
     """
+    behind, closing = _closed(network, behind, mu)
+    return np.asarray(_at_joints(network, behind) + closing)
+
+
+def _closed(network: Network, behind: Field, mu: Field) -> tuple[Field, Field]:
+    """What acts on each body and outwards once loops are closed, and the wrenches (j, 6, n) that close them."""
     ties, closes = network.constraints, network.closing
     assert ties is not None
     assert closes is not None
     closing = onto(ties.closing, ties.wrench[:, :, None] * mu[:, None])
     pull = onto(closes, shifted(closing, network.point[: len(network.joints)] - network.origin))
-    return np.asarray(_at_joints(network, behind - _behind(network, pull)) + closing)
+    return behind - _behind(network, pull), closing
 
 
 def onto(incidence: csr_array, wrench: Field) -> Field:

@@ -69,9 +69,9 @@ class Network:
     body of each spring-damper and of each joint. ``tree`` lists body and parent (ground: b) from ground outwards; joint
     j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
-    that are not zero. ``limits`` say which parameters act by rules of their own; those of all others come from
-    ``variants``. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
-    loaded scene whose derivatives through the equilibrium are known.
+    that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
+    of their own; those of all others come from ``variants``. A ``bare`` network has no parts, as no parameter has a
+    rule. ``forces`` are those at the pose of a loaded scene whose derivatives through the equilibrium are known.
     """
 
     parts: tuple[Part, ...]
@@ -97,6 +97,7 @@ class Network:
     origin: Array
     displacements: Array
     moves: Index
+    floating: Index
     limits: tuple[Limit, ...]
     variants: Variants
     bare: bool = False
@@ -183,7 +184,8 @@ def network(system: System) -> Network:
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         None if ties is None else _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
-        displacements, np.flatnonzero(displacements.any(axis=1)), limits(system),
+        displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
+        limits(system),
         Variants(system), forces=forces(system, bodies, joints, springs, number, point) if follows(system) else None,
     )  # fmt: skip
 
@@ -237,7 +239,7 @@ def bare(system: System) -> Network:
     return Network(
         system.provenance.parts, (), (), (), None, None, none, np.zeros((0, 3, 3)), vectors, np.zeros((0, 3, 3)),
         vectors, csr_array((0, system.dof)), matrices, matrices, (), index, none, csr_array((0, 0)), None, None,
-        np.zeros(3), np.zeros((0, system.dof)), index, limits(system), Variants(system), True,
+        np.zeros(3), np.zeros((0, system.dof)), index, index, limits(system), Variants(system), True,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.beams.beam import Beam
 from mbsvib.parts import Joint
-from mbsvib.sensitivities.factors import constants, rule
+from mbsvib.sensitivities.factors import constants, moved_floating, rule
 from mbsvib.sensitivities.fields import onto
 from mbsvib.sensitivities.flexible import beam_rule
 from mbsvib.sensitivities.variables import Direction
@@ -226,8 +226,9 @@ def _families(
         kind, number, part = parts[parameter.part]
         index = parameter.index
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
-        rod = isinstance(part, Joint) and part.end is not None
-        key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), rod)
+        apart = (isinstance(part, Joint) and part.end is not None) or (
+            kind == "body" and parameter.field == "position" and number in network.floating)  # fmt: skip
+        key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), apart)
         groups.setdefault(key, []).append((place, number, slot))
     return [_family(network, key, found) for key, found in groups.items()]
 
@@ -242,7 +243,7 @@ def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any
 
 
 def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:
-    kind, field, _, depth, _ = key
+    kind, field, _, depth, apart = key
     if kind == "beam":
         place, index, _ = members[0]
         beam: Any = network.parts[index]
@@ -255,6 +256,9 @@ def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int
     width = 1 if depth == 0 else 21 if depth == 2 else 6 if field in ("inertia", "stiffness", "damping") else 3
     rows = np.full((len(number), width), -1, dtype=np.intp)
     rows[inverse, table[:, 2]] = table[:, 0]
+    if kind == "body" and apart:
+        among = (number[:, None] == network.floating).argmax(axis=1)
+        return Family(kind, field, number, moved_floating, (among,), rows, _stride(rows))
     return Family(kind, field, number, rule(chosen[0], field), constants(chosen, field), rows, _stride(rows))
 
 

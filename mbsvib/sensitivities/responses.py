@@ -148,8 +148,9 @@ def derivatives(
     bodies = plan.only("body")
     for at in np.flatnonzero(acting.carried.any(axis=(0, 1))):
         one, carried = np.ones(1), acting.carried[:, :, at, None, None]
-        by_base = replace(right, body=carried, body_wrench=momenta[:, :, at, None, None], square=one)
-        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], square=one)
+        none = np.zeros((len(network.floating), 6, 1, 1))
+        by_base = replace(right, body=carried, body_wrench=momenta[:, :, at, None, None], support=none, square=one)
+        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=one)
         result[:, :, at] -= table(plan, still, by_base, bodies)
     _move_ports(result, plan, (acting, seeing), vectors, by_order[:, 0], turns)
     return result

@@ -94,3 +94,24 @@ def test_differences_of_random_mechanisms(model, seed):
             size = np.abs(getattr(system, key)).max(initial=0.0)
             limit = 1e-7 * np.abs(matrix).max(initial=0.0) + 1e-9 * size
             assert np.abs(getattr(found, key)[k] - matrix).max(initial=0.0) <= limit, (names[k], key)
+
+
+@settings(max_examples=8, deadline=None)
+@given(seeds(), st.integers(0, 2))
+def test_coordinates_of_bodies_that_float_go_with_their_centres_of_mass(seed, loops):
+    """Mass does not couple them with rotations, wherever the centre is; what hangs on the body follows."""
+    try:
+        model = spatial(seed, 3, loops, floating=True)
+        system = model.linearize()
+    except mv.SingularPoseError:
+        assume(False)
+    topology = system.provenance.topology
+    roots = [topology.bodies[k] for k in topology.floating]
+    assume(roots)
+    names = [f"{roots[0]}.position.{axis}" for axis in "xyz"]
+    found = system.matrix_derivatives(names)
+    for k, name in enumerate(names):
+        expected = difference(model, system, name, lambda s: [getattr(s, key) for key in MATRICES])
+        for key, at in zip(MATRICES, expected, strict=True):
+            size = np.abs(getattr(system, key)).max(initial=0.0)
+            assert np.abs(getattr(found, key)[k] - at).max(initial=0.0) <= 1e-7 * max(np.abs(at).max(initial=0.0), size)

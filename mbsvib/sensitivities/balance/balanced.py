@@ -226,9 +226,9 @@ class Balanced:
         relative[:joints] = moved
         still = np.zeros(wrench.shape, dtype=moved.dtype)
         none = np.zeros((len(self.forces.centre), 6, *ones))
-        return (Fields(none[0, :1], none, none, still, still[joints:], wrench, zero, zero, zero),
+        return (Fields(none[0, :1], none, none, still, still[joints:], wrench, none[:0], zero, zero, zero),
                 Fields(none[0, :1], np.broadcast_to(none, (*none.shape[:2], *tail)), none, relative, still[joints:],
-                       still, zero, zero, zero))  # fmt: skip
+                       still, none[:0], zero, zero, zero))  # fmt: skip
 
     def _followed(self, gap: Field) -> Field:
         """Motions (bodies, 6, ...) of second order at the centres of mass, in which each joint gives way by ``gap``."""
