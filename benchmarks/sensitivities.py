@@ -25,7 +25,6 @@ from rich.table import Table
 from mbsvib import library
 
 
-
 def hanging(build):
     """A scene under gravity, in its equilibrium: the pose follows what parameters do."""
     model = build()

@@ -138,10 +138,13 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
               for key, powers in _POWERS.items()}  # fmt: skip
     at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
     seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
+    seen["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
+    if seeing.beside:
+        for key, found in seen.items():
+            found[:, seeing.beside] = plan.beside[key][:, seeing.beside]
     return MatrixDerivatives(
         plan.variables.names, square["M"], square["C"], square["K"],
-        ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"],
-        ports("D", (acting, seeing), _STILL, (at_rest, blind)), plan,
+        ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], plan,
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from mbsvib.sensitivities.vectors import product
 from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
@@ -66,7 +66,7 @@ class Plan:
 
     Where these go through an equilibrium, the parameters are all there are of ``balanced``: variables move them at
     ``rates`` (variables, parameters), None one by one, and the pose by ``motion`` (variables, c), those ``lost`` along
-    one that nothing holds.
+    one that nothing holds. ``every`` says that these are all parameters, of which some may have no derivative.
     """
 
     network: Network
@@ -76,6 +76,7 @@ class Plan:
     rates: csr_array | None = None
     motion: Array | None = None
     lost: NDArray[np.bool_] | None = None
+    every: bool = False
 
     @cached_property
     def breaking(self) -> NDArray[np.bool_]:
@@ -120,6 +121,11 @@ class Plan:
         """Return the families of parts of one kind, or of some of their fields."""
         return tuple(each for each in self.families if isinstance(each, Family) and each.kind == kind
                      and (not fields or each.field in fields))  # fmt: skip
+
+    @cached_property
+    def beside(self) -> Mapping[str, Array]:
+        """Derivatives of whole matrices to the variables, for outputs that are no motions and no forces in springs."""
+        return self.network.variants.slopes(self.variables.each(), self.every)
 
     @cached_property
     def whole(self) -> Whole | None:
@@ -169,7 +175,7 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
     families: list[Family | Whole] = [*_families(network, parts, own_rules)]
     if directions:
         families.append(Whole(whole[:, None], network.variants.slopes(directions, every)))
-    return Plan(network, asked, tuple(families))
+    return Plan(network, asked, tuple(families), every=every)
 
 
 def _through_equilibrium(network: Network, balanced: Balanced, asked: Variables, every: bool) -> Plan:
@@ -183,7 +189,7 @@ def _through_equilibrium(network: Network, balanced: Balanced, asked: Variables,
     motion, lost = balanced.follow(rates)
     if lost.any() and not every:
         raise not_held(asked.names[int(np.argmax(lost))], network.variants.system.name)
-    return Plan(network, asked, balanced.families, balanced, rates, motion, lost)
+    return Plan(network, asked, balanced.families, balanced, rates, motion, lost, every)
 
 
 def families_of(network: Network, entries: Sequence[Parameter]) -> tuple[Family, ...]:

@@ -91,7 +91,10 @@ def frequency_response_sensitivities(
         forms = derivatives(plan, (acting, seeing), powers, vectors, turns)
         if plan.whole is not None:
             plan.whole.with_ports(forms, (i, o), powers, vectors)
-        result[..., part] = plan.chain(forms)
+        found = plan.chain(forms)
+        for k in seeing.beside:
+            found[:, k] += _seen_beside(plan, o[k], i, vectors[0][:, 0], powers)
+        result[..., part] = found
     result[..., w < 0.0] = result[..., w < 0.0].conj()
     return result
 
@@ -153,6 +156,14 @@ def derivatives(
         still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=one)
         result[:, :, at] -= table(plan, still, by_base, bodies)
     _move_ports(result, plan, (acting, seeing), vectors, by_order[:, 0], turns)
+    return result
+
+
+def _seen_beside(plan: Plan, output: int, inputs: list[int], right: Field, powers: tuple[Field, Field, Field]) -> Field:
+    """dD + (dCq + s dCv + s^2 dCa) R (variables, inputs, n) of an output that is no motion, R (m, inputs, n)."""
+    result = plan.beside["D"][:, output][:, inputs, None].astype(complex)
+    for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
+        result = result + power * np.tensordot(plan.beside[key][:, output], right, axes=1)
     return result
 
 

@@ -66,6 +66,16 @@ class Variables:
         own = np.array([place[entry.name] for entry in self.parameters], dtype=np.intp)
         return Variables(self.names, every, self.variable, own[self.parameter], self.rate)
 
+    def each(self) -> tuple[Direction, ...]:
+        """Return every variable with all parameters that it moves."""
+        rates: list[dict[str, float]] = [{} for _ in self.names]
+        for v, p, rate in zip(self.variable.tolist(), self.parameter.tolist(), self.rate.tolist(), strict=True):
+            count = len(self.parameters)
+            moved = ((self.parameters[p].name, 1.0),) if p < count else self.directions[p - count].rates
+            for name, share in moved:
+                rates[v][name] = rates[v].get(name, 0.0) + rate * share
+        return tuple(Direction(name, tuple(found.items())) for name, found in zip(self.names, rates, strict=True))
+
     def joined(self, together: Mask) -> Variables:
         """Return the same variables, in which all of some parameters that one variable moves are one direction.
 
