@@ -91,7 +91,11 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     if len(resting):
         lead = np.abs(result[:, found.place])
         size = (lead / np.abs(scale[: len(found.lead)])).max(axis=1, keepdims=True)
-        zero = ZERO_FORM if chosen.whole is None and chosen.balanced is None else ZERO_WHOLE
+        zero = ZERO_FORM
+        if chosen.whole is not None or chosen.balanced is not None:
+            zero = ZERO_WHOLE
+            work = chosen.network.variants.sizes(chosen.variables.each()) * float(np.abs(found.right).max()) ** 2
+            size = np.maximum(size, work[:, None])
         _set(result, found, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups) and left is not None:
         first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from mbsvib.assembly import cut_rows
 from mbsvib.beams.beam import Beam
 from mbsvib.errors import ModelError
-from mbsvib.kinematics import Rows, relative_motion, twists
+from mbsvib.kinematics import Rows, body_motion, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.parts._part import Composed
 from mbsvib.parts.coupler import Coupling
@@ -45,14 +45,15 @@ _SIX = np.eye(6)
 @dataclass(frozen=True, slots=True)
 class Constraints:
     """The locked rows of the cut joints, (rows,) each: ``wrench`` (rows, 6) at their joint's point, world axes;
-    ``closing`` (j, rows) adds them up by joint. Of the ``dependent`` coordinates (d,): the body ``carried`` and from
-    the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from what they feel to the
-    forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that load nothing.
+    ``closing`` (j, rows) adds them up by joint. Of dependent coordinates (d,): how bodies ``swing`` (b, 6, d) along,
+    the body ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d)
+    leads from what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of
+    redundant rows that load nothing.
     """
 
     wrench: Array
     closing: csr_array
-    dependent: Index
+    swing: Array
     carried: Index
     arm: Array
     twist: Array
@@ -335,6 +336,7 @@ def _constraints(
     return Constraints(
         np.concatenate((cuts.rows.force, cuts.rows.moment)).T,
         csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-        dependent, behind[dependent], origin - coordinates.point[:, dependent].T, twist,
+        body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
+        behind[dependent], origin - coordinates.point[:, dependent].T, twist,
         np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
     )  # fmt: skip

@@ -89,6 +89,12 @@ class Variants:
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
+    def sizes(self, directions: Sequence[Direction]) -> Array:
+        """Return the largest of the forces that cancel in the pose, over what is a large change along directions."""
+        return np.array([self._loads * max((abs(rate) / self._scale(name) for name, rate in direction.rates),
+                                           default=0.0)
+                         for direction in directions])  # fmt: skip
+
     def _slope(self, direction: Direction) -> Array:
         values = {name: self._model.parameters[name] for name, _ in direction.rates}
         scale = min(self._scale(name) / abs(rate) for name, rate in direction.rates)

@@ -24,11 +24,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics import body_motion
-from mbsvib.loads.reactions import carriers
 from mbsvib.sensitivities.balance.following import carried, shifted
 from mbsvib.sensitivities.balance.links import links
-from mbsvib.sensitivities.fields import Fields, applied, onto
+from mbsvib.sensitivities.fields import Fields
+from mbsvib.sensitivities.gaps import given_way
 from mbsvib.sensitivities.plans import families_of
 from mbsvib.sensitivities.products import ruled
 from mbsvib.sensitivities.vectors import cross, product, wide
@@ -48,7 +47,7 @@ if TYPE_CHECKING:
 
 # Motions whose stiffness is less than this share of the largest are held by nothing.
 LOOSE = 1e-10
-# What may be left of forces along such motions, against all forces of their kind: rounding.
+# What may be left of forces along such motions, against the products that they are sums of: rounding.
 LEFT = 1e-9
 
 
@@ -56,10 +55,8 @@ LEFT = 1e-9
 class Balanced:
     """A network in balance under its ``forces``, with all its parameters ``entries``, their ``families`` and ``links``.
 
-    ``behind`` (bodies, joints) holds +1 or -1 where a joint of the tree lies between ground and the body, ``swing``
-    (bodies, 6, d) are the bodies' motions per dependent coordinate, ``stiffness`` is K (m, m). The pose may make the
-    ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then ``carried`` (p, c) along, and
-    forces ``shifted`` (e, c) beside these.
+    ``stiffness`` is K (m, m). The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates;
+    parameters are then ``carried`` (p, c) along, and forces ``shifted`` (e, c) beside these.
     """
 
     network: Network
@@ -67,8 +64,6 @@ class Balanced:
     entries: tuple[Parameter, ...]
     families: tuple[Family, ...]
     links: Links
-    behind: Array
-    swing: Array
     stiffness: Array
     motions: Array
     carried: Array
@@ -94,7 +89,7 @@ class Balanced:
         y = x if right is None else self.forces.seen(right.body)
         weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
         gap = self.forces.by_wrench(x, None if right is None else y)
-        moved = self.forces.seen(self._followed(gap[:joints]))[1] - gap
+        moved = self.forces.seen(given_way(self.network, gap[:joints]))[1] - gap
         found = self._given(moved, gap)
         point, start = self.forces.by_place(x, None if right is None else y)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
@@ -150,18 +145,21 @@ class Balanced:
         """
         count, m = self.links.count, len(self.stiffness)
         own = self.pushes[:count]
-        pushed, size = (own, self._loads) if rates is None else (rates @ own, abs(rates) @ self._loads)
+        pushed = own if rates is None else rates @ own
         beside = np.eye(len(pushed), self.motions.shape[2] - m)
         if beside.size:
-            also = self.carried[:, m:].T @ own + self.pushes[count + m :]
-            pushed, size = pushed + also, size + np.abs(also)
+            pushed = pushed + self.carried[:, m:].T @ own + self.pushes[count + m :]
         unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(self.stiffness)), np.finfo(float).tiny))
         left, held, right = np.linalg.svd(unit[:, None] * self.stiffness * unit)
         holds = held > LOOSE * held.max(initial=0.0)
         along = (pushed * unit) @ left
         motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
-        over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
-        return np.concatenate((motion, beside), axis=1), (over > LEFT * size).any(axis=1)
+        lost = np.zeros(len(pushed), dtype=bool)
+        if not holds.all():
+            over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
+            size = self._sizes if rates is None else abs(rates) @ self._sizes
+            lost = (over > LEFT * (size @ unit)[:, None] / unit).any(axis=1)
+        return np.concatenate((motion, beside), axis=1), lost
 
     def following(self, gaps: Array, forces: csr_array) -> Balanced:
         """Return the same with further motions of the pose: those in which joints give way.
@@ -178,18 +176,31 @@ class Balanced:
         Balanced
             With v motions more.
         """
-        motion = self._followed(gaps)
+        motion = given_way(self.network, gaps)
         more = tuple(each(self.network, self.forces, self.links, motion) for each in (carried, shifted))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
                        carried=np.concatenate((self.carried, more[0]), axis=1),
                        shifted=np.concatenate((self.shifted, more[1] + forces.T), axis=1))  # fmt: skip
 
     @cached_property
-    def _loads(self) -> Array:
-        """Sizes (parameters, m) of the forces that parameters change, each with the largest of its field."""
-        result = np.zeros((self.links.count, len(self.stiffness)))
-        for rows in self.links.fields:
-            result[rows] = np.abs(self.pushes[rows]).max(axis=0, initial=0.0)
+    def _sizes(self) -> Array:
+        """Sizes (parameters, m) of the products whose sums are the derivatives of the forces along the coordinates."""
+        forces, at, m = self.forces, self.links.at, len(self.stiffness)
+        relative = forces.seen(self.motions[:, :, :m])[1]
+        v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
+        f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
+        bend, joints = np.abs(forces.bend)[:, None], forces.counts[0]
+        found = np.zeros((at.size, m))
+        found[at.point] = (f * w + bend * v).repeat(3, axis=0)
+        found[at.start] = (bend * v)[forces.lines].repeat(3, axis=0)
+        found[at.wrench] = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1).reshape(-1, m)
+        result: Array = abs(self.links.matrix) @ found
+        turned = f * v + t * w
+        of = {"orientation": turned, "pitch": f * w}
+        for family in self.families:
+            if family.kind == "joint":
+                size = of.get(family.field, f * w + turned / forces.length[:, None])[family.number]
+                result[family.rows] += size[:, None]
         return result
 
     def _fold(self, result: Field, found: Field, moved: Field) -> None:
@@ -230,24 +241,6 @@ class Balanced:
                 Fields(none[0, :1], np.broadcast_to(none, (*none.shape[:2], *tail)), none, relative, still[joints:],
                        still, none[:0], zero, zero, zero))  # fmt: skip
 
-    def _followed(self, gap: Field) -> Field:
-        """Motions (bodies, 6, ...) of second order at the centres of mass, in which each joint gives way by ``gap``."""
-        network = self.network
-        tail = gap.shape[2:]
-        joints, bodies = len(gap), len(network.bodies)
-        flat = _moved(gap.reshape(joints, 6, prod(tail)), network.origin - network.point[:joints])
-        z = np.tensordot(self.behind, flat, axes=1)
-        ties = network.constraints
-        if ties is not None:
-            assert network.closing is not None
-            opened = _moved(onto(network.closing.T, z) - flat, network.point[:joints] - network.origin)
-            residual = applied(ties.wrench[:, None], onto(ties.closing.T, opened))[:, 0]
-            z = _moved(z, network.position - network.origin)
-            z -= np.tensordot(self.swing, ties.pull.T @ residual, axes=1)
-        else:
-            z = _moved(z, network.position - network.origin)
-        return np.asarray(z.reshape(bodies, 6, *tail))
-
     def _stiffened(self, left: Fields, right: Fields | None) -> Field:
         """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...)."""
         own = self.forces.bushings
@@ -271,13 +264,6 @@ def _put(found: Field, at: slice, part: Field) -> None:
     found[at] += part.reshape(at.stop - at.start, *found.shape[1:])
 
 
-def _moved(motion: Field, arm: Array) -> Field:
-    """Motions (k, 6, n) of points that are at ``arm`` (k, 3) from the present ones."""
-    result = motion.copy()
-    result[:, :3] += cross(motion[:, 3:], wide(arm, motion))
-    return result
-
-
 def balanced(network: Network, system: System) -> Balanced:
     """Return a network in balance.
 
@@ -294,15 +280,10 @@ def balanced(network: Network, system: System) -> Balanced:
         What its parameters do to forces and pose.
     """
     assert network.forces is not None
-    assert network.coordinates is not None
     forces, entries = network.forces, system.parameters.entries
-    position = np.concatenate((network.position, np.zeros((1, 3)))).T
-    ties, free = network.constraints, body_motion(network.coordinates, network.position)
     known = links(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     return Balanced(
-        network, forces, entries, families_of(network, entries), known,
-        carriers(system.provenance.topology, position).behind[:-1],
-        free[:, :, ties.dependent] if ties is not None else free[:, :, :0], system.K, motions,
+        network, forces, entries, families_of(network, entries), known, system.K, motions,
         carried(network, forces, known, motions), shifted(network, forces, known, motions),
     )  # fmt: skip

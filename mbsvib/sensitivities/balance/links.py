@@ -14,9 +14,7 @@ from mbsvib.parts.load import Gravity
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from mbsvib.kinematics import Index
     from mbsvib.parameters import Parameter
-    from mbsvib.parts._part import Part
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
 
@@ -67,13 +65,12 @@ class Extras:
 @dataclass(frozen=True)
 class Links:
     """How parameters, by part, field and index in ``row``, act on what is no parameter: by ``matrix`` (p, e) on a long
-    row, in which each has its place ``at``. ``fields`` number the parameters of each field of each kind of part.
+    row, in which each has its place ``at``.
     """
 
     row: dict[tuple[str, str, tuple[int, ...]], int]
     at: Extras
     matrix: csr_array
-    fields: tuple[Index, ...]
 
     @property
     def count(self) -> int:
@@ -131,7 +128,6 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
     """
     at = Extras.of(forces)
     terms = Terms({(entry.part, entry.field, entry.index): k for k, entry in enumerate(entries)}, at)
-    parts: dict[str, Part] = {part.name: part for part in network.parts}
     joints, springs, bodies, _ = forces.counts
     weight = joints + springs
     for k, joint in enumerate(network.joints):
@@ -158,10 +154,7 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
         terms.along(load.name, "torque", at.wrench_of(k) + 3)
         owner = (load.body, "position") if load.position is None else (load.name, "position")
         terms.along(*owner, at.point_of(k))
-    groups: dict[tuple[type, str], list[int]] = {}
-    for row, entry in enumerate(entries):
-        groups.setdefault((type(parts[entry.part]), entry.field), []).append(row)
-    return Links(terms.row, at, terms.matrix(at.size), tuple(np.array(rows, dtype=np.intp) for rows in groups.values()))
+    return Links(terms.row, at, terms.matrix(at.size))
 
 
 def _spring(terms: Terms, spring: Spring, k: int) -> None:

@@ -9,7 +9,7 @@ from mbsvib import library
 from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import Variants
 from tests.support.loaded_models import loaded, stiffened
-from tests.support.random_models import add_random_ports, seeds
+from tests.support.random_models import add_random_ports, rotation, seeds
 
 QUIET = pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
@@ -166,3 +166,24 @@ def test_a_pin_that_a_planar_loop_cannot_tilt():
     found = system.eigenvalue_sensitivities(["B.orientation.rx", "B.position.x", "coupler.mass"])
     assert np.isnan(found[0]).all()
     assert np.isfinite(found[1:]).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seeds())
+def test_what_loads_a_free_motion_is_told_from_rounding(seed):
+    """A gate on an upright hinge turns freely: its weight does not, but tilting the hinge would swing it."""
+    rng = np.random.default_rng(seed)
+    turn, centre = rotation(rng), 10.0 * rng.normal(size=3)
+    model = mv.Model("gate", gravity=9.81 * turn @ (0, 0, -1))
+    model.add_body("gate", 30.0, (2.0, 3.0, 4.0), position=centre + turn @ (0.6, 0.1, 0.3))
+    model.add_joint("hinge", "revolute", "ground", "gate", position=centre, axis=turn @ (0, 0, 1))
+    system = model.linearize()
+    still = ["gate.mass", "gate.position.x", "hinge.position.y", "gate.inertia.xx"]
+    assert (system.eigenvalue_sensitivities(still) == 0.0).all()
+    up = {"up": {f"gravity.{axis}": float(value) for axis, value in zip("xyz", turn @ (0, 0, 1), strict=True)}}
+    assert (system.eigenvalue_sensitivities(up) == 0.0).all()
+    for other in ("hinge.orientation", "gravity"):
+        away = {"away": {f"{other}.{axis}": float(value) for axis, value in zip(
+            ("rx", "ry", "rz") if "hinge" in other else "xyz", turn @ (1, 0.5, 0), strict=True)}}  # fmt: skip
+        with pytest.raises(mv.ModelError, match="'away' moves the equilibrium of 'gate' along a motion that no"):
+            system.eigenvalue_sensitivities(away)
