@@ -51,6 +51,14 @@ def given_way(network: Network, gap: Field) -> Field:
     return moved(result, network.position - network.origin).reshape(bodies, 6, *tail)
 
 
+def seen(network: Network, body: Field) -> Field:
+    """Return the relative motions of connections (j + s, 6, n) at their points, for those of bodies (b, 6, n)."""
+    assert network.closing is not None
+    at_origin = moved(body, network.origin - network.position)
+    found = np.concatenate([onto(each.T, at_origin) for each in (network.closing, network.acting)])
+    return moved(found, network.point - network.origin)
+
+
 def moved(motion: Field, arm: Array) -> Field:
     """Return motions (k, 6, n) of points that are at ``arm`` (k, 3) from the present ones."""
     result = motion.copy()

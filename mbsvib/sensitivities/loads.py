@@ -17,8 +17,11 @@ from mbsvib.kinematics import Rows, relative_motion
 from mbsvib.parts import BaseMotion, ForceOutput, Input, Output, Spring
 from mbsvib.parts.ports import QUANTITIES
 from mbsvib.sensitivities.fields import momentum
+from mbsvib.sensitivities.gaps import given_way, seen
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from mbsvib.kinematics import Array, Index
     from mbsvib.sensitivities.network import Network
     from mbsvib.system import System
@@ -36,6 +39,10 @@ class Loads:
     with the base. ``centre`` (p,) is the body with whose centre of mass the port moves, -1 where its ``point`` (p, 3)
     is given, and ``carrier`` (p,) the body that carries this point along, -1 for none. Ports ``beside`` these are
     forces in joints and sums of forces, which are none of that.
+
+    A force in a joint is minus the work of all others on the motion ``given`` (b, 6, p) in which the joint comes apart
+    along it, ``apart`` (j + s, 6, p) in connections; the sum of forces on bodies is that of their inertia as these move
+    alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p, 2) are the bodies of ports.
     """
 
     wrench: Array
@@ -47,6 +54,10 @@ class Loads:
     centre: Index
     carrier: Index
     point: Array
+    ends: Index
+    given: Array
+    apart: Array
+    works: NDArray[np.bool_]
     beside: tuple[int, ...] = ()
 
 
@@ -69,14 +80,16 @@ def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Netwo
     """
     network = system._network
     if not network.bare:
-        acting, seeing = loads(system, network, inputs, "inputs"), loads(system, network, outputs, "outputs")
-        if _are_all(system, network, (inputs, acting), (outputs, seeing)):
-            return network, acting, seeing
+        acting = loads(system, network, inputs, "inputs")
+        for forces in (True, False):
+            seeing = loads(system, network, outputs, "outputs", forces)
+            if _are_all(system, network, (inputs, acting), (outputs, seeing)):
+                return network, acting, seeing
     network = system._bare_network
     return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
 
 
-def loads(system: System, network: Network, which: list[int], kind: str) -> Loads:
+def loads(system: System, network: Network, which: list[int], kind: str, forces: bool = True) -> Loads:
     """Return some of a system's inputs or outputs as loads.
 
     Parameters
@@ -89,6 +102,8 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
         Numbers of the ports.
     kind : str
         "inputs" or "outputs".
+    forces : bool
+        Whether forces in joints and sums of forces are told as work on motions; if not, they are ``beside``.
 
     Returns
     -------
@@ -105,14 +120,18 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
     first, second = np.full(count, bodies), np.full(count, bodies)
     centre, carrier = np.full(count, -1), np.full(count, -1)
     strain, carried = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
-    order, beside = np.zeros(count, dtype=np.intp), []
+    given, apart = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
+    order, works, beside = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
         if isinstance(part, ForceOutput):
             felt = _spring(network, part)
-            if felt is None:
-                beside.append(i)
-            else:
+            worked = _worked(system, network, part) if felt is None and forces else None
+            if felt is not None:
                 strain[felt[0], :, i] = felt[1]
+            elif worked is not None:
+                given[:, :, i], apart[:, :, i], works[i] = worked
+            else:
+                beside.append(i)
         elif isinstance(part, BaseMotion):
             carried[:, :, i] = _carried(network, part)
         else:
@@ -132,7 +151,7 @@ def loads(system: System, network: Network, which: list[int], kind: str) -> Load
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
     return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre,
-                 carrier, point, tuple(beside))  # fmt: skip
+                 carrier, point, np.stack((first, second), axis=1), given, apart, works, tuple(beside))  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:
@@ -140,7 +159,34 @@ def no_loads(network: Network, count: int) -> Loads:
     none = np.zeros((len(network.bodies), 6, count))
     return Loads(np.zeros((count, 6)), np.zeros((count, 6, network.displacements.shape[1])), none,
                  np.zeros(count, dtype=np.intp), np.zeros((len(network.springs), 6, count)), none,
-                 np.full(count, -1), np.full(count, -1), np.zeros((count, 3)))  # fmt: skip
+                 np.full(count, -1), np.full(count, -1), np.zeros((count, 3)),
+                 np.full((count, 2), len(network.bodies)), none, np.zeros((len(network.point), 6, count)),
+                 np.zeros(count, dtype=bool))  # fmt: skip
+
+
+def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, bool] | None:
+    """The motion of bodies and connections on which a force in a joint, or all forces on a body, do work; whether
+    inputs do, too. None for moments about centres of mass, which move by themselves, and in loaded scenes, where forces
+    turn with what they act on.
+    """
+    wrench = np.array(part.wrench)
+    number = {body.name: i for i, body in enumerate(network.bodies)}
+    k = next((k for k, joint in enumerate(network.joints) if joint.name == part.element), None)
+    about_centre = k is None or network.joints[k].point is None
+    if system.provenance.statics is not None or (about_centre and wrench[3:].any()):
+        return None
+    still = np.zeros((len(network.point), 6))
+    if k is None:
+        whole = np.zeros((len(network.bodies), 6))
+        if part.element in number:
+            whole[number[part.element]] = -wrench
+        else:
+            whole[:] = wrench
+        return whole, still, False
+    gap = np.zeros((len(network.joints), 6, 1))
+    gap[k, :, 0] = (wrench.reshape(2, 3) @ np.array(network.joints[k].axes).T).reshape(6)
+    body = given_way(network, gap)
+    return body[:, :, 0], seen(network, body)[:, :, 0], True
 
 
 def _spring(network: Network, part: ForceOutput) -> tuple[int, Array] | None:
@@ -214,17 +260,22 @@ def _are_all(
     (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
     relative = network.relative if network.reduction is None else network.relative @ network.reduction
     strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
+    momenta = momentum(network, acting.carried)
     acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
-    acts -= np.einsum("bim,bip->mp", system.body_motion, momentum(network, acting.carried))
-    seen = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
-    forces = [np.einsum("sip,sij,sjm->pm", seeing.strain, z, strains) for z in (network.stiffness, network.damping)]
-    ours = [seen * (seeing.order == k)[:, None] + (forces[k] if k < 2 else 0.0) for k in range(3)]
+    acts -= np.einsum("bim,bip->mp", system.body_motion, momenta)
+    moves = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
+    felt = seeing.strain - seeing.apart[joints:]
+    forces = [np.einsum("sip,sij,sjm->pm", felt, z, strains) for z in (network.stiffness, network.damping)]
+    forces.append(-np.einsum("bip,bim->pm", seeing.given, momentum(network, system.body_motion)))
+    ours = [moves * (seeing.order == k)[:, None] + forces[k] for k in range(3)]
+    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.given, momenta)
+    direct += np.einsum("bio,bip->op", seeing.given * seeing.works, acting.on_bodies)
     theirs = [matrix[o] for matrix in (system.Cq, system.Cv, system.Ca)]
     known = np.array([k not in seeing.beside for k in range(len(o))], dtype=bool)
     return all(
         np.abs(found - given).max(initial=0.0) <= SAME * np.abs(given).max(initial=0.0)
         for found, given in zip(
-            (acts, feedthrough(system, inputs, outputs)[0][known], *(each[known] for each in ours)),
+            (acts, direct[known], *(each[known] for each in ours)),
             (system.B[:, i], system.D[np.ix_(o, i)][known], *(each[known] for each in theirs)), strict=True,
         )
     )  # fmt: skip

@@ -184,7 +184,7 @@ def network(system: System) -> Network:
         _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
-        None if ties is None else _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
+        _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
         Variants(system), forces=forces(system, bodies, joints, springs, number, point) if follows(system) else None,

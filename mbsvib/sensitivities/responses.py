@@ -140,7 +140,7 @@ def derivatives(
         Derivatives to all parameters of the plan.
     """
     network, (acting, seeing) = plan.network, ports
-    x, y = (motions(network, each) for each in vectors)
+    x, y = motions(network, vectors[0]), _with_given(network, motions(network, vectors[1]), seeing)
     momenta = momentum(network, acting.carried)
     on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
     by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
@@ -167,6 +167,18 @@ def _seen_beside(plan: Plan, output: int, inputs: list[int], right: Field, power
     return result
 
 
+def _with_given(network: Network, motion: Motions, seeing: Loads) -> Motions:
+    """L with the motions on which forces in joints and sums of forces do work."""
+    if not seeing.given.any():
+        return motion
+    body, apart = (each[:, :, :, None, None] for each in (seeing.given, seeing.apart))
+    strained = apart[len(network.joints) :]
+    viscous = None if motion.viscous is None else motion.viscous + applied(network.damping, strained)
+    return replace(motion, body=motion.body + body, relative=motion.relative + apart,
+                   momentum=motion.momentum + momentum(network, body),
+                   elastic=motion.elastic + applied(network.stiffness, strained), viscous=viscous)  # fmt: skip
+
+
 def _seeing(
     network: Network, motion: Motions, seeing: Loads, powers: tuple[Field, Field, Field], load: Field
 ) -> Fields:
@@ -186,7 +198,9 @@ def _move_ports(
 ) -> None:  # fmt: skip
     """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
     (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    moves = [(acting, i, result[:, :, i], np.tensordot(acting.motion[i, 3:], left, axes=1))
+    turned = np.concatenate((seeing.given[:, 3:] * seeing.works, np.zeros((1, 3, len(seeing.wrench)))))
+    moves = [(acting, i, result[:, :, i], np.tensordot(acting.motion[i, 3:], left, axes=1)
+              + (turned[acting.ends[i, 1]] - turned[acting.ends[i, 0]])[:, :, None])
              for i in range(len(acting.wrench))]  # fmt: skip
     moves += [(seeing, o, result[:, o], np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
                + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(seeing.wrench))]  # fmt: skip

@@ -1,0 +1,91 @@
+"""Forces in joints and sums of forces as outputs: work on motions in which joints come apart."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+
+import mbsvib as mv
+from mbsvib.sensitivities.loads import ported
+from mbsvib.sensitivities.variables import Direction
+from mbsvib.sensitivities.variants import Variants
+from tests.support.random_models import planar, seeds, spatial
+
+KEYS = ("B", "Cq", "Cv", "Ca", "D")
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
+@settings(max_examples=8, deadline=None)
+@given(seeds())
+def test_forces_of_random_mechanisms(seed):
+    """In axes of joints, about their points, beside all other ports; against variants of the whole equations."""
+    rng = np.random.default_rng(seed)
+    model = planar(seed, 3, 1) if seed % 5 == 0 else spatial(seed, 3, seed % 3, floating=seed % 4 == 3)
+    for k in range(2):
+        model.add_force_output(f"carried{k}", str(rng.choice(list(model.joints))), rng.normal(size=6) if k else "y")
+    if seed % 4 != 3:
+        model.add_force_output("shaking", "ground", rng.normal(size=3))
+        model.add_force_output("taken", str(rng.choice(list(model.bodies))), rng.normal(size=3))
+    try:
+        system = model.linearize()
+    except mv.SingularPoseError:
+        assume(False)
+    assume(system.dof > 0)
+    variants = Variants(system)
+    for name in rng.choice(list(system.parameters), 4, replace=False):
+        direction = Direction(str(name), ((str(name), 1.0),))
+        try:
+            expected = variants.slopes((direction,))
+        except mv.ModelError:
+            continue
+        found = system.matrix_derivatives(str(name))
+        for key in KEYS:
+            at, own = expected[key][0], getattr(found, key)[0]
+            size = np.abs(getattr(system, key)).max(initial=0.0) / max(abs(system.parameters[str(name)]), 1.0)
+            limit = 1e-8 * np.abs(at).max(initial=0.0) + 1e-10 * size
+            assert np.isnan(at).any() or np.isnan(own).any() or np.abs(own - at).max(initial=0.0) <= limit, (name, key)
+
+
+def test_bearing_of_a_pendulum_in_closed_form(monkeypatch):
+    """A force on the bob meets M q'' + k q = r f; the pin carries m r q'' - f and, as a moment about z, nothing."""
+    model = mv.Model("pendulum")
+    model.add_body("bob", 3.0, (0.1, 0.1, 0.1), position=(0.5, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "bob", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_bushing("spiral", "ground", "bob", (0, 0, 0), (0, 0, 0, 0, 40.0, 0))
+    model.add_input("push", "bob", "z")
+    axes = np.array(model.joints["hinge"].axes)
+    model.add_force_output("pin", "hinge", axes.T @ (0, 0, 1.0))
+    model.add_force_output("shaking", "ground", "z")
+    system = model.linearize()
+    monkeypatch.setattr(Variants, "slopes", lambda *_: pytest.fail("a variant was asked for"))
+    w, m, r, k, inertia = 7.0, 3.0, 0.5, 40.0, 0.1
+    found = system.frequency_response_sensitivities([w], ["bob.mass", "spiral.stiffness.ry", "bob.position.x"])[..., 0]
+
+    def pin(m, k, r):
+        """Upward force on the bob: m z'' less the push, with z = r^2 f / (k - w^2 (I + m r^2))."""
+        return -m * w * w * r * r / (k - w * w * (inertia + m * r * r)) - 1.0
+
+    h = 1e-30j
+    expected = np.array([pin(m + h, k, r), pin(m, k + h, r), pin(m, k, r + h)]).imag / h.imag
+    sign = system.frequency_response([w])[0, 0, 0].real / pin(m, k, r)
+    assert abs(abs(sign) - 1.0) < 1e-13
+    assert found[:, 0, 0] == pytest.approx(sign * expected, rel=1e-12)
+    total = system.frequency_response([w])[1, 0, 0].real
+    assert abs(total) == pytest.approx(abs(pin(m, k, r) + 1.0), rel=1e-12)
+    assert np.abs(found[:, 1, 0]) == pytest.approx(np.abs(expected), rel=1e-12)
+
+
+def test_forces_that_constraints_do_not_tell_stay_beside():
+    """A door on two hinges: how these share the load is a choice, which the work on a gap does not make."""
+    model = mv.Model("door")
+    model.add_body("door", 20.0, (1.0, 2.0, 3.0), position=(0.4, 0, 0))
+    for name, height in (("lower", -0.5), ("upper", 0.5)):
+        model.add_joint(name, "revolute", "ground", "door", position=(0, 0, height), axis=(0, 0, 1))
+    model.add_bushing("spring", "ground", "door", (0, 0, 0), (0, 0, 0, 0, 0, 5.0))
+    model.add_input("push", "door", "x", position=(0.4, 0, 0.7))
+    model.add_force_output("held", "upper", "x")
+    system = model.linearize()
+    assert ported(system, [0], [0])[2].beside in ((), (0,))
+    found = system.matrix_derivatives("door.mass")
+    expected = Variants(system).slopes((Direction("m", (("door.mass", 1.0),)),))
+    assert found.Ca[0] == pytest.approx(expected["Ca"][0], abs=1e-9)
+    assert found.D[0] == pytest.approx(expected["D"][0], abs=1e-9)
