@@ -234,6 +234,8 @@ def _solve(
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
     cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
     points = np.concatenate((cuts.rows.point.take(cut, axis=1), coordinates.point.take(columns, axis=1)), axis=1)
+    if not points.size:  # a coupler of coordinates that other joints hold still
+        points = np.zeros((3, 1))
     low, high = np.minimum.reduce(points, axis=1).tolist(), np.maximum.reduce(points, axis=1).tolist()
     length, distance = max(map(sub, high, low)), max(*high, -min(low))
     if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding

@@ -58,8 +58,8 @@ class Fields:
 
     ``vectors`` (m, ...) in minimal coordinates, bodies (b, 6, ...) at their centres of mass, connections
     (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is what springs see, ``support`` (f, 6, ...) what ground
-    would have to do to bodies that float and to all that hangs on them. ``stiff``, ``rate`` and ``square`` are factors
-    of stiffness, damping and inertia: 1, s and s^2.
+    would have to do to bodies that float and to all that hangs on them, ``tied`` (rows, ...) the forces in the rows
+    that close loops. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
     """
 
     vectors: Field
@@ -69,6 +69,7 @@ class Fields:
     strain: Field
     wrench: Field
     support: Field
+    tied: Field
     stiff: Field
     rate: Field
     square: Field
@@ -168,14 +169,31 @@ def fields(
     on_bodies = body_wrench if load is None else body_wrench + load
     if network.forces is not None:
         on_bodies = on_bodies + network.forces.on_bodies(motion.body, side) * stiff
-    in_joints, support = _transmitted(network, on_bodies, spring_wrench)
-    wrench = np.concatenate((in_joints, spring_wrench))
+    carried, support, tied = transmitted(network, on_bodies, spring_wrench)
+    wrench = np.concatenate((carried, spring_wrench))
     seen = motion.relative[len(network.joints) :] if strain is None else strain
-    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, stiff, rate, square)
+    return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
+                  stiff, rate, square)  # fmt: skip
 
 
-def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field]:
-    """What the joints transmit (j, 6, ...), and what bodies that float would ask of ground (f, 6, ...)."""
+def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:
+    """Return what goes through joints where bodies and springs take wrenches.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    body_wrench : array, shape (b, 6, ...)
+        At the centres of mass.
+    spring_wrench : array, shape (s, 6, ...)
+        At the points of springs.
+
+    Returns
+    -------
+    tuple of array, shape (j, 6, ...), (f, 6, ...) and (rows, ...)
+        Wrenches in joints at their points, what bodies that float would ask of ground, and the forces in the rows that
+        close loops.
+    """
     tail = body_wrench.shape[2:]
     on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
                              for wrench in (body_wrench, spring_wrench))  # fmt: skip
@@ -185,12 +203,15 @@ def _transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> 
         load += onto(network.acting, shifted(on_springs, at))
     behind = _behind(network, load)
     closing: Any = 0.0
+    tied = np.zeros((0, *tail), dtype=behind.dtype)
     if network.constraints is not None:
-        behind, closing = _closed(network, behind, multipliers(network, behind))
+        mu = multipliers(network, behind)
+        behind, closing = _closed(network, behind, mu)
+        tied = mu.reshape(len(mu), *tail)
     floating = network.floating
     support = shifted(behind[floating], network.origin - network.position[floating])
     return ((_at_joints(network, behind) + closing).reshape(len(network.joints), 6, *tail),
-            support.reshape(len(floating), 6, *tail))  # fmt: skip
+            support.reshape(len(floating), 6, *tail), tied)  # fmt: skip
 
 
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:
@@ -219,7 +240,7 @@ def _closed(network: Network, behind: Field, mu: Field) -> tuple[Field, Field]:
     ties, closes = network.constraints, network.closing
     assert ties is not None
     assert closes is not None
-    closing = onto(ties.closing, ties.wrench[:, :, None] * mu[:, None])
+    closing = onto(ties.closing, ties.wrench[:, :, None] * (ties.share @ mu)[:, None])
     pull = onto(closes, shifted(closing, network.point[: len(network.joints)] - network.origin))
     return behind - _behind(network, pull), closing
 

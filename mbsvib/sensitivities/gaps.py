@@ -45,7 +45,7 @@ def given_way(network: Network, gap: Field) -> Field:
     if ties is not None:
         assert network.closing is not None
         opened = moved(onto(network.closing.T, result) - flat, network.point[:joints] - network.origin)
-        residual = applied(ties.wrench[:, None], onto(ties.closing.T, opened))[:, 0]
+        residual = ties.share.T @ applied(ties.wrench[:, None], onto(ties.closing.T, opened))[:, 0]
         dependent = np.tensordot(ties.swing, ties.pull.T @ residual, axes=1)
         return np.asarray((moved(result, network.position - network.origin) - dependent).reshape(bodies, 6, *tail))
     return moved(result, network.position - network.origin).reshape(bodies, 6, *tail)

@@ -45,8 +45,6 @@ def limits(system: System) -> tuple[Limit, ...]:
         result.append({_STIFFNESS, _DAMPING, _MASS, _INERTIA} | {
             ("beam", field) for beam in beams for field, _, _ in beam.numbers()
             if field not in GEOMETRY and field != "damping_ratio"})  # fmt: skip
-    if any(isinstance(part, Coupling) for part in parts):
-        result.append({_STIFFNESS, _DAMPING, _MASS, _INERTIA})
     if came.statics is not None:
         falls = any(isinstance(part, Gravity) for part in parts)
         still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
@@ -68,13 +66,16 @@ def follows(system: System) -> bool:
     Returns
     -------
     bool
-        True for rigid bodies with mass, joints, springs, bushings, gravity and loads, unless bushings with moments were
-        turned on the way to an equilibrium that was found.
+        True for rigid bodies with mass, joints, couplers, springs, bushings, gravity and loads, unless bushings with
+        moments were turned on the way to an equilibrium that was found, couplers are part of that way, or contradict
+        each other nearby.
     """
     came = system.provenance
     return (
         came.statics is not None and came.massless is None and came.dropped is None and system.gyroscopic is None
-        and all(isinstance(part, (Body, Bushing, Gravity, Joint, Load, Spring)) for part in came.parts)
+        and all(isinstance(part, (Body, Bushing, Coupling, Gravity, Joint, Load, Spring)) for part in came.parts)
+        and not (any(isinstance(part, Coupling) for part in came.parts)
+                 and (came.settled or any(group.surplus for group in came.reduction.groups)))
         and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)
                     for part in came.parts)
     )  # fmt: skip

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib.kinematics import Rows, relative_motion
 from mbsvib.parts import BaseMotion, ForceOutput, Input, Output, Spring
+from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.ports import QUANTITIES
 from mbsvib.sensitivities.fields import momentum
 from mbsvib.sensitivities.gaps import given_way, seen
@@ -166,14 +167,15 @@ def no_loads(network: Network, count: int) -> Loads:
 
 def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, bool] | None:
     """The motion of bodies and connections on which a force in a joint, or all forces on a body, do work; whether
-    inputs do, too. None for moments about centres of mass, which move by themselves, and in loaded scenes, where forces
-    turn with what they act on.
+    inputs do, too. None for moments about centres of mass, which move by themselves, beside couplers, and in loaded
+    scenes, where forces turn with what they act on.
     """
     wrench = np.array(part.wrench)
     number = {body.name: i for i, body in enumerate(network.bodies)}
     k = next((k for k, joint in enumerate(network.joints) if joint.name == part.element), None)
     about_centre = k is None or network.joints[k].point is None
-    if system.provenance.statics is not None or (about_centre and wrench[3:].any()):
+    tied = any(isinstance(each, Coupling) for each in network.parts)
+    if system.provenance.statics is not None or tied or (about_centre and wrench[3:].any()):
         return None
     still = np.zeros((len(network.point), 6))
     if k is None:

@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 
 from mbsvib.assembly import cut_rows
 from mbsvib.beams.beam import Beam
+from mbsvib.couplers.rows import terms, with_couplers
 from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, body_motion, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
@@ -44,15 +45,17 @@ _SIX = np.eye(6)
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """The locked rows of the cut joints, (rows,) each: ``wrench`` (rows, 6) at their joint's point, world axes;
-    ``closing`` (j, rows) adds them up by joint. Of dependent coordinates (d,): how bodies ``swing`` (b, 6, d) along,
-    the body ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d)
-    leads from what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of
-    redundant rows that load nothing.
+    """What cut joints lock and couplers tie: rows of Phi. A force in one is ``share`` (t, rows) of ``wrench`` (t, 6)
+    of each term, a locked row or what a coupler measures in a cut joint, at its joint's point, world axes; ``closing``
+    (j, t) adds them up by joint. Of dependent coordinates (d,): how bodies ``swing`` (b, 6, d) along, the body
+    ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from
+    what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that
+    load nothing.
     """
 
     wrench: Array
     closing: csr_array
+    share: csr_array
     swing: Array
     carried: Index
     arm: Array
@@ -321,22 +324,35 @@ def _constraints(
     system: System, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int], origin: Array
 ) -> Constraints | None:
     topology, reduction = system.provenance.topology, system.provenance.reduction
+    couplers = [part for part in system.provenance.parts if isinstance(part, Coupling)]
     cuts = cut_rows(topology, bodies, number)
-    if cuts is None or not cuts.names or any(isinstance(part, Coupling) for part in system.provenance.parts):
-        return None  # with couplers no parameter is allowed that asks for forces in joints
+    if couplers:
+        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    if cuts is None or not cuts.names:
+        return None
     behind, sign = _coordinates(system)
     free = np.zeros(len(coordinates.names), dtype=bool)
     free[reduction.independent] = True
-    dependent = np.flatnonzero(~free)
-    phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.names))[:, dependent]
-    q, r = np.linalg.qr(phi, mode="complete")
+    dependent, locked = np.flatnonzero(~free), len(cuts.rows.first)
+    phi = relative_motion(coordinates, cuts.rows).dense(0, locked)
+    wrench, share = np.concatenate((cuts.rows.force, cuts.rows.moment)).T, np.eye(locked, len(cuts.names))
+    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]]
+    if cuts.couplings is not None:
+        phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
+        _, measured = terms(couplers, coordinates.names, topology, bodies, number)
+        rows, own = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
+        wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
+        joint = np.concatenate((joint, measured))
+        more = np.zeros((len(own), len(cuts.names)))
+        more[np.arange(len(own)), locked + cuts.couplings.row[own]] = cuts.couplings.value[own]
+        share = np.concatenate((share, more))
+    q, r = np.linalg.qr(phi[:, dependent], mode="complete")
     d = len(dependent)
-    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint]
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(
-        np.concatenate((cuts.rows.force, cuts.rows.moment)).T,
+        wrench,
         csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-        body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
+        csr_array(share), body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
         behind[dependent], origin - coordinates.point[:, dependent].T, twist,
         np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
     )  # fmt: skip

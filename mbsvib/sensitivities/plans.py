@@ -10,6 +10,8 @@ import numpy as np
 
 from mbsvib.beams.beam import Beam
 from mbsvib.parts import Joint
+from mbsvib.parts.coupler import Coupling
+from mbsvib.sensitivities.coupled import coupler_rule
 from mbsvib.sensitivities.factors import constants, moved_floating, rule
 from mbsvib.sensitivities.fields import onto
 from mbsvib.sensitivities.flexible import beam_rule
@@ -221,6 +223,8 @@ def _parts(network: Network) -> dict[str, tuple[str, int, Any]]:
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
     if not network.bare:
         parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
+        parts.update((part.name, ("coupler", i, part)) for i, part in enumerate(network.parts)
+                     if isinstance(part, Coupling))  # fmt: skip
     return parts
 
 
@@ -234,7 +238,8 @@ def _families(
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
         apart = (isinstance(part, Joint) and part.end is not None) or (
             kind == "body" and parameter.field == "position" and number in network.floating)  # fmt: skip
-        key = (kind, parameter.field, number if kind == "beam" else type(part), len(index), apart)
+        own: Any = number if kind == "beam" else (number, index) if kind == "coupler" else type(part)
+        key = (kind, parameter.field, own, len(index), apart)
         groups.setdefault(key, []).append((place, number, slot))
     return [_family(network, key, found) for key, found in groups.items()]
 
@@ -250,6 +255,11 @@ def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any
 
 def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:
     kind, field, _, depth, apart = key
+    if kind == "coupler":
+        place, index, _ = members[0]
+        coupler: Any = network.parts[index]
+        entry = coupler_rule(network, coupler, field, key[2][1])
+        return Family(kind, field, np.zeros(1, dtype=np.intp), entry, (), np.array([[place]]), 0)
     if kind == "beam":
         place, index, _ = members[0]
         beam: Any = network.parts[index]

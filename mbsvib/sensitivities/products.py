@@ -170,8 +170,9 @@ def breaking(plan: Plan) -> NDArray[np.bool_]:
     per_length = np.repeat([1.0, length], 3)[:, None]
     moves = float(np.abs(motion.relative * per_length).max(initial=0.0)) / length
     loads = float(np.abs(wrench[:joints] / per_length).max(initial=0.0))
-    stress = replace(motion, wrench=wrench[..., None], relative=motion.relative[..., None, :])
-    for family in plan.only("joint"):
+    stress = replace(motion, wrench=wrench[..., None], tied=ties.stress[..., None],
+                     relative=motion.relative[..., None, :])  # fmt: skip
+    for family in (*plan.only("joint"), *plan.only("coupler")):
         number, data, rows = family.part(0, len(family.number))
         work = _work(family.rule(stress, number, data))
         broken = work > WORKS * moves * (length if family.field == "orientation" else 1.0) * loads

@@ -26,7 +26,7 @@ import numpy as np
 
 from mbsvib.sensitivities.balance.following import carried, shifted
 from mbsvib.sensitivities.balance.links import links
-from mbsvib.sensitivities.fields import Fields
+from mbsvib.sensitivities.fields import Fields, transmitted
 from mbsvib.sensitivities.gaps import given_way
 from mbsvib.sensitivities.plans import families_of
 from mbsvib.sensitivities.products import ruled
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.plans import Family
     from mbsvib.system import System
 
-# Motions whose stiffness is less than this share of the largest are held by nothing.
+# Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
 LOOSE = 1e-10
 # What may be left of forces along such motions, against the products that they are sums of: rounding.
 LEFT = 1e-9
@@ -55,8 +55,8 @@ LEFT = 1e-9
 class Balanced:
     """A network in balance under its ``forces``, with all its parameters ``entries``, their ``families`` and ``links``.
 
-    ``stiffness`` is K (m, m). The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates;
-    parameters are then ``carried`` (p, c) along, and forces ``shifted`` (e, c) beside these.
+    The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then
+    ``carried`` (p, c) along, and forces ``shifted`` (e, c) beside these.
     """
 
     network: Network
@@ -64,10 +64,14 @@ class Balanced:
     entries: tuple[Parameter, ...]
     families: tuple[Family, ...]
     links: Links
-    stiffness: Array
     motions: Array
     carried: Array
     shifted: Array
+
+    @property
+    def dof(self) -> int:
+        """Number m of minimal coordinates."""
+        return int(self.network.displacements.shape[1])
 
     @property
     def size(self) -> int:
@@ -122,7 +126,7 @@ class Balanced:
         """Derivatives (size, m) of the forces along the coordinates to parameters and to motions of the pose; together
         with what these do to parameters, -K for those along the coordinates.
         """
-        m = len(self.stiffness)
+        m = self.dof
         relative = -self.forces.seen(self.motions[:, :, :m])[1]
         result = np.zeros((self.size, m))
         self._fold(result, self._given(relative, np.zeros_like(relative)), relative[: self.forces.counts[0]])
@@ -143,15 +147,17 @@ class Balanced:
         lost : array of bool, shape (variables,)
             Variables that load a motion which no stiffness holds.
         """
-        count, m = self.links.count, len(self.stiffness)
+        count, m = self.links.count, self.dof
         own = self.pushes[:count]
         pushed = own if rates is None else rates @ own
         beside = np.eye(len(pushed), self.motions.shape[2] - m)
         if beside.size:
             pushed = pushed + self.carried[:, m:].T @ own + self.pushes[count + m :]
-        unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(self.stiffness)), np.finfo(float).tiny))
-        left, held, right = np.linalg.svd(unit[:, None] * self.stiffness * unit)
-        holds = held > LOOSE * held.max(initial=0.0)
+        # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
+        stiffness = -(self.carried[:, :m].T @ own + self.pushes[count : count + m]).T
+        unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(stiffness)) + self._works, np.finfo(float).tiny))
+        left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
+        holds = held > LOOSE
         along = (pushed * unit) @ left
         motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
         lost = np.zeros(len(pushed), dtype=bool)
@@ -183,17 +189,29 @@ class Balanced:
                        shifted=np.concatenate((self.shifted, more[1] + forces.T), axis=1))  # fmt: skip
 
     @cached_property
-    def _sizes(self) -> Array:
-        """Sizes (parameters, m) of the products whose sums are the derivatives of the forces along the coordinates."""
-        forces, at, m = self.forces, self.links.at, len(self.stiffness)
-        relative = forces.seen(self.motions[:, :, :m])[1]
+    def _lengths(self) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
+        """Sizes of forces, torques and T / L (n, 1), and of the relative shifts and turns (n, m) that they see."""
+        forces = self.forces
+        relative = forces.seen(self.motions[:, :, : self.dof])[1]
         v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
         f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
-        bend, joints = np.abs(forces.bend)[:, None], forces.counts[0]
-        found = np.zeros((at.size, m))
+        return (f, t, np.abs(forces.bend)[:, None]), (v, w)
+
+    @cached_property
+    def _works(self) -> Array:
+        """Sizes (m,) of the products whose sums are the geometric stiffness along each coordinate."""
+        (f, t, bend), (v, w) = self._lengths
+        return np.asarray((f * v * w + t * w * w + bend * v * v).sum(axis=0))
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """Sizes (parameters, m) of the products whose sums are the derivatives of the forces along the coordinates."""
+        forces, at = self.forces, self.links.at
+        (f, t, bend), (v, w), joints = self._lengths[0], self._lengths[1], self.forces.counts[0]
+        found = np.zeros((at.size, v.shape[1]))
         found[at.point] = (f * w + bend * v).repeat(3, axis=0)
         found[at.start] = (bend * v)[forces.lines].repeat(3, axis=0)
-        found[at.wrench] = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1).reshape(-1, m)
+        found[at.wrench] = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1).reshape(-1, v.shape[1])
         result: Array = abs(self.links.matrix) @ found
         turned = f * v + t * w
         of = {"orientation": turned, "pitch": f * w}
@@ -211,9 +229,9 @@ class Balanced:
         flat = found.reshape(len(found), prod(tail))
         result[:count] += (self.links.matrix @ flat).reshape(count, *tail)
         result[count:] += product(self.shifted.T, found)
-        joints = tuple(family for family in self.families if family.kind == "joint")
-        if joints:
-            result += ruled(joints, self.size, *self._resting(moved))
+        through = tuple(family for family in self.families if family.kind in ("joint", "coupler"))
+        if through:
+            result += ruled(through, self.size, *self._resting(moved))
 
     def _given(self, moved: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
@@ -237,9 +255,16 @@ class Balanced:
         relative[:joints] = moved
         still = np.zeros(wrench.shape, dtype=moved.dtype)
         none = np.zeros((len(self.forces.centre), 6, *ones))
-        return (Fields(none[0, :1], none, none, still, still[joints:], wrench, none[:0], zero, zero, zero),
+        tied = wide(self._tied, none)
+        return (Fields(none[0, :1], none, none, still, still[joints:], wrench, none[:0], tied, zero, zero, zero),
                 Fields(none[0, :1], np.broadcast_to(none, (*none.shape[:2], *tail)), none, relative, still[joints:],
-                       still, none[:0], zero, zero, zero))  # fmt: skip
+                       still, none[:0], np.zeros_like(tied), zero, zero, zero))  # fmt: skip
+
+    @cached_property
+    def _tied(self) -> Array:
+        """Forces at rest in the rows that close loops, (rows,)."""
+        still = np.zeros((self.forces.counts[1], 6))
+        return transmitted(self.network, -self.forces.applied, still)[2]
 
     def _stiffened(self, left: Fields, right: Fields | None) -> Field:
         """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...)."""
@@ -284,6 +309,6 @@ def balanced(network: Network, system: System) -> Balanced:
     known = links(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     return Balanced(
-        network, forces, entries, families_of(network, entries), known, system.K, motions,
+        network, forces, entries, families_of(network, entries), known, motions,
         carried(network, forces, known, motions), shifted(network, forces, known, motions),
     )  # fmt: skip

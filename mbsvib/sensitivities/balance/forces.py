@@ -196,6 +196,14 @@ class Forces:
         second, first = self._onto
         return self._summed(second, self.second, on_both) + self._summed(first, self.first, on_first - on_both)
 
+    @cached_property
+    def applied(self) -> Array:
+        """Wrenches (bodies, 6) of all forces but those in joints, at the centres of mass."""
+        wrench = self.wrench.copy()
+        wrench[: self.counts[0]] = 0.0
+        second, first = self._onto
+        return np.asarray(self._summed(second, self.second, wrench) - self._summed(first, self.first, wrench))
+
     def _summed(self, onto: csr_array, which: Index, wrench: Field) -> Field:
         moves = which < len(self.centre)
         arm = np.zeros((len(which), 3))
