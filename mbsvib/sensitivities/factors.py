@@ -93,7 +93,7 @@ def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
         return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),) if field == "inertia" else ()
     if isinstance(first, Spring):
         span = np.array([np.subtract(part.end, part.start) for part in parts])
-        return np.array([part.line for part in parts]), span, np.linalg.norm(span, axis=1)
+        return np.array([part.line for part in parts]), span
     if isinstance(first, Joint):
         if first.end is not None:
             return (_turning(np.array([np.subtract(part.end, part.position) for part in parts])),)
@@ -190,7 +190,7 @@ def _turned_joint(found: Fields, k: Any, _: tuple[Array, ...]) -> list[Terms]:
 
 
 def _pitch(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    return [[(_along(data[0], found.wrench[k, :3]), _along(data[0], found.relative[k, 3:]))]]
+    return [[(along(data[0], found.wrench[k, :3]), along(data[0], found.relative[k, 3:]))]]
 
 
 def _rod_start(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
@@ -211,34 +211,55 @@ def _turned_about(found: Fields, k: Any, rho: Array) -> Terms:
 
 
 def _line_stiffness(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    along = _along(data[0], found.strain[_among_springs(found, k), :3])
-    return [[((0.5 * found.stiff) * along, along)]]
+    seen = along(data[0], found.strain[_among_springs(found, k), :3])
+    return [[((0.5 * found.stiff) * seen, seen)]]
 
 
 def _line_damping(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    along = _along(data[0], found.strain[_among_springs(found, k), :3])
-    return [[((0.5 * found.rate) * along, along)]]
+    seen = along(data[0], found.strain[_among_springs(found, k), :3])
+    return [[((0.5 * found.rate) * seen, seen)]]
 
 
 def _start(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    """With e the line and L its length, moving an end by dp changes the elongation by
-    dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
-    """
-    return _line_end(found, k, data, found.relative[k, :3], -1.0)
+    return _line_end(found, k, data, end=False)
 
 
 def _end(found: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
-    d = found.relative[k]
-    return _line_end(found, k, data, d[:, :3] + cross(d[:, 3:], wide(data[1], d)), 1.0)
+    return _line_end(found, k, data, end=True)
 
 
-def _line_end(found: Fields, k: Any, data: tuple[Array, ...], u: Field, sign: float) -> list[Terms]:
-    line, _, length = data
-    e = wide(line, u)
-    across = u - e * _along(line, u)[:, None]
-    change = across * wide(sign / length, u) + cross(e, found.relative[k, 3:])
-    tension = _along(line, found.wrench[k, :3])
+def _line_end(found: Fields, k: Any, data: tuple[Array, ...], end: bool) -> list[Terms]:
+    change = moved_end(data[0], data[1], found.relative[k], end)
+    tension = along(data[0], found.wrench[k, :3])
     return [[(tension, change[:, i])] for i in range(3)]
+
+
+def moved_end(line: Array, span: Array, relative: Field, end: bool) -> Field:
+    """Return how elongations change as an end of lines moves, (parts, 3, ...).
+
+    With e the line and L its length, moving an end by dp changes the elongation by
+    dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
+
+    Parameters
+    ----------
+    line, span : array, shape (parts, 3)
+        Directions, and the ways from start to end [m].
+    relative : array, shape (parts, 6, ...)
+        Motions of second bodies against first ones at the starts.
+    end : bool
+        Whether the end moves, or the start.
+
+    Returns
+    -------
+    array, shape (parts, 3, ...)
+        Per unit motion of the end.
+    """
+    u, theta = relative[:, :3], relative[:, 3:]
+    if end:
+        u = u + cross(theta, wide(span, relative))
+    e, sign = wide(line, u), 1.0 if end else -1.0
+    across = u - e * along(line, u)[:, None]
+    return np.asarray(across * wide(sign / np.linalg.norm(span, axis=1), u) + cross(e, theta))
 
 
 def _entries(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) -> list[Terms]:
@@ -255,6 +276,6 @@ def _crossed(force: Field, theta: Field) -> list[Terms]:
     return [[(force[:, j], theta[:, k]), (force[:, k], -theta[:, j])] for j, k in ((1, 2), (2, 0), (0, 1))]
 
 
-def _along(axis: Array, vectors: Field) -> Field:
-    """Components (k, ...) of vectors (k, 3, ...) along axes (k, 3)."""
+def along(axis: Array, vectors: Field) -> Field:
+    """Return components (k, ...) of vectors (k, 3, ...) along axes (k, 3)."""
     return applied(axis[:, None], vectors)[:, 0]

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.kinematics import Rows, relative_motion
-from mbsvib.parts import BaseMotion, ForceOutput, Input, Output, Spring
+from mbsvib.parts import BaseMotion, ForceOutput, Input, Maxwell, Output, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.ports import QUANTITIES
 from mbsvib.sensitivities.fields import momentum
 from mbsvib.sensitivities.gaps import given_way, seen
+from mbsvib.sensitivities.relaxing import name_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -191,12 +192,15 @@ def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array,
     return body[:, :, 0], seen(network, body)[:, :, 0], True
 
 
-def _spring(network: Network, part: ForceOutput) -> tuple[int, Array] | None:
-    """The number of a spring-damper and the direction of its force that is asked for, world axes; None for joints."""
-    found = next((k for k, spring in enumerate(network.springs) if spring.name == part.element), None)
-    if found is None:
+def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
+    """Numbers of springs and the direction of their force that is asked for, world axes; None for joints."""
+    maxwell = next((each for each in network.parts if isinstance(each, Maxwell) and each.name == part.element), None)
+    names = [part.element] if maxwell is None else [name_of(maxwell, field) for field in
+                                                    ("static_stiffness", "stiffness")]  # fmt: skip
+    found = [k for k, spring in enumerate(network.springs) if spring.name in names]
+    if not found:
         return None
-    spring, six = network.springs[found], np.array(part.wrench)
+    spring, six = network.springs[found[0]], np.array(part.wrench)
     if isinstance(spring, Spring):
         return found, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
     return found, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))

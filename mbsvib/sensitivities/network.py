@@ -24,6 +24,7 @@ from mbsvib.parts.coupler import Coupling
 from mbsvib.sensitivities.balance.forces import forces
 from mbsvib.sensitivities.flexible import pieces
 from mbsvib.sensitivities.limits import follows, limits
+from mbsvib.sensitivities.relaxing import nodes_and_lines
 from mbsvib.sensitivities.variants import Variants
 from mbsvib.topology import FLOATS
 
@@ -162,11 +163,11 @@ def network(system: System) -> Network:
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
     springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
-    if any(isinstance(part, Beam) for part in parts):
-        nodes, elements = pieces(parts)
-        known = {body.name: body for body in (*bodies, *nodes)}
+    if any(isinstance(part, (Beam, Maxwell)) for part in parts):
+        (nodes, elements), (others, lines) = pieces(parts), nodes_and_lines(parts)
+        known = {body.name: body for body in (*bodies, *nodes, *others)}
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += tuple(elements)
+        springs += (*elements, *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     coordinates = twists(topology, list(bodies))
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
@@ -195,7 +196,7 @@ def network(system: System) -> Network:
 
 
 def is_network(system: System) -> bool:
-    """Tell whether a system may be a network: no reduced models, Maxwell elements or modal damping of beams.
+    """Tell whether a system may be a network: no reduced models or modal damping of beams.
 
     Parameters
     ----------
@@ -219,9 +220,7 @@ def is_network(system: System) -> bool:
             f"reachable(...) left something out. Ask the whole system for them.", element=system.name,
         )  # fmt: skip
     return not any(
-        isinstance(part, Maxwell) or (isinstance(part, Composed) and not (isinstance(part, Beam)
-                                                                          and not part.damping_ratio))
-        for part in came.parts
+        isinstance(part, Composed) and not (isinstance(part, Beam) and not part.damping_ratio) for part in came.parts
     )  # fmt: skip
 
 

@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.beams.beam import Beam
-from mbsvib.parts import Joint
+from mbsvib.parts import Joint, Maxwell
 from mbsvib.parts.coupler import Coupling
 from mbsvib.sensitivities.coupled import coupler_rule
 from mbsvib.sensitivities.factors import constants, moved_floating, rule
 from mbsvib.sensitivities.fields import onto
 from mbsvib.sensitivities.flexible import beam_rule
+from mbsvib.sensitivities.relaxing import maxwell_rule
 from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import not_held
 from mbsvib.sensitivities.vectors import product
 from mbsvib.sensitivities.whole import Whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.variables import Variables
 
+# Parts whose entries have rules of their own, one by one.
+_SINGLE: dict[str, Callable[..., Rule]] = {"coupler": coupler_rule, "maxwell": maxwell_rule}
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")
 _PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
@@ -223,8 +226,8 @@ def _parts(network: Network) -> dict[str, tuple[str, int, Any]]:
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
     if not network.bare:
         parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
-        parts.update((part.name, ("coupler", i, part)) for i, part in enumerate(network.parts)
-                     if isinstance(part, Coupling))  # fmt: skip
+        for kind, what in (("coupler", Coupling), ("maxwell", Maxwell)):
+            parts.update((part.name, (kind, i, part)) for i, part in enumerate(network.parts) if isinstance(part, what))
     return parts
 
 
@@ -238,7 +241,7 @@ def _families(
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
         apart = (isinstance(part, Joint) and part.end is not None) or (
             kind == "body" and parameter.field == "position" and number in network.floating)  # fmt: skip
-        own: Any = number if kind == "beam" else (number, index) if kind == "coupler" else type(part)
+        own: Any = number if kind == "beam" else (number, index) if kind in _SINGLE else type(part)
         key = (kind, parameter.field, own, len(index), apart)
         groups.setdefault(key, []).append((place, number, slot))
     return [_family(network, key, found) for key, found in groups.items()]
@@ -255,16 +258,11 @@ def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any
 
 def _family(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> Family:
     kind, field, _, depth, apart = key
-    if kind == "coupler":
+    if kind in _SINGLE or kind == "beam":
         place, index, _ = members[0]
-        coupler: Any = network.parts[index]
-        entry = coupler_rule(network, coupler, field, key[2][1])
-        return Family(kind, field, np.zeros(1, dtype=np.intp), entry, (), np.array([[place]]), 0)
-    if kind == "beam":
-        place, index, _ = members[0]
-        beam: Any = network.parts[index]
-        only = np.zeros(1, dtype=np.intp)
-        return Family(kind, field, only, beam_rule(network, beam, field), (), np.array([[place]]), 0)
+        part: Any = network.parts[index]
+        own = beam_rule(network, part, field) if kind == "beam" else _SINGLE[kind](network, part, field, key[2][1])
+        return Family(kind, field, np.zeros(1, dtype=np.intp), own, (), np.array([[place]]), 0)
     table = np.array(members, dtype=np.intp)
     number, inverse = np.unique(table[:, 1], return_inverse=True)
     known: Any = network.bodies if kind == "body" else network.joints + network.springs
