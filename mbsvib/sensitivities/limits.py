@@ -1,7 +1,8 @@
-"""Which parameters act as one part's rule tells, in mechanisms with loads, couplers, spin or beams.
+"""Which parameters act as one part's rule tells, in mechanisms with loads, spin or beams.
 
 There, too, stiffness, damping and inertia enter by the motions alone: the pose balances as before, as preloads are
-forces at the pose. What moves the equilibrium or changes forces in joints acts on the matrices as wholes.
+forces at the pose. What moves the equilibrium or changes forces in joints goes through ``balance``, where all parts
+are known there, or acts on the matrices as wholes.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.beams.beam import Beam
-from mbsvib.parts import Body, Bushing, Joint, Load, Spring
+from mbsvib.parts import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.load import Gravity
 from mbsvib.parts.rotor import Rotor
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
 _MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
+_KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
 GEOMETRY = frozenset({"start", "end", "length"})
 
 
@@ -66,14 +68,16 @@ def follows(system: System) -> bool:
     Returns
     -------
     bool
-        True for rigid bodies with mass, joints, couplers, springs, bushings, gravity and loads, unless bushings with
-        moments were turned on the way to an equilibrium that was found, couplers are part of that way, or contradict
-        each other nearby.
+        True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements without a static spring, gravity
+        and loads, where all motions without mass have dampers; unless bushings with moments were turned on the way to
+        an equilibrium that was found, couplers or Maxwell elements went along, or couplers contradict each other.
     """
     came = system.provenance
     return (
-        came.statics is not None and came.massless is None and came.dropped is None and system.gyroscopic is None
-        and all(isinstance(part, (Body, Bushing, Coupling, Gravity, Joint, Load, Spring)) for part in came.parts)
+        came.statics is not None and came.dropped is None and system.gyroscopic is None
+        and (came.massless is None or came.massless.transform is None)
+        and all(isinstance(part, _KNOWN) for part in came.parts)
+        and not any(isinstance(part, Maxwell) and (came.settled or part.static_stiffness) for part in came.parts)
         and not (any(isinstance(part, Coupling) for part in came.parts)
                  and (came.settled or any(group.surplus for group in came.reduction.groups)))
         and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)

@@ -167,8 +167,8 @@ def plan(network: Network, asked: Variables, every: bool = False) -> Plan:
         if own not in rule:
             rule[own] = _has_rule(network, parameter, parts.get(parameter.part))
     without = np.array([not rule[each.part, each.field] for each in asked.parameters], dtype=np.bool_)
-    told = network.described is None or all(map(network.described.tells, asked.parameters))
-    if without.any() and network.balanced is not None and told:
+    if without.any() and network.balanced is not None and (
+            network.described is None or all(map(network.described.tells, asked.parameters))):  # fmt: skip
         return _through_equilibrium(network, network.balanced, asked, every)
     if without.any() and not asked.identity:
         asked = asked.joined(without)

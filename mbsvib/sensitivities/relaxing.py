@@ -49,6 +49,13 @@ def name_of(part: Maxwell, field: str) -> str:
     return f"{part.node}.{field}"
 
 
+def maxwells(network: Network) -> list[tuple[str, int]]:
+    """Return the name of each Maxwell element, with the number of the line between its two bodies."""
+    place = {spring.name: k for k, spring in enumerate(network.springs)}
+    found = [part for part in network.parts if isinstance(part, Maxwell)]
+    return [(part.name, place[name_of(part, "static_stiffness")]) for part in found]
+
+
 def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> Rule:
     """Return the rule by which a number of a Maxwell element enters the equations.
 

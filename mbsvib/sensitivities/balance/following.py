@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.parts import Bushing, Load
+from mbsvib.sensitivities.relaxing import maxwells
 from mbsvib.sensitivities.vectors import cross, wide
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
     joints = forces.counts[0]
 
     def put(part: str, field: str, value: Array) -> None:
-        for i in range(3):
+        for i in range(3 if (part, field, (0,)) in links.row else 0):  # nodes of Maxwell elements have no parameters
             result[links.row[part, field, (i,)]] = value[i]
 
     for k, body in enumerate(network.bodies):
@@ -55,8 +56,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
             put(joint.name, "position", start[k])
             put(joint.name, "end", second[k, :3])
             continue
-        if joint.position is not None:
-            put(joint.name, "position", second[k, :3])
+        put(joint.name, "position", second[k, :3])
         put(joint.name, "orientation", axes[k])
     for k, spring in enumerate(network.springs, joints):
         if isinstance(spring, Bushing):
@@ -65,6 +65,9 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
         else:
             put(spring.name, "start", start[k])
             put(spring.name, "end", second[k, :3])
+    for maxwell, k in maxwells(network):
+        put(maxwell, "start", start[joints + k])
+        put(maxwell, "end", second[joints + k, :3])
     for k, load in zip(forces.loads, (part for part in network.parts if isinstance(part, Load)), strict=True):
         if load.position is not None:
             put(load.name, "position", second[k, :3])

@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 
 from mbsvib.parts import Bushing, Load, Spring
 from mbsvib.parts.load import Gravity
+from mbsvib.sensitivities.relaxing import maxwells
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -94,9 +95,10 @@ class Terms:
         self._terms: list[tuple[int, int, float]] = []
 
     def put(self, own: tuple[str, str, tuple[int, ...]], place: int, vector: Iterable[float]) -> None:
-        """Let a parameter change the numbers from a place on."""
-        row = self.row[own]
-        self._terms += [(row, place + i, float(value)) for i, value in enumerate(vector) if value != 0.0]
+        """Let a parameter change the numbers from a place on; parts that the user did not give have none."""
+        if own in self.row:
+            row = self.row[own]
+            self._terms += [(row, place + i, float(value)) for i, value in enumerate(vector) if value != 0.0]
 
     def along(self, part: str, field: str, place: int) -> None:
         """Let the three entries of a field change the three numbers from a place on."""
@@ -143,6 +145,9 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
             _bushing(terms, spring, k)
         else:
             _spring(terms, spring, k)
+    for maxwell, k in maxwells(network):
+        terms.along(maxwell, "start", at.start_of(joints + k))
+        terms.along(maxwell, "end", at.point_of(joints + k))
     for k, body in enumerate(network.bodies):
         terms.along(body.name, "position", at.point_of(weight + k))
         terms.put((body.name, "mass", ()), at.wrench_of(weight + k), forces.gravity)
