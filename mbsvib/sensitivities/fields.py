@@ -163,15 +163,18 @@ def fields(
         Motions and wrenches of bodies and connections.
     """
     body_wrench = motion.momentum * square
-    spring_wrench = motion.elastic * stiff
+    joints = len(network.joints)
+    tail = np.broadcast_shapes(body_wrench.shape[2:], motion.elastic.shape[2:], np.shape(rate))
+    wrench: Field = np.empty((len(network.point), 6, *tail), dtype=np.result_type(motion.elastic, stiff, rate, square))
+    spring_wrench = wrench[joints:]
+    np.multiply(motion.elastic, stiff, out=spring_wrench)
     if motion.viscous is not None:
-        spring_wrench = spring_wrench + motion.viscous * rate
+        spring_wrench += motion.viscous * rate
     on_bodies = body_wrench if load is None else body_wrench + load
     if network.forces is not None:
         on_bodies = on_bodies + network.forces.on_bodies(motion.body, side) * stiff
-    carried, support, tied = transmitted(network, on_bodies, spring_wrench)
-    wrench = np.concatenate((carried, spring_wrench))
-    seen = motion.relative[len(network.joints) :] if strain is None else strain
+    wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
+    seen = motion.relative[joints:] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
                   stiff, rate, square)  # fmt: skip
 
@@ -202,16 +205,16 @@ def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> t
         at = network.point[len(network.joints) :] - network.origin
         load += onto(network.acting, shifted(on_springs, at))
     behind = _behind(network, load)
-    closing: Any = 0.0
-    tied = np.zeros((0, *tail), dtype=behind.dtype)
-    if network.constraints is not None:
+    if network.constraints is None:
+        carried, mu = _at_joints(network, behind), np.zeros((0, behind.shape[2]), dtype=behind.dtype)
+    else:
         mu = multipliers(network, behind)
         behind, closing = _closed(network, behind, mu)
-        tied = mu.reshape(len(mu), *tail)
+        carried = _at_joints(network, behind) + closing
     floating = network.floating
     support = shifted(behind[floating], network.origin - network.position[floating])
-    return ((_at_joints(network, behind) + closing).reshape(len(network.joints), 6, *tail),
-            support.reshape(len(floating), 6, *tail), tied)  # fmt: skip
+    return (carried.reshape(len(network.joints), 6, *tail), support.reshape(len(floating), 6, *tail),
+            mu.reshape(len(mu), *tail))  # fmt: skip
 
 
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:
