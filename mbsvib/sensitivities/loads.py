@@ -22,6 +22,8 @@ from mbsvib.sensitivities.gaps import given_way, seen
 from mbsvib.sensitivities.relaxing import name_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 # B, H and D of the network and those of the system are the same numbers but for rounding.
 SAME = 1e-9
+# Rounding of the largest among all rows.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,16 +86,18 @@ def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Netwo
     """
     network = system._network
     if not network.bare:
-        acting = loads(system, network, inputs, "inputs")
-        for forces in (True, False):
-            seeing = loads(system, network, outputs, "outputs", forces)
-            if _are_all(system, network, (inputs, acting), (outputs, seeing)):
-                return network, acting, seeing
+        acting, seeing = (loads(system, network, *each) for each in ((inputs, "inputs"), (outputs, "outputs")))
+        wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
+        if wrong:  # how redundant constraints share forces is a choice, which the work on a gap does not make
+            seeing = loads(system, network, outputs, "outputs", wrong)
+            wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
+        if wrong == []:
+            return network, acting, seeing
     network = system._bare_network
     return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
 
 
-def loads(system: System, network: Network, which: list[int], kind: str, forces: bool = True) -> Loads:
+def loads(system: System, network: Network, which: list[int], kind: str, beside: Sequence[int] = ()) -> Loads:
     """Return some of a system's inputs or outputs as loads.
 
     Parameters
@@ -104,8 +110,8 @@ def loads(system: System, network: Network, which: list[int], kind: str, forces:
         Numbers of the ports.
     kind : str
         "inputs" or "outputs".
-    forces : bool
-        Whether forces in joints and sums of forces are told as work on motions; if not, they are ``beside``.
+    beside : sequence of int
+        Places of forces in joints and sums of forces that are no work on a motion.
 
     Returns
     -------
@@ -123,17 +129,17 @@ def loads(system: System, network: Network, which: list[int], kind: str, forces:
     centre, carrier = np.full(count, -1), np.full(count, -1)
     strain, carried = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
     given, apart = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
-    order, works, beside = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
+    order, works, others = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
         if isinstance(part, ForceOutput):
             felt = _spring(network, part)
-            worked = _worked(system, network, part) if felt is None and forces else None
+            worked = _worked(system, network, part) if felt is None and i not in beside else None
             if felt is not None:
                 strain[felt[0], :, i] = felt[1]
             elif worked is not None:
                 given[:, :, i], apart[:, :, i], works[i] = worked
             else:
-                beside.append(i)
+                others.append(i)
         elif isinstance(part, BaseMotion):
             carried[:, :, i] = _carried(network, part)
         else:
@@ -153,7 +159,7 @@ def loads(system: System, network: Network, which: list[int], kind: str, forces:
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
     return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre,
-                 carrier, point, np.stack((first, second), axis=1), given, apart, works, tuple(beside))  # fmt: skip
+                 carrier, point, np.stack((first, second), axis=1), given, apart, works, tuple(others))  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:
@@ -259,10 +265,10 @@ def feedthrough(
     return d, turns
 
 
-def _are_all(
+def _wrong(
     system: System, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
-) -> bool:
-    """Whether these loads are all that ports do, and give the B, Cq, Cv, Ca and D of the system."""
+) -> list[int] | None:
+    """The outputs whose rows of Cq, Cv, Ca and D these loads do not give, None if they do not give B."""
     (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
     relative = network.relative if network.reduction is None else network.relative @ network.reduction
     strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
@@ -276,12 +282,13 @@ def _are_all(
     ours = [moves * (seeing.order == k)[:, None] + forces[k] for k in range(3)]
     direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.given, momenta)
     direct += np.einsum("bio,bip->op", seeing.given * seeing.works, acting.on_bodies)
-    theirs = [matrix[o] for matrix in (system.Cq, system.Cv, system.Ca)]
-    known = np.array([k not in seeing.beside for k in range(len(o))], dtype=bool)
-    return all(
-        np.abs(found - given).max(initial=0.0) <= SAME * np.abs(given).max(initial=0.0)
-        for found, given in zip(
-            (acts, direct[known], *(each[known] for each in ours)),
-            (system.B[:, i], system.D[np.ix_(o, i)][known], *(each[known] for each in theirs)), strict=True,
-        )
-    )  # fmt: skip
+    if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME * np.abs(system.B[:, i]).max(initial=0.0):
+        return None
+    off = np.zeros(len(o), dtype=bool)
+    for found, given in zip((direct, *ours), (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o]),
+                            strict=True):  # fmt: skip
+        size = np.abs(given)
+        allowed = SAME * size.max(axis=1, initial=0.0) + ROUNDING * size.max(initial=0.0)
+        off |= np.abs(found - given).max(axis=1, initial=0.0) > allowed
+    off[list(seeing.beside)] = False
+    return np.flatnonzero(off).tolist()
