@@ -60,6 +60,7 @@ class Fields:
     (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is what springs see, ``support`` (f, 6, ...) what ground
     would have to do to bodies that float and to all that hangs on them, ``tied`` (rows, ...) the forces in the rows
     that close loops. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
+    ``turned`` (j, 3, ...) is how far joints are turned open, whose moments at rest go with their first bodies.
     """
 
     vectors: Field
@@ -73,10 +74,12 @@ class Fields:
     stiff: Field
     rate: Field
     square: Field
+    turned: Field | None = None
 
     def take(self, columns: Any) -> Fields:
         """Return some of the motions, numbered along the last axis."""
-        return Fields(*(getattr(self, key)[..., columns] for key in Fields.__slots__))
+        return Fields(*(None if (array := getattr(self, key)) is None else array[..., columns]
+                        for key in Fields.__slots__))  # type: ignore[arg-type]  # fmt: skip
 
 
 def complete_network(system: System) -> Network:
@@ -137,7 +140,7 @@ def applied(matrices: Array, vectors: Field) -> Field:
 
 def fields(
     network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None,
-    strain: Field | None = None, side: int = 0,
+    strain: Field | None = None, side: int = 0, turned: Field | None = None,
 ) -> Fields:  # fmt: skip
     """Return motions with the wrenches that go with them.
 
@@ -156,6 +159,8 @@ def fields(
         What springs see, where that is not their relative motion.
     side : int
         1 for the right, -1 for the left side of forms between two motions, which need not be symmetric.
+    turned : array, shape (j, 3, ...), optional
+        How far joints are turned open.
 
     Returns
     -------
@@ -172,11 +177,11 @@ def fields(
         spring_wrench += motion.viscous * rate
     on_bodies = body_wrench if load is None else body_wrench + load
     if network.forces is not None:
-        on_bodies = on_bodies + network.forces.on_bodies(motion.body, side) * stiff
+        on_bodies = on_bodies + network.forces.on_bodies(motion.body, side, turned) * stiff
     wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
     seen = motion.relative[joints:] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
-                  stiff, rate, square)  # fmt: skip
+                  stiff, rate, square, turned)  # fmt: skip
 
 
 def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:

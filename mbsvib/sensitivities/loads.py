@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array, Index
+    from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
     from mbsvib.system import System
 
@@ -47,8 +48,9 @@ class Loads:
     forces in joints and sums of forces, which are none of that.
 
     A force in a joint is minus the work of all others on the motion ``given`` (b, 6, p) in which the joint comes apart
-    along it, ``apart`` (j + s, 6, p) in connections; the sum of forces on bodies is that of their inertia as these move
-    alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p, 2) are the bodies of ports.
+    along it, ``apart`` (j + s, 6, p) in connections and ``turned`` (j, 3, p) open; the sum of forces on bodies is that
+    of their inertia as these move alone. Inputs do work on the former, which ``works`` (p,) tells; ``ends`` (p, 2) are
+    the bodies of ports.
     """
 
     wrench: Array
@@ -63,6 +65,7 @@ class Loads:
     ends: Index
     given: Array
     apart: Array
+    turned: Array
     works: NDArray[np.bool_]
     beside: tuple[int, ...] = ()
 
@@ -129,6 +132,7 @@ def loads(system: System, network: Network, which: list[int], kind: str, beside:
     centre, carrier = np.full(count, -1), np.full(count, -1)
     strain, carried = np.zeros((len(network.springs), 6, count)), np.zeros((bodies, 6, count))
     given, apart = np.zeros((bodies, 6, count)), np.zeros((len(network.point), 6, count))
+    turned = np.zeros((len(network.joints), 3, count))
     order, works, others = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
         if isinstance(part, ForceOutput):
@@ -137,7 +141,7 @@ def loads(system: System, network: Network, which: list[int], kind: str, beside:
             if felt is not None:
                 strain[felt[0], :, i] = felt[1]
             elif worked is not None:
-                given[:, :, i], apart[:, :, i], works[i] = worked
+                given[:, :, i], apart[:, :, i], turned[:, :, i], works[i] = worked
             else:
                 others.append(i)
         elif isinstance(part, BaseMotion):
@@ -158,8 +162,8 @@ def loads(system: System, network: Network, which: list[int], kind: str, beside:
             if body < bodies:
                 on_bodies[body, :, i] += sign * wrench[i]
                 on_bodies[body, 3:, i] += sign * np.cross(point[i] - network.position[body], wrench[i, :3])
-    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre,
-                 carrier, point, np.stack((first, second), axis=1), given, apart, works, tuple(others))  # fmt: skip
+    return Loads(wrench, _motion(network, first, second, point), on_bodies, order, strain, carried, centre, carrier,
+                 point, np.stack((first, second), axis=1), given, apart, turned, works, tuple(others))  # fmt: skip
 
 
 def no_loads(network: Network, count: int) -> Loads:
@@ -169,33 +173,35 @@ def no_loads(network: Network, count: int) -> Loads:
                  np.zeros(count, dtype=np.intp), np.zeros((len(network.springs), 6, count)), none,
                  np.full(count, -1), np.full(count, -1), np.zeros((count, 3)),
                  np.full((count, 2), len(network.bodies)), none, np.zeros((len(network.point), 6, count)),
-                 np.zeros(count, dtype=bool))  # fmt: skip
+                 np.zeros((len(network.joints), 3, count)), np.zeros(count, dtype=bool))  # fmt: skip
 
 
-def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, bool] | None:
-    """The motion of bodies and connections on which a force in a joint, or all forces on a body, do work; whether
-    inputs do, too. None for moments about centres of mass, which move by themselves, beside couplers, and in loaded
-    scenes, where forces turn with what they act on.
+def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, Array, bool] | None:
+    """The motion of bodies, of connections and the turns of joints on which a force in a joint, or all forces on a
+    body, do work; whether inputs do, too. None for moments about centres of mass, which move by themselves, beside
+    couplers, and in loaded scenes for sums and for joints with two free rotations, whose axes do not go with the first
+    body alone.
     """
     wrench = np.array(part.wrench)
     number = {body.name: i for i, body in enumerate(network.bodies)}
     k = next((k for k, joint in enumerate(network.joints) if joint.name == part.element), None)
     about_centre = k is None or network.joints[k].point is None
     tied = any(isinstance(each, Coupling) for each in network.parts)
-    if system.provenance.statics is not None or tied or (about_centre and wrench[3:].any()):
+    loaded = system.provenance.statics is not None and (
+        k is None or network.forces is None or k in network.forces.twice)  # fmt: skip
+    if loaded or tied or (about_centre and wrench[3:].any()):
         return None
-    still = np.zeros((len(network.point), 6))
+    still, gap = np.zeros((len(network.point), 6)), np.zeros((len(network.joints), 6, 1))
     if k is None:
         whole = np.zeros((len(network.bodies), 6))
         if part.element in number:
             whole[number[part.element]] = -wrench
         else:
             whole[:] = wrench
-        return whole, still, False
-    gap = np.zeros((len(network.joints), 6, 1))
+        return whole, still, gap[:, 3:, 0], False
     gap[k, :, 0] = (wrench.reshape(2, 3) @ np.array(network.joints[k].axes).T).reshape(6)
     body = given_way(network, gap)
-    return body[:, :, 0], seen(network, body)[:, :, 0], True
+    return body[:, :, 0], seen(network, body)[:, :, 0], gap[:, 3:, 0], True
 
 
 def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
@@ -265,6 +271,13 @@ def feedthrough(
     return d, turns
 
 
+def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
+    """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
+    turned = seeing.turned if seeing.turned.any() else None
+    wrench = forces.on_bodies(seeing.given, -1, turned)
+    return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
+
+
 def _wrong(
     system: System, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
 ) -> list[int] | None:
@@ -279,6 +292,8 @@ def _wrong(
     felt = seeing.strain - seeing.apart[joints:]
     forces = [np.einsum("sip,sij,sjm->pm", felt, z, strains) for z in (network.stiffness, network.damping)]
     forces.append(-np.einsum("bip,bim->pm", seeing.given, momentum(network, system.body_motion)))
+    if network.forces is not None:
+        forces[0] -= _at_rest(network, network.forces, seeing, system.body_motion)
     ours = [moves * (seeing.order == k)[:, None] + forces[k] for k in range(3)]
     direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.given, momenta)
     direct += np.einsum("bio,bip->op", seeing.given * seeing.works, acting.on_bodies)

@@ -8,6 +8,7 @@ import mbsvib as mv
 from mbsvib.sensitivities.loads import ported
 from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import Variants
+from tests.support.loaded_models import stiffened
 from tests.support.random_models import planar, seeds, spatial
 
 KEYS = ("B", "Cq", "Cv", "Ca", "D")
@@ -41,6 +42,36 @@ def test_forces_of_random_mechanisms(seed):
         for key in KEYS:
             at, own = expected[key][0], getattr(found, key)[0]
             size = np.abs(getattr(system, key)).max(initial=0.0) / max(abs(system.parameters[str(name)]), 1.0)
+            limit = 1e-8 * np.abs(at).max(initial=0.0) + 1e-10 * size
+            assert np.isnan(at).any() or np.isnan(own).any() or np.abs(own - at).max(initial=0.0) <= limit, (name, key)
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
+@settings(max_examples=5, deadline=None)
+@given(seeds())
+def test_forces_in_joints_of_random_loaded_mechanisms(seed):
+    """What they carry at rest turns with their first bodies, and gives way with the equilibrium."""
+    rng = np.random.default_rng(seed)
+    try:
+        model = stiffened(seed, 2, seed % 3, torque=seed % 2 == 1)
+        for k, name in enumerate(model.joints):
+            model.add_force_output(f"carried{k}", name, rng.normal(size=6) if k else "y")
+        model.add_input("push", next(iter(model.bodies)), "x", position=rng.normal(size=3))
+        model.add_base_motion("floor", rng.normal(size=3))
+        system = model.linearize()
+    except mv.MbsvibError:
+        assume(False)
+    assume(system.dof > 0)
+    variants = Variants(system)
+    for name in map(str, rng.choice(list(system.parameters), 3, replace=False)):
+        try:
+            expected = variants.slopes((Direction(name, ((name, 1.0),)),))
+            found = system.matrix_derivatives(name)
+        except mv.ModelError:
+            continue
+        for key in KEYS:
+            at, own = expected[key][0], getattr(found, key)[0]
+            size = np.abs(getattr(system, key)).max(initial=0.0) / max(abs(system.parameters[name]), 1.0)
             limit = 1e-8 * np.abs(at).max(initial=0.0) + 1e-10 * size
             assert np.isnan(at).any() or np.isnan(own).any() or np.abs(own - at).max(initial=0.0) <= limit, (name, key)
 

@@ -93,6 +93,8 @@ class Balanced:
         y = x if right is None else self.forces.seen(right.body)
         weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
         gap = self.forces.by_wrench(x, None if right is None else y)
+        if left.turned is not None:
+            gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
         moved = self.forces.seen(given_way(self.network, gap[:joints]))[1] - gap
         found = self._given(moved, gap)
         point, start = self.forces.by_place(x, None if right is None else y)
@@ -102,6 +104,15 @@ class Balanced:
         found = found * weight
         _put(found, at.twist, self._twisted(left, right))
         self._fold(result, found, weight * moved[:joints])
+        if left.turned is not None:
+            self._open(result, weight * cross(left.turned, cross(y[1][:joints, 3:], wide(
+                self.forces.wrench[:joints, 3:], y[1]))))  # fmt: skip
+
+    def _open(self, result: Field, slope: Field) -> None:
+        """Add what turning the axes of joints does that are turned open, twice ``slope`` (joints, 3, ...)."""
+        for family in self.families:
+            if family.kind == "joint" and family.field == "orientation":
+                result[family.rows] += 0.5 * slope[family.number]
 
     def carry(self, result: Field, body: int, point: Array, slope: Field) -> None:
         """Add, in place, what the pose does by moving a point that a body carries.

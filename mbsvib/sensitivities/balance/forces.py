@@ -188,11 +188,14 @@ class Forces:
         p, q = (wide(each[self.twice], turn) for each in self._picks)
         return np.asarray(p * dot(q, turn) + q * dot(p, turn))
 
-    def on_bodies(self, body: Field, side: int) -> Field:
+    def on_bodies(self, body: Field, side: int, turned: Field | None = None) -> Field:
         """Return the wrenches (bodies, 6, ...) at the centres of mass by which forces answer motions, as springs do;
-        ``side`` as of ``slopes``.
+        ``side`` as of ``slopes``, joints ``turned`` open (joints, 3, ...): t . (turned x W) / 2 more in H.
         """
         on_first, on_both = self.slopes(self.seen(body), side)
+        if turned is not None:
+            joints = self.counts[0]
+            on_both[:joints, 3:] += 0.5 * cross(wide(self.wrench[:joints, 3:], turned), turned)
         second, first = self._onto
         return self._summed(second, self.second, on_both) + self._summed(first, self.first, on_first - on_both)
 
