@@ -1,6 +1,7 @@
 """Sensitivities of everything that a system answers to every number it was made of.
 
 network       the mechanism as bodies and connections with their parameters, in numbers
+ties          the forces that close loops and couple coordinates
 fields        motions, and the wrenches that they put into every connection
 factors       derivatives of the equations as products of such motions and wrenches
 variables     names, patterns and linear maps of parameters

@@ -13,18 +13,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.assembly import cut_rows
 from mbsvib.beams.beam import Beam
-from mbsvib.couplers.rows import terms, with_couplers
 from mbsvib.errors import ModelError
-from mbsvib.kinematics import Rows, body_motion, relative_motion, twists
+from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.parts._part import Composed
-from mbsvib.parts.coupler import Coupling
 from mbsvib.sensitivities.balance.forces import forces
 from mbsvib.sensitivities.flexible import pieces
 from mbsvib.sensitivities.limits import follows, limits
 from mbsvib.sensitivities.relaxing import nodes_and_lines
+from mbsvib.sensitivities.ties import constraints
 from mbsvib.sensitivities.variants import Variants
 from mbsvib.topology import FLOATS
 
@@ -38,31 +36,11 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.limits import Limit
     from mbsvib.sensitivities.plans import Plan
+    from mbsvib.sensitivities.ties import Constraints
     from mbsvib.system import System
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 _SIX = np.eye(6)
-
-
-@dataclass(frozen=True, slots=True)
-class Constraints:
-    """What cut joints lock and couplers tie: rows of Phi. A force in one is ``share`` (t, rows) of ``wrench`` (t, 6)
-    of each term, a locked row or what a coupler measures in a cut joint, at its joint's point, world axes; ``closing``
-    (j, t) adds them up by joint. Of dependent coordinates (d,): how bodies ``swing`` (b, 6, d) along, the body
-    ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from
-    what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that
-    load nothing.
-    """
-
-    wrench: Array
-    closing: csr_array
-    share: csr_array
-    swing: Array
-    carried: Index
-    arm: Array
-    twist: Array
-    pull: Array
-    stress: Array
 
 
 @dataclass(frozen=True)
@@ -181,7 +159,7 @@ def network(system: System) -> Network:
     place = np.concatenate((point, position))
     displacements = system.body_motion.reshape(6 * len(bodies), -1)
     origin = 0.5 * (place.min(axis=0) + place.max(axis=0))
-    ties = _constraints(system, coordinates, bodies, number, origin)
+    ties = constraints(system, coordinates, bodies, number, origin)
     return Network(
         parts, bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
@@ -276,16 +254,6 @@ def _carried(system: System) -> tuple[Index, Array]:
     return behind, sign
 
 
-def _coordinates(system: System) -> tuple[Index, Array]:
-    """Body behind each joint coordinate and its sign; those of floating bodies come last."""
-    topology = system.provenance.topology
-    hangs = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
-    found = [(hangs[k].body, hangs[k].sign) for k in sorted(hangs) for _ in topology.joints[k].freedom]
-    found += [(branch.body, 1) for branch in topology.branches if branch.joint == FLOATS for _ in range(6)]
-    table = np.array(found, dtype=np.intp).reshape(-1, 2)
-    return table[:, 0], table[:, 1].astype(float)
-
-
 def _incidence(first: Index, second: Index, bodies: int) -> csr_array:
     """+1 for the second and -1 for the first body of each of n connections, (bodies, n)."""
     n = len(first)
@@ -317,41 +285,3 @@ def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:
         local[whole] = np.array([value for value in given if isinstance(value[0], tuple)]).reshape(-1, 6, 6)
         result[~lines] = turn @ local @ turn.transpose(0, 2, 1)
     return result
-
-
-def _constraints(
-    system: System, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int], origin: Array
-) -> Constraints | None:
-    topology, reduction = system.provenance.topology, system.provenance.reduction
-    couplers = [part for part in system.provenance.parts if isinstance(part, Coupling)]
-    cuts = cut_rows(topology, bodies, number)
-    if couplers:
-        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
-    if cuts is None or not cuts.names:
-        return None
-    behind, sign = _coordinates(system)
-    free = np.zeros(len(coordinates.names), dtype=bool)
-    free[reduction.independent] = True
-    dependent, locked = np.flatnonzero(~free), len(cuts.rows.first)
-    phi = relative_motion(coordinates, cuts.rows).dense(0, locked)
-    wrench, share = np.concatenate((cuts.rows.force, cuts.rows.moment)).T, np.eye(locked, len(cuts.names))
-    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]]
-    if cuts.couplings is not None:
-        phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
-        _, measured = terms(couplers, coordinates.names, topology, bodies, number)
-        rows, own = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
-        wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
-        joint = np.concatenate((joint, measured))
-        more = np.zeros((len(own), len(cuts.names)))
-        more[np.arange(len(own)), locked + cuts.couplings.row[own]] = cuts.couplings.value[own]
-        share = np.concatenate((share, more))
-    q, r = np.linalg.qr(phi[:, dependent], mode="complete")
-    d = len(dependent)
-    twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
-    return Constraints(
-        wrench,
-        csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-        csr_array(share), body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
-        behind[dependent], origin - coordinates.point[:, dependent].T, twist,
-        np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
-    )  # fmt: skip
