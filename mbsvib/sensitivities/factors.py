@@ -96,17 +96,17 @@ def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
         return np.array([part.line for part in parts]), span
     if isinstance(first, Joint):
         if first.end is not None:
-            return (_turning(np.array([np.subtract(part.end, part.position) for part in parts])),)
+            return (turning(np.array([np.subtract(part.end, part.position) for part in parts])),)
         return (np.array([part.axes for part in parts])[:, :, 2],) if field == "pitch" else ()
     if field in ("stiffness", "damping"):
         return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),)
     return ()
 
 
-def _turning(span: Array) -> Array:
-    """How the axes of rods (parts, 3) turn as their ends move, (parts, direction of the motion, 3).
+def turning(span: Array) -> Array:
+    """Return how axes that a line gives (parts, 3) turn as its end moves, (parts, direction of the motion, 3).
 
-    They are the least turn that takes the z axis of the world along the rod, or against it where the rod points down.
+    They are the least turn that takes the z axis of the world along the line, or against it where the line points down.
     """
     length = np.linalg.norm(span, axis=1, keepdims=True)
     u = span / length

@@ -60,7 +60,8 @@ class Fields:
     (j + s, 6, ...) at their points; ``strain`` (s, 6, ...) is what springs see, ``support`` (f, 6, ...) what ground
     would have to do to bodies that float and to all that hangs on them, ``tied`` (rows, ...) the forces in the rows
     that close loops. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
-    ``turned`` (j, 3, ...) is how far joints are turned open, whose moments at rest go with their first bodies.
+    ``turned`` (j, 3, ...) is how far joints are turned open, whose moments at rest go with their first bodies,
+    ``alone`` (b, 6, ...) what part of the motions of bodies only their inertia does work on.
     """
 
     vectors: Field
@@ -75,6 +76,12 @@ class Fields:
     rate: Field
     square: Field
     turned: Field | None = None
+    alone: Field | None = None
+
+    @property
+    def carrying(self) -> Field:
+        """Motions of the bodies that forces at rest see."""
+        return self.body if self.alone is None else self.body - self.alone
 
     def take(self, columns: Any) -> Fields:
         """Return some of the motions, numbered along the last axis."""
@@ -140,7 +147,7 @@ def applied(matrices: Array, vectors: Field) -> Field:
 
 def fields(
     network: Network, motion: Motions, stiff: Field, rate: Field, square: Field, load: Field | None = None,
-    strain: Field | None = None, side: int = 0, turned: Field | None = None,
+    strain: Field | None = None, side: int = 0, turned: Field | None = None, alone: Field | None = None,
 ) -> Fields:  # fmt: skip
     """Return motions with the wrenches that go with them.
 
@@ -161,6 +168,8 @@ def fields(
         1 for the right, -1 for the left side of forms between two motions, which need not be symmetric.
     turned : array, shape (j, 3, ...), optional
         How far joints are turned open.
+    alone : array, shape (b, 6, ...), optional
+        Motions that only inertia does work on, part of those of the bodies.
 
     Returns
     -------
@@ -177,11 +186,12 @@ def fields(
         spring_wrench += motion.viscous * rate
     on_bodies = body_wrench if load is None else body_wrench + load
     if network.forces is not None:
-        on_bodies = on_bodies + network.forces.on_bodies(motion.body, side, turned) * stiff
+        carrying = motion.body if alone is None else motion.body - alone
+        on_bodies = on_bodies + network.forces.on_bodies(carrying, side, turned) * stiff
     wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
     seen = motion.relative[joints:] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
-                  stiff, rate, square, turned)  # fmt: skip
+                  stiff, rate, square, turned, alone)  # fmt: skip
 
 
 def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:

@@ -179,8 +179,7 @@ def no_loads(network: Network, count: int) -> Loads:
 def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, Array, bool] | None:
     """The motion of bodies, of connections and the turns of joints on which a force in a joint, or all forces on a
     body, do work; whether inputs do, too. None for moments about centres of mass, which move by themselves, beside
-    couplers, and in loaded scenes for sums and for joints with two free rotations, whose axes do not go with the first
-    body alone.
+    couplers, and in loaded scenes for joints with two free rotations, whose axes do not go with the first body alone.
     """
     wrench = np.array(part.wrench)
     number = {body.name: i for i, body in enumerate(network.bodies)}
@@ -188,7 +187,7 @@ def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array,
     about_centre = k is None or network.joints[k].point is None
     tied = any(isinstance(each, Coupling) for each in network.parts)
     loaded = system.provenance.statics is not None and (
-        k is None or network.forces is None or k in network.forces.twice)  # fmt: skip
+        network.forces is None or k in network.forces.twice)  # fmt: skip
     if loaded or tied or (about_centre and wrench[3:].any()):
         return None
     still, gap = np.zeros((len(network.point), 6)), np.zeros((len(network.joints), 6, 1))
@@ -274,7 +273,7 @@ def feedthrough(
 def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
     """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
     turned = seeing.turned if seeing.turned.any() else None
-    wrench = forces.on_bodies(seeing.given, -1, turned)
+    wrench = forces.on_bodies(seeing.given * seeing.works, -1, turned)
     return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
 
 

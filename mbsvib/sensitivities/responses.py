@@ -183,14 +183,17 @@ def _seeing(
     network: Network, motion: Motions, seeing: Loads, powers: tuple[Field, Field, Field], load: Field
 ) -> Fields:
     """Fields of L; forces in springs are seen through strains that lack their directions."""
-    turned = seeing.turned[:, :, :, None, None] if network.forces is not None and seeing.turned.any() else None
+    turned = alone = None
+    if network.forces is not None and seeing.given.any():
+        turned, alone = (each[:, :, :, None, None] for each in (seeing.turned, seeing.given * ~seeing.works))
     if not seeing.strain.any():
-        return fields(network, motion, *powers, load=load, side=-1, turned=turned)
+        return fields(network, motion, *powers, load=load, side=-1, turned=turned, alone=alone)
     asked = seeing.strain[:, :, :, None, None]
     strain = motion.relative[len(network.joints) :] - asked
     viscous = None if motion.viscous is None else motion.viscous - applied(network.damping, asked)
     lacking = replace(motion, elastic=motion.elastic - applied(network.stiffness, asked), viscous=viscous)
-    return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned)
+    return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned,
+                  alone=alone)  # fmt: skip
 
 
 def _move_ports(

@@ -56,6 +56,8 @@ def test_forces_in_joints_of_random_loaded_mechanisms(seed):
         model = stiffened(seed, 2, seed % 3, torque=seed % 2 == 1)
         for k, name in enumerate(model.joints):
             model.add_force_output(f"carried{k}", name, rng.normal(size=6) if k else "y")
+        model.add_force_output("shaking", "ground", rng.normal(size=3))
+        model.add_force_output("taken", next(iter(model.bodies)), rng.normal(size=3))
         model.add_input("push", next(iter(model.bodies)), "x", position=rng.normal(size=3))
         model.add_base_motion("floor", rng.normal(size=3))
         system = model.linearize()

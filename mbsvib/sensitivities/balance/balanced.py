@@ -89,8 +89,8 @@ class Balanced:
             The motions x and y; right None: y = x, and half of each form is added.
         """
         at, joints = self.links.at, self.forces.counts[0]
-        x = self.forces.seen(left.body)
-        y = x if right is None else self.forces.seen(right.body)
+        x = self.forces.seen(left.carrying)
+        y = x if right is None else self.forces.seen(right.carrying)
         weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
         gap = self.forces.by_wrench(x, None if right is None else y)
         if left.turned is not None:

@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.parts import Bushing, Load
+from mbsvib.sensitivities.factors import turning
 from mbsvib.sensitivities.relaxing import maxwells
 from mbsvib.sensitivities.vectors import cross, wide
 
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
+    from mbsvib.parts import Joint
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.balance.links import Links
     from mbsvib.sensitivities.network import Network
@@ -57,7 +60,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
             put(joint.name, "end", second[k, :3])
             continue
         put(joint.name, "position", second[k, :3])
-        put(joint.name, "orientation", axes[k])
+        put(joint.name, "orientation", _by_axis(joint, axes[k]))
     for k, spring in enumerate(network.springs, joints):
         if isinstance(spring, Bushing):
             put(spring.name, "position", second[k, :3])
@@ -72,6 +75,16 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
         if load.position is not None:
             put(load.name, "position", second[k, :3])
     return result
+
+
+def _by_axis(joint: Joint, turn: Array) -> Array:
+    """How the axes of a joint turn with its first body (3, c): where it is given by its axis, they are those that the
+    axis gives in each pose.
+    """
+    if joint.axis is None or joint.kind not in ALONG_AXIS:
+        return turn
+    line = np.array(joint.axes)[:, 2]
+    return np.asarray(turning(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
 
 
 def shifted(network: Network, forces: Forces, links: Links, motion: Array) -> Array:
