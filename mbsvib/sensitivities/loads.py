@@ -17,7 +17,7 @@ from mbsvib.kinematics import Rows, relative_motion
 from mbsvib.parts import BaseMotion, ForceOutput, Input, Maxwell, Output, Spring
 from mbsvib.parts.coupler import Coupling
 from mbsvib.parts.ports import QUANTITIES
-from mbsvib.sensitivities.fields import momentum
+from mbsvib.sensitivities.fields import in_joints, momentum
 from mbsvib.sensitivities.gaps import given_way, seen
 from mbsvib.sensitivities.relaxing import name_of
 
@@ -91,7 +91,7 @@ def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Netwo
     if not network.bare:
         acting, seeing = (loads(system, network, *each) for each in ((inputs, "inputs"), (outputs, "outputs")))
         wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
-        if wrong:  # how redundant constraints share forces is a choice, which the work on a gap does not make
+        if wrong:
             seeing = loads(system, network, outputs, "outputs", wrong)
             wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
         if wrong == []:
@@ -179,7 +179,8 @@ def no_loads(network: Network, count: int) -> Loads:
 def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, Array, bool] | None:
     """The motion of bodies, of connections and the turns of joints on which a force in a joint, or all forces on a
     body, do work; whether inputs do, too. None for moments about centres of mass, which move by themselves, beside
-    couplers, and in loaded scenes for joints with two free rotations, whose axes do not go with the first body alone.
+    couplers, about the axes of screws, whose pitch ties it to the force, where redundant constraints share forces at
+    will, and in loaded scenes for joints with two free rotations, whose axes do not go with the first body alone.
     """
     wrench = np.array(part.wrench)
     number = {body.name: i for i, body in enumerate(network.bodies)}
@@ -198,6 +199,8 @@ def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array,
         else:
             whole[:] = wrench
         return whole, still, gap[:, 3:, 0], False
+    if _shared(network)[k] or (network.joints[k].pitch is not None and wrench[5]):
+        return None
     gap[k, :, 0] = (wrench.reshape(2, 3) @ np.array(network.joints[k].axes).T).reshape(6)
     body = given_way(network, gap)
     return body[:, :, 0], seen(network, body)[:, :, 0], gap[:, 3:, 0], True
@@ -268,6 +271,15 @@ def feedthrough(
                 linear = base.wrench[:3] + np.cross(angular, outputs[1].point[o] - base.position)
                 d[o, i] = np.concatenate((linear, angular)) @ outputs[1].wrench[o]
     return d, turns
+
+
+def _shared(network: Network) -> NDArray[np.bool_]:
+    """Joints (j,) whose forces redundant constraints leave open: a state of self-stress goes through them."""
+    ties = network.constraints
+    if ties is None or not ties.stress.shape[1]:
+        return np.zeros(len(network.joints), dtype=bool)
+    states = np.abs(in_joints(network, np.zeros((len(network.bodies), 6, ties.stress.shape[1])), ties.stress))
+    return np.asarray((states > SAME * states.max(axis=(0, 1))).any(axis=(1, 2)))
 
 
 def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
