@@ -187,17 +187,18 @@ def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array,
     k = next((k for k, joint in enumerate(network.joints) if joint.name == part.element), None)
     about_centre = k is None or network.joints[k].point is None
     tied = any(isinstance(each, Coupling) for each in network.parts)
-    loaded = system.provenance.statics is not None and (
-        network.forces is None or k in network.forces.twice)  # fmt: skip
+    loaded = system.provenance.statics is not None and (network.forces is None or k in network.forces.twice)
     if loaded or tied or (about_centre and wrench[3:].any()):
         return None
     still, gap = np.zeros((len(network.point), 6)), np.zeros((len(network.joints), 6, 1))
     if k is None:
         whole = np.zeros((len(network.bodies), 6))
-        if part.element in number:
+        if part.element == "ground":
+            whole[:] = wrench
+        elif part.element in number:
             whole[number[part.element]] = -wrench
         else:
-            whole[:] = wrench
+            return None
         return whole, still, gap[:, 3:, 0], False
     if _shared(network)[k] or (network.joints[k].pitch is not None and wrench[5]):
         return None

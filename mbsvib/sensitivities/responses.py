@@ -90,7 +90,7 @@ def frequency_response_sensitivities(
         vectors = _vectors(system, i, o, size)
         forms = derivatives(plan, (acting, seeing), powers, vectors, turns)
         if plan.whole is not None:
-            plan.whole.with_ports(forms, (i, o), powers, vectors)
+            plan.whole.with_ports(forms, (i, o), powers, vectors, seeing.beside)
         found = plan.chain(forms)
         for k in seeing.beside:
             found[:, k] += _seen_beside(plan, o[k], i, vectors[0][:, 0], powers)

@@ -69,7 +69,7 @@ class Whole:
 
     def with_ports(
         self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],
-        vectors: tuple[Field, Field],
+        vectors: tuple[Field, Field], beside: tuple[int, ...] = (),
     ) -> None:  # fmt: skip
         """Add dD + L^T dB + (dCq + s dCv + s^2 dCa) R to the derivatives of responses, in place.
 
@@ -83,13 +83,16 @@ class Whole:
             1, s and s^2.
         vectors : pair of array, shape (m, 1, inputs, n) and (m, outputs, 1, n)
             R and L.
+        beside : tuple of int
+            Places of outputs whose D and H are counted elsewhere.
         """
         (i, o), (right, left) = ports, vectors
+        counts = np.array([k not in beside for k in range(len(o))])[:, None, None]
         for k, row in enumerate(self.rows[:, 0].tolist()):
-            result[row] += self.slopes["D"][k][np.ix_(o, i)][:, :, None]
+            result[row] += counts * self.slopes["D"][k][np.ix_(o, i)][:, :, None]
             result[row] += np.einsum("mi,mon->oin", self.slopes["B"][k][:, i], left[:, :, 0])
             for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
-                result[row] += power * np.einsum("om,min->oin", self.slopes[key][k][o], right[:, 0])
+                result[row] += counts * power * np.einsum("om,min->oin", self.slopes[key][k][o], right[:, 0])
 
     def factors(self, row: int, matrix: str) -> tuple[Array, Array]:
         """Return P and Q (rank, m) with P^T Q + Q^T P the derivative of a matrix to one parameter.

@@ -122,3 +122,28 @@ def test_forces_that_constraints_do_not_tell_stay_beside():
     expected = Variants(system).slopes((Direction("m", (("door.mass", 1.0),)),))
     assert found.Ca[0] == pytest.approx(expected["Ca"][0], abs=1e-9)
     assert found.D[0] == pytest.approx(expected["D"][0], abs=1e-9)
+
+
+def test_forces_beside_parameters_that_are_differenced():
+    """A rotor on a bracket: spin goes through variants, forces in the bearing of two hinges too, each counted once."""
+    model = mv.Model("rotor")
+    model.add_body("bracket", 4.0, (0.2, 0.3, 0.25), position=(0.1, 0, 0.2))
+    model.add_body("disc", 5.0, (0.2, 0.2, 0.4), position=(0.1, 0, 0.4))
+    for name, height in (("lower", 0.0), ("upper", 0.5)):
+        model.add_joint(name, "revolute", "ground", "bracket", position=(0, 0, height), axis=(0, 0, 1))
+    model.add_bushing("hold", "ground", "bracket", (0.2, 0, 0.1), (4e3, 3e3, 5e3, 20, 30, 10))
+    model.add_bushing("mount", "bracket", "disc", (0.1, 0, 0.35), (3e4, 2e4, 4e4, 40, 30, 0),
+                      damping=(9, 8, 7, 0, 0, 0))  # fmt: skip
+    model.add_rotor("spin", "disc", 50.0, (0, 0, 1))
+    model.add_input("push", "disc", "x", position=(0.1, 0, 0.5))
+    model.add_force_output("held", "upper", "x")
+    model.add_output("seen", "disc", "x")
+    system, w = model.linearize(), np.array([5.0, 40.0])
+    assert ported(system, [0], [0, 1])[2].beside == (0,)
+    names = ["spin.speed", "mount.stiffness.x", "mount.position.z"]
+    found = system.frequency_response_sensitivities(w, names)
+    for k, name in enumerate(names):
+        value, h = model.parameters[name], 1e-4 * max(abs(model.parameters[name]), 1.0)
+        above, below = (model.with_values({name: value + change}).linearize(independent=system.coordinates)
+                        .frequency_response(w) for change in (h, -h))  # fmt: skip
+        assert found[k] == pytest.approx((above - below) / (2 * h), rel=1e-5, abs=1e-9 * np.abs(found[k]).max())
