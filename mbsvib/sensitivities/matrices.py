@@ -34,6 +34,8 @@ _SEEN = {"K": "Cq", "C": "Cv", "M": "Ca"}
 ACTS = 1e-15
 # Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
 SYMMETRIC = 1e-12
+# Numbers that the derivatives of some rows may hold.
+BLOCK = 4_000_000
 
 
 @dataclass(frozen=True, repr=False)
@@ -133,9 +135,17 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
         turning = turns if pair[0] is acting and pair[1] is seeing else np.zeros((*_ports(pair), 3))
         return chained(derivatives(plan, pair, powers, vectors, turning), key)
 
-    x, y = motions(network, right), motions(network, left)
-    square = {key: chained(table(plan, fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1)), key)
-              for key, powers in _POWERS.items()}  # fmt: skip
+    def square(key: str) -> Array:
+        """Some of the rows at a time, where all parameters count whichever few were asked for."""
+        powers = _POWERS[key]
+        x = fields(network, motions(network, right), *powers, side=1)
+        step = max(1, m if plan.balanced is None else BLOCK // max(1, plan.size * m))
+        parts = []
+        for start in range(0, max(1, m), step):
+            y = fields(network, motions(network, left[:, start : start + step]), *powers, side=-1)
+            parts.append(chained(table(plan, y, x), key))
+        return np.concatenate(parts, axis=1)
+
     at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
     seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
     seen["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
@@ -143,7 +153,7 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
         for key, found in seen.items():
             found[:, seeing.beside] = plan.beside[key][:, seeing.beside]
     return MatrixDerivatives(
-        plan.variables.names, square["M"], square["C"], square["K"],
+        plan.variables.names, square("M"), square("C"), square("K"),
         ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], plan,
     )  # fmt: skip
 

@@ -88,10 +88,18 @@ class Balanced:
         left, right : Fields
             The motions x and y; right None: y = x, and half of each form is added.
         """
+        twisted = self._twisted(left, right)
+        rows = twisted.reshape(3 * len(self.forces.bushings), *twisted.shape[2:])
+        result[self.links.count :] += product(self.shifted[self.links.at.twist].T, rows)
+        weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
+        if weight.any():
+            self._add_geometric(result, left, right, weight)
+
+    def _add_geometric(self, result: Field, left: Fields, right: Fields | None, weight: Field) -> None:
+        """What comes of the geometric stiffness."""
         at, joints = self.links.at, self.forces.counts[0]
         x = self.forces.seen(left.carrying)
         y = x if right is None else self.forces.seen(right.carrying)
-        weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
         gap = self.forces.by_wrench(x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
@@ -101,9 +109,7 @@ class Balanced:
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("turn", self.forces.by_turn(x, y)), ("twist", self._stiffened(left, right))):  # fmt: skip
             _put(found, getattr(at, key), part)
-        found = found * weight
-        _put(found, at.twist, self._twisted(left, right))
-        self._fold(result, found, weight * moved[:joints])
+        self._fold(result, found * weight, weight * moved[:joints])
         if left.turned is not None:
             self._open(result, weight * cross(left.turned, cross(y[1][:joints, 3:], wide(
                 self.forces.wrench[:joints, 3:], y[1]))))  # fmt: skip
