@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.sensitivities.fields import applied, onto
-from mbsvib.sensitivities.vectors import cross, wide
+from mbsvib.sensitivities.vectors import moved
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.vectors import Field
 
@@ -57,10 +56,3 @@ def seen(network: Network, body: Field) -> Field:
     at_origin = moved(body, network.origin - network.position)
     found = np.concatenate([onto(each.T, at_origin) for each in (network.closing, network.acting)])
     return moved(found, network.point - network.origin)
-
-
-def moved(motion: Field, arm: Array) -> Field:
-    """Return motions (k, 6, n) of points that are at ``arm`` (k, 3) from the present ones."""
-    result = motion.copy()
-    result[:, :3] += cross(motion[:, 3:], wide(arm, motion))
-    return result

@@ -32,6 +32,13 @@ def wide(vectors: Field, like: Field) -> Field:
     return vectors.reshape(*vectors.shape, *[1] * (like.ndim - vectors.ndim))
 
 
+def moved(motion: Field, arm: NDArray[np.float64]) -> Field:
+    """Motions (k, 6, ...) of points that are at ``arm`` (k, 3) from the present ones."""
+    result = motion.copy()
+    result[:, :3] += cross(motion[:, 3:], wide(arm, motion))
+    return result
+
+
 def product(matrix: NDArray[np.float64], values: Field) -> Field:
     """Products of a real matrix (v, k) and numbers (k, ...), complex ones by their two parts."""
     flat = np.ascontiguousarray(values).reshape(len(values), prod(values.shape[1:]))

@@ -2,6 +2,10 @@
 
 import numpy as np
 
+from mbsvib.equations import MATRICES
+from mbsvib.sensitivities.variables import Direction
+from mbsvib.sensitivities.variants import Variants
+
 
 def step_of(parameters, name):
     """A step that is small against the parameter and large against rounding."""
@@ -38,3 +42,21 @@ def assert_derivative(found, expected, values, step, rtol=1e-6):
     """Differences are blind to what rounding of the values, divided by the step, hides."""
     limit = rtol * np.abs(expected) + 3e-12 * np.abs(values).max() / step
     assert (np.abs(found - expected) <= limit).all(), np.c_[found, expected][np.abs(found - expected) > limit]
+
+
+def of_variants(system, name):
+    """Derivatives of all matrices to one parameter, by variants of the whole equations."""
+    slopes = Variants(system).slopes((Direction(name, ((name, 1.0),)),))
+    return {key: slope[0] for key, slope in slopes.items()}
+
+
+def assert_as_variants(matrices, k, system, expected, value, rtol, noise, *, lost=True):
+    """Derivatives of all matrices to the k-th variable are ``expected``; ``noise`` is of the whole matrix over the
+    value of the parameter. ``lost`` allows that degrees of freedom are lost, where neither is a number.
+    """
+    scale, name = max(abs(value), 1.0), matrices.variables[k]
+    for key in MATRICES:
+        found, at = getattr(matrices, key)[k], expected[key]
+        assert np.isnan(found).all() == np.isnan(at).all(), (name, key)
+        limit = rtol * np.abs(at).max(initial=0.0) + noise * np.abs(getattr(system, key)).max(initial=0.0) / scale
+        assert (lost and np.isnan(at).any()) or np.abs(found - at).max(initial=0.0) <= limit, (name, key)

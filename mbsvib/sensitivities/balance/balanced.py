@@ -30,7 +30,7 @@ from mbsvib.sensitivities.fields import Fields, transmitted
 from mbsvib.sensitivities.gaps import given_way
 from mbsvib.sensitivities.plans import families_of
 from mbsvib.sensitivities.products import ruled
-from mbsvib.sensitivities.vectors import cross, product, wide
+from mbsvib.sensitivities.vectors import cross, moved, product, wide
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -103,13 +103,13 @@ class Balanced:
         gap = self.forces.by_wrench(x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
-        moved = self.forces.seen(given_way(self.network, gap[:joints]))[1] - gap
-        found = self._given(moved, gap)
+        second = self.forces.seen(given_way(self.network, gap[:joints]))[1] - gap
+        found = self._given(second, gap)
         point, start = self.forces.by_place(x, None if right is None else y)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("turn", self.forces.by_turn(x, y)), ("twist", self._stiffened(left, right))):  # fmt: skip
             _put(found, getattr(at, key), part)
-        self._fold(result, found * weight, weight * moved[:joints])
+        self._fold(result, found * weight, weight * second[:joints])
         if left.turned is not None:
             self._open(result, weight * cross(left.turned, cross(y[1][:joints, 3:], wide(
                 self.forces.wrench[:joints, 3:], y[1]))))  # fmt: skip
@@ -134,8 +134,7 @@ class Balanced:
         slope : array, shape (3, ...)
             Derivatives to the point.
         """
-        own = self.motions[body]
-        moves = own[:3] + np.cross(own[3:], point - self.network.position[body], axisa=0).T
+        moves = moved(self.motions[body][None], (point - self.network.position[body])[None])[0, :3]
         result[self.links.count :] += product(moves.T, slope)
 
     @cached_property
@@ -238,39 +237,43 @@ class Balanced:
                 result[family.rows] += size[:, None]
         return result
 
-    def _fold(self, result: Field, found: Field, moved: Field) -> None:
-        """Add to parameters what belongs to them, and to the pose the rest; ``moved`` (joints, 6, ...) is what joints
+    @cached_property
+    def _through(self) -> tuple[Family, ...]:
+        """The families of what forces go through: joints and couplers."""
+        return tuple(family for family in self.families if family.kind in ("joint", "coupler"))
+
+    def _fold(self, result: Field, found: Field, moves: Field) -> None:
+        """Add to parameters what belongs to them, and to the pose the rest; ``moves`` (joints, 6, ...) is what joints
         move to second order.
         """
         count, tail = self.links.count, found.shape[1:]
         flat = found.reshape(len(found), prod(tail))
         result[:count] += (self.links.matrix @ flat).reshape(count, *tail)
         result[count:] += product(self.shifted.T, found)
-        through = tuple(family for family in self.families if family.kind in ("joint", "coupler"))
-        if through:
-            result += ruled(through, self.size, *self._resting(moved))
+        if self._through:
+            result += ruled(self._through, self.size, *self._resting(moves))
 
-    def _given(self, moved: Field, gap: Field) -> Field:
+    def _given(self, moves: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
-        left, at = moved.copy(), self.links.at
+        left, at = moves.copy(), self.links.at
         left[: self.forces.counts[0]] = 0.0
         wrench, point, start = self.forces.given_way(left, gap)
-        found = np.zeros((at.size, *moved.shape[2:]), dtype=moved.dtype)
+        found = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("wrench", wrench[self.forces.counts[0] :])):  # fmt: skip
             _put(found, getattr(at, key), part)
         return found
 
-    def _resting(self, moved: Field) -> tuple[Fields, Fields]:
+    def _resting(self, moves: Field) -> tuple[Fields, Fields]:
         """The forces in joints at rest, and what joints move (joints, 6, ...), as fields."""
-        springs, joints = self.forces.counts[1], len(moved)
-        tail = moved.shape[2:]
+        springs, joints = self.forces.counts[1], len(moves)
+        tail = moves.shape[2:]
         ones, zero = (1,) * len(tail), np.zeros((1,) * len(tail))
         wrench = np.zeros((joints + springs, 6, *ones))
         wrench[:joints] = wide(self.forces.wrench[:joints], wrench)
-        relative = np.zeros((joints + springs, 6, *tail), dtype=moved.dtype)
-        relative[:joints] = moved
-        still = np.zeros(wrench.shape, dtype=moved.dtype)
+        relative = np.zeros((joints + springs, 6, *tail), dtype=moves.dtype)
+        relative[:joints] = moves
+        still = np.zeros(wrench.shape, dtype=moves.dtype)
         none = np.zeros((len(self.forces.centre), 6, *ones))
         tied = wide(self._tied, none)
         return (Fields(none[0, :1], none, none, still, still[joints:], wrench, none[:0], tied, zero, zero, zero),

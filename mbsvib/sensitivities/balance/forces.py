@@ -26,7 +26,8 @@ from scipy.sparse import csr_array
 
 from mbsvib.parts import Bushing, Load
 from mbsvib.parts.load import Gravity
-from mbsvib.sensitivities.vectors import cross, dot, wide
+from mbsvib.sensitivities.fields import onto, shifted
+from mbsvib.sensitivities.vectors import cross, dot, moved, wide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -115,11 +116,11 @@ class Forces:
         """Which forces act on bodies (bodies, n), as on the second and as on the first."""
         bodies, every = len(self.centre), np.arange(len(self.first))
 
-        def onto(which: Index) -> csr_array:
+        def acting(which: Index) -> csr_array:
             moves = which < bodies
             return csr_array((np.ones(moves.sum()), (which[moves], every[moves])), shape=(bodies, len(every)))
 
-        return onto(self.second), onto(self.first)
+        return acting(self.second), acting(self.first)
 
     def seen(self, body: Field) -> tuple[Field, Field]:
         """Return what forces see of motions of the bodies, of their first body and the relative one (n, 6, ...).
@@ -140,11 +141,13 @@ class Forces:
     def _at(self, which: Index, body: Field) -> Field:
         moves = which < len(self.centre)
         result = np.zeros((len(which), *body.shape[1:]), dtype=body.dtype)
-        own = body[which[moves]]
-        arm = self.point[moves] - self.centre[which[moves]]
-        result[moves] = own
-        result[moves, :3] += cross(own[:, 3:], wide(arm, own))
+        result[moves] = moved(body[which[moves]], self._arms(which)[moves])
         return result
+
+    def _arms(self, which: Index) -> Array:
+        """From the centres of mass of bodies (n,) to the points of the forces (n, 3); 0 for ground."""
+        centre = np.concatenate((self.centre, np.zeros((1, 3))))
+        return np.where((which < len(self.centre))[:, None], self.point - centre[which], 0.0)
 
     def slopes(self, seen: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
         """Return the derivatives of H(x, y) to what forces see of one motion, for what they see of the other.
@@ -207,13 +210,9 @@ class Forces:
         second, first = self._onto
         return np.asarray(self._summed(second, self.second, wrench) - self._summed(first, self.first, wrench))
 
-    def _summed(self, onto: csr_array, which: Index, wrench: Field) -> Field:
-        moves = which < len(self.centre)
-        arm = np.zeros((len(which), 3))
-        arm[moves] = self.point[moves] - self.centre[which[moves]]
-        wrench = np.concatenate((wrench[:, :3], wrench[:, 3:] + cross(wide(arm, wrench), wrench[:, :3])), axis=1)
-        total: Field = onto @ wrench.reshape(len(wrench), prod(wrench.shape[1:]))
-        return total.reshape(len(self.centre), *wrench.shape[1:])
+    def _summed(self, incidence: csr_array, which: Index, wrench: Field) -> Field:
+        flat = wrench.reshape(len(wrench), 6, prod(wrench.shape[2:]))
+        return onto(incidence, shifted(flat, self._arms(which))).reshape(len(self.centre), *wrench.shape[1:])
 
     def by_wrench(self, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> Field:
         """Return the derivatives of H(x, y) to the wrenches, (n, 6, ...), by which bodies give way. None: y = x."""

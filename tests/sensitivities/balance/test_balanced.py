@@ -6,13 +6,12 @@ from hypothesis import assume, given, settings
 
 import mbsvib as mv
 from mbsvib import library
-from mbsvib.sensitivities.variables import Direction
 from mbsvib.sensitivities.variants import Variants
+from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded, stiffened
 from tests.support.random_models import add_random_ports, rotation, seeds
 
 QUIET = pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-KEYS = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 # What differences of whole equations, extrapolated, agree to; and what rounding leaves of them, of the whole matrix.
 RTOL, NOISE = 1e-8, 1e-10
 
@@ -65,16 +64,10 @@ def test_differences_of_whole_equations(seed):
     system = with_ports(model, rng).linearize()
     assume(np.linalg.cond(system.K) < 1e8)
     every = system.matrix_derivatives()
-    variants = Variants(system)
     for k in rng.choice(len(every.variables), 5, replace=False).tolist():
         name = every.variables[k]
-        expected = variants.slopes((Direction(name, ((name, 1.0),)),))
-        scale = max(abs(system.parameters[name]), 1.0)
-        for key in KEYS:
-            found, at = getattr(every, key)[k], expected[key][0]
-            assert np.isnan(found).all() == np.isnan(at).all()
-            limit = RTOL * np.abs(at).max(initial=0.0) + NOISE * np.abs(getattr(system, key)).max(initial=0.0) / scale
-            assert np.isnan(at).any() or np.abs(found - at).max(initial=0.0) <= limit, (name, key)
+        expected = of_variants(system, name)
+        assert_as_variants(every, k, system, expected, system.parameters[name], RTOL, NOISE)
 
 
 @QUIET
