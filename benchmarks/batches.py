@@ -70,7 +70,7 @@ SWEEPS = {
         lambda m, *a: shifted(m, parts_of(m, "joints", "position")[:6:3], *a, step=1e-4), "",
     ),
     "C50RF1, 10 stiffnesses": (
-        lambda: library.chain(50),
+        lambda: library.chain(50, line=(0, 1, 0)),
         lambda m, *a: scaled(m, [n for n in parts_of(m, "springs", "stiffness") if m.parameters[n]][:10], *a), "",
     ),
 }  # fmt: skip

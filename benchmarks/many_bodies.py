@@ -38,7 +38,7 @@ def newton_step(n, omega):
     from mbsvib import library
     from tests.support.transfer_matrix import closure
 
-    model = library.chain(n)
+    model = library.chain(n, line=(0, 1, 0))
     steps = []
     with mp.workdps(60):
         for w in map(mpf, omega[:LOOKED_AT]):

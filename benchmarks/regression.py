@@ -19,9 +19,9 @@ from mbsvib import library
 from mbsvib.modes import modes
 
 SCENES = {
-    "C10": lambda: library.chain(10),
-    "C50": lambda: library.chain(50),
-    "C200": lambda: library.chain(200),
+    "C10": lambda: library.chain(10, line=(0, 1, 0)),
+    "C50": lambda: library.chain(50, line=(0, 1, 0)),
+    "C200": lambda: library.chain(200, line=(0, 1, 0)),
     "T7": lambda: library.tree(7),
     "L5": lambda: library.ladder(5),
     "L20": lambda: library.ladder(20),
@@ -85,6 +85,6 @@ def test_variants(benchmark):
 
 @pytest.mark.parametrize("bodies", [1000, 10_000])
 def test_many_bodies(benchmark, bodies):
-    model = library.chain(bodies)
+    model = library.chain(bodies, line=(0, 1, 0))
     found = benchmark.pedantic(lambda: model.linearize().modes(10), rounds=3, warmup_rounds=1)
     assert len(found) == 10

@@ -36,11 +36,11 @@ SCENES = {
     "stewart": library.stewart,
     "L20RF1": lambda: library.ladder(20),
     "T7RF1": lambda: library.tree(7),
-    "C200RF1": lambda: library.chain(200),
+    "C200RF1": lambda: library.chain(200, line=(0, 1, 0)),
     "stewart.loaded": lambda: hanging(library.stewart),
     "L20RF1.loaded": lambda: hanging(lambda: library.ladder(20)),
     "T7RF1.loaded": lambda: hanging(lambda: library.tree(7)),
-    "C200RF1.loaded": lambda: hanging(lambda: library.chain(200)),
+    "C200RF1.loaded": lambda: hanging(lambda: library.chain(200, line=(0, 1, 0))),
 }
 BUDGETS = {"stewart": "1 ms", "T7RF1": "3 x modes", "C200RF1": "3 x modes"}
 RESPONSES = ("stewart", "stewart.loaded")

@@ -30,9 +30,9 @@ from mbsvib.modes import modes
 REFERENCE = Path(__file__).parent.parent / "tests" / "data" / "reference"
 SCENES = {
     "stewart": (library.stewart, "0.4 0.35 0.1"),
-    "C10RF1": (lambda: library.chain(10), ""),
-    "C50RF1": (lambda: library.chain(50), ""),
-    "C200RF1": (lambda: library.chain(200), "- 8 -"),
+    "C10RF1": (lambda: library.chain(10, line=(0, 1, 0)), ""),
+    "C50RF1": (lambda: library.chain(50, line=(0, 1, 0)), ""),
+    "C200RF1": (lambda: library.chain(200, line=(0, 1, 0)), "- 8 -"),
     "T5RF1": (lambda: library.tree(5), ""),
     "T7RF1": (lambda: library.tree(7), "- 3 -"),
     "L5RF1": (lambda: library.ladder(5), ""),

@@ -161,7 +161,7 @@ def test_displacements():
 
 def test_inaccurate_modes_are_warned_of_by_index():
     """Frequencies that span more than any method bears at the accuracy asked for."""
-    model = library.chain(6)
+    model = library.chain(6, line=(0, 1, 0))
     batch = model.linearize(values={"*.mass": np.array([1.0, 2.0])})
     with pytest.warns(mv.AccuracyWarning, match=r"2 variants, the first of which is 0"):
         batch.modes(rtol=1e-18)

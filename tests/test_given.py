@@ -52,7 +52,7 @@ def test_reports_take_either():
 @pytest.mark.parametrize("method", [None, "sparse"])
 def test_frequencies_are_real(omega, method):
     """The mistake of every control engineer: numpy would drop the imaginary part, and answer at 0."""
-    system = mv.library.chain(3).linearize(method=method)
+    system = mv.library.chain(3, line=(0, 1, 0)).linearize(method=method)
     with pytest.raises(mv.ResponseError, match=r"frequency_response: omega .*expected a"):
         system.frequency_response(omega)
 

@@ -49,7 +49,7 @@ def calls(function):
 
 @pytest.fixture(scope="module")
 def chain():
-    model = library.chain(200)
+    model = library.chain(200, line=(0, 1, 0))
     return model, model.linearize()
 
 
@@ -97,7 +97,7 @@ def test_variants_in_one_pass():
 
 def test_many_bodies_cost_in_proportion():
     """Ten times the bodies, ten times the time: measured 10."""
-    small, large = library.chain(1000), library.chain(10_000)
+    small, large = library.chain(1000, line=(0, 1, 0)), library.chain(10_000, line=(0, 1, 0))
     assert ratio(lambda: large.linearize().modes(5), lambda: small.linearize().modes(5), 3) < 25.0
 
 

@@ -155,7 +155,8 @@ def test_springs_that_nothing_moves_are_left_out():
 @pytest.mark.parametrize("kind", ["undamped", "proportional", "commuting"])
 def test_classical_damping_takes_no_problem_of_twice_the_size(monkeypatch, kind):
     """The coupled solver, forced on the same scene, gives the same eigenvalues to rounding."""
-    model = mv.library.chain(8, damping=(0,) * 6) if kind == "undamped" else mv.library.chain(8)
+    words = {"damping": (0,) * 6} if kind == "undamped" else {}
+    model = mv.library.chain(8, line=(0, 1, 0), **words)
     if kind == "commuting":  # two equal pendulums: what couples them commutes, though not in proportion to stiffness
         model = mv.Model("twins")
         for i in range(2):
@@ -195,7 +196,7 @@ def test_a_damper_that_couples_takes_it(monkeypatch):
 @pytest.mark.parametrize("name", ["chain", "stewart", "ladder"])
 def test_higher_rungs_of_the_ladder_are_not_climbed(monkeypatch, name):
     """Singular values and Jacobi rotations, forced, give the same frequencies within the errors that are promised."""
-    model = getattr(mv.library, name)()
+    model = getattr(mv.library, name)(**({"line": (0, 1, 0)} if name == "chain" else {}))
     with monkeypatch.context() as patch:
         never(patch, undamped, "by_factors", "by_jacobi")
         plain = model.linearize()

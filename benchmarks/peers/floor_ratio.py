@@ -14,7 +14,7 @@ REPEATS = 60
 
 def ratios(repeats=REPEATS):
     """Return {what: (CPU time [ms], ratio to the floor)}; the calls take turns, ratios are medians over the turns."""
-    model = library.chain(200)
+    model = library.chain(200, line=(0, 1, 0))
     system = model.linearize()
     calls = {
         "floor: scipy.linalg.eigh(K, M)": lambda: la.eigh(system.K, system.M),

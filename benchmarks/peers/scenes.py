@@ -19,14 +19,14 @@ class Scenes(dict[str, Any]):
 
     def __missing__(self, name):
         n = int(name.removeprefix("C"))
-        return (lambda: library.chain(n), f"chain, {n} bodies")
+        return (lambda: library.chain(n, line=(0, 1, 0)), f"chain, {n} bodies")
 
 
 SCENES = Scenes({
-    "C4": (lambda: library.chain(4), "chain, 4 bodies"),
-    "C10": (lambda: library.chain(10), "chain, 10 bodies"),
-    "C50": (lambda: library.chain(50), "chain, 50 bodies"),
-    "C200": (lambda: library.chain(200), "chain, 200 bodies"),
+    "C4": (lambda: library.chain(4, line=(0, 1, 0)), "chain, 4 bodies"),
+    "C10": (lambda: library.chain(10, line=(0, 1, 0)), "chain, 10 bodies"),
+    "C50": (lambda: library.chain(50, line=(0, 1, 0)), "chain, 50 bodies"),
+    "C200": (lambda: library.chain(200, line=(0, 1, 0)), "chain, 200 bodies"),
     "T5": (lambda: library.tree(5), "tree, 31 bodies"),
     "T7": (lambda: library.tree(7), "tree, 127 bodies"),
     "L5": (lambda: library.ladder(5), "ladder, 15 bodies, 5 DOF"),

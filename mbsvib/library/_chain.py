@@ -14,14 +14,15 @@ if TYPE_CHECKING:
 
 
 def chain(
-    n: int = 10, joint: str = "revolute", *, axis: ArrayLike = family.Z, line: ArrayLike = family.Y, springs: int = 1,
-    spacing: float = 0.2, mass: float = family.MASS, inertia: ArrayLike = family.INERTIA,
+    n: int = 10, joint: str = "revolute", *, axis: ArrayLike = family.Z, line: ArrayLike = family.Z, springs: int = 1,
+    total: bool = True, spacing: float = 0.2, mass: float = family.MASS, inertia: ArrayLike = family.INERTIA,
     stiffness: ArrayLike = family.STIFFNESS, damping: ArrayLike = family.DAMPING,
 ) -> Model:  # fmt: skip
     """Build the chapter's chain (its models C10RF1, C50RF1 and so on).
 
     Body i is joined to body i - 1, body 1 to ground; joint i lies (i - 1) spacing from the origin along the line and
-    the centre of mass of body i half a spacing farther on. Bodies are ``body1``, joints ``joint1``, bushings
+    the centre of mass of body i half a spacing farther on. The chapter's chain runs along z, the axis of its joints:
+    a revolute one only twists. With ``line=(0, 1, 0)`` it bends. Bodies are ``body1``, joints ``joint1``, bushings
     ``spring1`` (``spring1.1``, ``spring1.2`` where there are several) and so on. Force inputs (Fx, ...) and
     displacement outputs (x, ...) sit at the centre of mass of the last body, in the directions in which it can move.
 
@@ -34,9 +35,12 @@ def chain(
     axis : array-like, shape (3,)
         Axis of all joints, world axes; bushings have it along their z.
     line : array-like, shape (3,)
-        Direction of the chain, world axes.
+        Direction of the chain, world axes; z as in the chapter.
     springs : int
-        Number of bushings at every joint, each with the full stiffness and damping; 0 leaves them out.
+        Number s of bushings at every joint; 0 leaves them out.
+    total : bool
+        Whether the bushings of a joint have ``stiffness`` and ``damping`` together, each one an s-th, as in the
+        chapter's Table 3. With False each has all of it, and frequencies grow with s.
     spacing : float
         Distance between joints [m].
     mass : float
@@ -44,7 +48,8 @@ def chain(
     inertia : array-like, shape (3,), (6,) or (3, 3)
         Inertia of every body about its centre of mass [kg m^2], world axes.
     stiffness, damping : array-like, shape (6,) or (6, 6)
-        Of every bushing in its axes: N/m and N m/rad; N s/m and N m s/rad. The default is the chapter's Table 3.
+        Of the bushings of a joint, in their axes: N/m and N m/rad; N s/m and N m s/rad. The default is the chapter's
+        Table 3.
 
     Returns
     -------
@@ -55,8 +60,10 @@ def chain(
     ------
     ModelError
         If n < 1, the joint is unknown, or a value is refused by the part it is for.
+
+    Source: Jiang, Chen and Luo (2011), section 5.1 A, Table 3.
     """
-    parts = family.Family("chain", ("n", n), joint, axis, springs,
+    parts = family.Family("chain", ("n", n), joint, axis, springs, total=total,
                           mass=mass, inertia=inertia, stiffness=stiffness, damping=damping)  # fmt: skip
     along = check.axis(line, "chain", "line")
     step = check.number(spacing, "chain", "spacing", "the distance between joints [m]")

@@ -1,4 +1,8 @@
-"""What chain, tree and ladder share: the data of the chapter's Table 3, its joint letters, and the ports."""
+"""What chain, tree and ladder share: the data of the chapter's Table 3, its joint letters, and the ports.
+
+Source: Jiang, Chen and Luo (2011), section 5.1. Table 3 divides stiffness and damping by the number s of
+spring-dampers between two bodies, so that the frequencies do not depend on s.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 from mbsvib import _checks as check
 from mbsvib.errors import nearest
 from mbsvib.model import Model
+from mbsvib.parts import bushing
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from mbsvib._checks import Vector
 
-# The chapter's Table 3; it gives torsion per degree.
+# The chapter's Table 3, of all spring-dampers of a joint together; it gives torsion per degree.
 MASS = 1.0
 INERTIA = (1.0, 1.0, 1.0)
 STIFFNESS = (1e4, 1e4, 1e4, 1e4 * 180.0 / pi, 1e4 * 180.0 / pi, 1e4 * 180.0 / pi)
@@ -28,14 +33,17 @@ class Family:
     """A chain, tree or ladder under construction: equal bodies, joined everywhere by the same joint and bushings."""
 
     def __init__(
-        self, who: str, size: tuple[str, Any], joint: Any, axis: Any, springs: Any, *, mass: Any, inertia: Any,
-        stiffness: Any, damping: Any,
+        self, who: str, size: tuple[str, Any], joint: Any, axis: Any, springs: Any, *, total: bool, mass: Any,
+        inertia: Any, stiffness: Any, damping: Any,
     ) -> None:  # fmt: skip
         self.size = count(size[1], who, size[0])
         self.springs = count(springs, who, "springs", least=0)
         self.kind = joint_kind(joint, who)
         self.axis = check.axis(axis, who, "axis")
-        self.mass, self.inertia, self.stiffness, self.damping = mass, inertia, stiffness, damping
+        self.mass, self.inertia = mass, inertia
+        sharing = self.springs if total else 1
+        self.stiffness = _share(bushing.coefficients(stiffness, who, "stiffness"), sharing)
+        self.damping = _share(bushing.coefficients(damping, who, "damping"), sharing)
         # as in the chapter: the family's letter, its size, the joint's letter, F and the number of spring-dampers
         self.model = Model(f"{who[0].upper()}{self.size}{self.kind[0].upper()}F{self.springs}")
         # the usual axis is the default of joints and bushings, which then need no checks of their axes
@@ -96,6 +104,13 @@ def joint_kind(value: Any, who: str) -> str:
         expected = "revolute, prismatic, cylindrical or spherical, or the letter R, P, C or S"
         raise check.refuse(who, "joint", value, expected, nearest(str(value), known).strip())
     return kind  # type: ignore[return-value]
+
+
+def _share(value: Any, number: int) -> Any:
+    """Return the part that each of ``number`` bushings has of the six values, or of the 6x6 matrix."""
+    if number <= 1:
+        return value
+    return tuple(_share(row, number) if isinstance(row, tuple) else row / number for row in value)
 
 
 def _components(vectors: list[Vector], names: tuple[str, ...]) -> list[str]:

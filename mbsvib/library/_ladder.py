@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def ladder(
-    layers: int = 5, joint: str = "revolute", *, axis: ArrayLike = family.Z, springs: int = 1,
+    layers: int = 5, joint: str = "revolute", *, axis: ArrayLike = family.Z, springs: int = 1, total: bool = True,
     mass: float = family.MASS, inertia: ArrayLike = family.INERTIA,
     stiffness: ArrayLike = family.STIFFNESS, damping: ArrayLike = family.DAMPING,
 ) -> Model:  # fmt: skip
@@ -34,13 +34,17 @@ def ladder(
     axis : array-like, shape (3,)
         Axis of all joints, world axes; bushings have it along their z.
     springs : int
-        Number of bushings at every joint, each with the full stiffness and damping; 0 leaves them out.
+        Number s of bushings at every joint; 0 leaves them out.
+    total : bool
+        Whether the bushings of a joint have ``stiffness`` and ``damping`` together, each one an s-th, as in the
+        chapter's Table 3. With False each has all of it, and frequencies grow with s.
     mass : float
         Mass of every body [kg].
     inertia : array-like, shape (3,), (6,) or (3, 3)
         Inertia of every body about its centre of mass [kg m^2], world axes.
     stiffness, damping : array-like, shape (6,) or (6, 6)
-        Of every bushing in its axes: N/m and N m/rad; N s/m and N m s/rad. The default is the chapter's Table 3.
+        Of the bushings of a joint, in their axes: N/m and N m/rad; N s/m and N m s/rad. The default is the chapter's
+        Table 3.
 
     Returns
     -------
@@ -52,8 +56,11 @@ def ladder(
     ------
     ModelError
         If layers < 1, the joint is unknown, or a value is refused by the part it is for.
+
+    Source: Jiang, Chen and Luo (2011), section 5.1 C, Table 3. The text there puts both joints of an upright at its
+    centre of mass, where revolute joints would let no rung move; here they are at its ends.
     """
-    parts = family.Family("ladder", ("layers", layers), joint, axis, springs,
+    parts = family.Family("ladder", ("layers", layers), joint, axis, springs, total=total,
                           mass=mass, inertia=inertia, stiffness=stiffness, damping=damping)  # fmt: skip
     below = "ground"
     for i in range(1, parts.size + 1):

@@ -42,8 +42,8 @@ def make(
     if first == second:
         raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
                          element=who, field="second")  # fmt: skip
-    k = _coefficients(stiffness, who, "stiffness")
-    c = _coefficients(damping, who, "damping")
+    k = coefficients(stiffness, who, "stiffness")
+    c = coefficients(damping, who, "damping")
     if preload is not None:
         expected = "the wrench on the second body: 6 values in the bushing's axes [N, N m]"
         preload = check.numbers(preload, (6,), who, "preload", expected)
@@ -58,7 +58,8 @@ def _acts(value: Six | Matrix6) -> bool:
     return any(any(row) if isinstance(row, tuple) else row for row in value)
 
 
-def _coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
+def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:
+    """Return stiffness or damping as six finite floats, or as a symmetric 6x6 matrix of them."""
     expected = "6 values (x y z rx ry rz) or a symmetric 6x6 matrix"
     items = value.tolist() if hasattr(value, "tolist") else value
     if not (hasattr(items, "__len__") and len(items) == 6 and hasattr(items[0], "__len__")):

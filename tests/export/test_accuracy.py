@@ -16,7 +16,7 @@ CASES = {
     "stewart isolator": lambda: library.stewart_isolator(ports="all"),
     "quadruped": library.quadruped,
     "stiff": stiff_model,
-    "long chain": lambda: library.chain(20),
+    "long chain": lambda: library.chain(20, line=(0, 1, 0)),
 }
 
 

@@ -16,7 +16,7 @@ from tests.export.plants import same_bits, slider, stewart
 
 SYSTEMS = {
     "stewart": lambda: library.stewart(ports="all").linearize(),
-    "chain": lambda: library.chain(4, "spherical").linearize(),
+    "chain": lambda: library.chain(4, "spherical", line=(0, 1, 0)).linearize(),
     "quadruped": lambda: library.quadruped().linearize(),
     "no inputs": lambda: slider(inputs=()),
     "no outputs": lambda: slider(outputs=()),

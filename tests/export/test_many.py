@@ -19,7 +19,7 @@ def batch():
 
 @pytest.fixture(scope="module")
 def long():
-    model = mv.library.chain(700)
+    model = mv.library.chain(700, line=(0, 1, 0))
     model.add_output("a", "body300", "x", quantity="acceleration")
     model.add_force_output("root", "spring1", "rz")
     return model.linearize()

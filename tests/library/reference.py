@@ -5,14 +5,29 @@ from pathlib import Path
 
 import numpy as np
 
+from mbsvib.library import build, chain
+
 FOLDER = Path(__file__).parent.parent / "data" / "reference"
 NAMES = sorted(path.stem.removeprefix("ref_") for path in FOLDER.glob("ref_*.json"))
 
 
+def model(name):
+    """The mechanism of a reference; chains run along y, across their joints' axes."""
+    made = build(name)
+    if name.startswith("C"):
+        made = chain(len(made.bodies), line=data(name)["line"])
+    return made
+
+
+def data(name):
+    """What the file of a reference holds."""
+    return json.loads((FOLDER / f"ref_{name}.json").read_text())
+
+
 def eigenvalues(name):
     """One eigenvalue of each pair, the one above the real axis, in ascending size."""
-    data = json.loads((FOLDER / f"ref_{name}.json").read_text())
-    return np.array([complex(float(re), float(im)) for re, im in zip(data["lam_re"], data["lam_im"], strict=True)])
+    parts = data(name)
+    return np.array([complex(float(re), float(im)) for re, im in zip(parts["lam_re"], parts["lam_im"], strict=True)])
 
 
 def fixed_free(n):

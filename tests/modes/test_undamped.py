@@ -25,9 +25,10 @@ def network(n, seed=0):
 
 
 SCENES = {
-    "chain of 30": lambda: mv.library.chain(30), "chain of 120": lambda: mv.library.chain(120),
+    "chain of 30": lambda: mv.library.chain(30, line=(0, 1, 0)),
+    "chain of 120": lambda: mv.library.chain(120, line=(0, 1, 0)),
     "tree": lambda: mv.library.tree(6), "ladder": lambda: mv.library.ladder(30),
-    "spherical chain": lambda: mv.library.chain(20, "spherical"), "network": lambda: network(80),
+    "spherical chain": lambda: mv.library.chain(20, "spherical", line=(0, 1, 0)), "network": lambda: network(80),
 }  # fmt: skip
 
 
@@ -63,7 +64,7 @@ def test_frequencies_in_doubt_alone_are_taken_from_the_factors(scene, monkeypatc
 
 def test_responses_get_clean_shapes():
     """The modes of a long chain are good to ten digits at first, and to what responses need once one is asked for."""
-    system = mv.library.chain(150).linearize()
+    system = mv.library.chain(150, line=(0, 1, 0)).linearize()
     first = system.modes()
     assert first.mixed > 1e-11
     assert system._clean_modes.mixed <= 1e-13
@@ -76,12 +77,12 @@ def test_responses_get_clean_shapes():
 
 
 def test_short_chains_are_clean_from_the_start():
-    system = mv.library.chain(4).linearize()
+    system = mv.library.chain(4, line=(0, 1, 0)).linearize()
     assert system._clean_modes is system._modes
 
 
 def test_damping_that_couples_modes_asks_for_clean_shapes():
-    model = mv.library.chain(100)
+    model = mv.library.chain(100, line=(0, 1, 0))
     model = model.with_values({"spring7.damping.rz": 3.0})
     assert modes(model.linearize(), 1e-10, clean=False).mixed == 0.0
 

@@ -12,7 +12,7 @@ from tests.sparse import scenes
 
 
 def test_size_decides_unless_said_otherwise():
-    small, large = mv.library.chain(MANY), mv.library.chain(MANY + 1)
+    small, large = mv.library.chain(MANY), mv.library.chain(MANY + 1, line=(0, 1, 0))
     assert isinstance(small.linearize(), System)
     assert isinstance(large.linearize(), SparseSystem)
     assert isinstance(large.linearize(method="dense"), System)
@@ -55,7 +55,7 @@ def test_cut_joints_may_be_chosen():
 
 
 def test_what_needs_a_number_of_modes_says_so():
-    system = mv.library.chain(700).linearize()
+    system = mv.library.chain(700, line=(0, 1, 0)).linearize()
     for call, word in ((system.modes, r"modes\(10\)"), (system.state_space, r"state_space\(modes=k\)"),
                        (lambda: system.time_response([0, 1], np.zeros((2, 2))), "modes=k")):  # fmt: skip
         with pytest.raises(mv.ResponseError, match=word):
@@ -70,18 +70,18 @@ def test_what_needs_a_number_of_modes_says_so():
 @pytest.mark.parametrize("count", [0, -1, 701, 2.5, True, "all"])
 def test_bad_numbers_of_modes(count):
     with pytest.raises(mv.ResponseError, match="expected a whole number from 1 to 700, the degrees of freedom"):
-        mv.library.chain(700).linearize().modes(count)
+        mv.library.chain(700, line=(0, 1, 0)).linearize().modes(count)
 
 
 @pytest.mark.parametrize("near", [-1.0, np.nan, np.inf, "low"])
 def test_bad_frequencies(near):
     with pytest.raises(mv.ResponseError, match="expected a frequency"):
-        mv.library.chain(700).linearize().modes(3, near=near)
+        mv.library.chain(700, line=(0, 1, 0)).linearize().modes(3, near=near)
 
 
 def test_frequencies_that_are_none():
     with pytest.raises(mv.ResponseError, match="expected a finite vector"):
-        mv.library.chain(700).linearize().frequency_response([1.0, np.nan])
+        mv.library.chain(700, line=(0, 1, 0)).linearize().frequency_response([1.0, np.nan])
 
 
 def test_accuracy_that_is_asked_for_is_checked():
@@ -102,7 +102,7 @@ def test_it_says_how_it_came_about():
 
 
 def test_modes_are_shown_as_a_table():
-    modes = mv.library.chain(700).linearize().modes(3)
+    modes = mv.library.chain(700, line=(0, 1, 0)).linearize().modes(3)
     assert "3 of 700 DOF" in str(modes)
     assert len(str(modes).splitlines()) > 5
     assert sum(v.sum() for v in modes.kinetic_energy.values()) == pytest.approx(3.0)

@@ -107,7 +107,7 @@ def test_large_groups_of_loops_are_solved_sparse(monkeypatch):
 
 def test_static_parts_of_modes_that_are_left_out():
     """Of a push at the tip of a chain few modes and their statics hold the root's force at low frequency."""
-    model = mv.library.chain(60)
+    model = mv.library.chain(60, line=(0, 1, 0))
     root = next(iter(model.joints))
     model.add_input("push", list(model.bodies)[-1], "y")
     for direction in SIX:
@@ -136,7 +136,7 @@ def test_static_parts_where_the_mechanism_floats():
 def test_shaking_force_of_very_many_bodies_in_closed_form():
     """Carried along slowly, a chain leans on its foundation with all of its mass, and with its root on the joint."""
     n = 3000
-    model = mv.library.chain(n)
+    model = mv.library.chain(n, line=(0, 1, 0))
     root = next(iter(model.joints))
     model.add_base_motion("floor", "x")
     for direction in SIX:

@@ -12,7 +12,7 @@ SCRIPT = """
 import json, resource, sys, time
 import mbsvib as mv
 n = int(sys.argv[1])
-model = mv.library.chain(n)
+model = mv.library.chain(n, line=(0, 1, 0))
 begin = time.process_time()
 system = model.linearize()
 modes = system.modes(10)

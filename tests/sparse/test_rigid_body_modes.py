@@ -111,7 +111,7 @@ def test_static_compliance_without_a_hold_is_refused():
 
 
 def test_an_undamped_pole_is_refused():
-    model = mv.library.chain(700, damping=(0,) * 6)
+    model = mv.library.chain(700, damping=(0,) * 6, line=(0, 1, 0))
     system = model.linearize()
     omega = 2 * np.pi * system.modes(3).frequencies
     with pytest.raises(mv.ResponseError, match=r"omega\[1\] = .* \(an undamped mode\)"):

@@ -4,7 +4,7 @@ from mpmath import mp, mpf
 
 
 def closure(model, omega):
-    """Return the determinant that is zero at the natural frequencies of ``library.chain(n)``, revolute about z along y.
+    """Return the determinant that is zero at the natural frequencies of ``library.chain(n, line=(0, 1, 0))``.
 
     Displacement and rotation, force and moment are handed on from joint to joint, from two independent reactions at
     ground to two conditions at the free end.
