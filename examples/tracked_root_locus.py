@@ -14,7 +14,7 @@ import mbsvib as mv
 
 hexapod = mv.library.cubic_hexapod()
 height = np.linspace(0.01, 0.2, 39)
-names = {"twist": 5}
+names = {"twist": 6}  # as print(hexapod.linearize().modes()) counts
 centre = hexapod.parameters["platform.position.z"]
 modes = mv.track(hexapod, {"platform.position.z": centre + height}, names)
 twist = modes.mode("twist")
@@ -25,7 +25,7 @@ assert np.argmax(modes["frequencies"][-1]) != 5, "sorting would take another mod
 
 car = mv.library.quarter_car()
 damping = np.geomspace(50.0, 5e4, 800)  # N s/m
-locus = mv.track(car, {"suspension.damping": damping}, {"body": 0, "wheel": 1})
+locus = mv.track(car, {"suspension.damping": damping}, {"body": 1, "wheel": 2})
 body, wheel = locus.mode("body", "eigenvalues"), locus.mode("wheel", "eigenvalues")
 # A damper that locks leaves one mass on the tyre, without any damping.
 masses = car.parameters["body.mass"] + car.parameters["wheel.mass"]

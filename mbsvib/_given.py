@@ -102,6 +102,21 @@ def real(value: Any, caller: str, field: str, expected: str, least: float = -np.
     return float(array)
 
 
+def mode_index(
+    number: Any, caller: str, count: int | None = None, table: str = "print(system.modes())",
+    error: Callable[[str], MbsvibError] = ResponseError,
+) -> int:  # fmt: skip
+    """Return the index in arrays of the mode that has this number, which counts from 1 as in the printed table."""
+    if isinstance(number, bool) or not isinstance(number, (int, np.integer)):
+        raise error(f"{caller}: the number of a mode is expected, 1, 2, ... as {table} lists them; {shown(number)} was "
+                    f"given.")  # fmt: skip
+    if number < 1:
+        raise error(f"{caller}: modes count from 1, as {table} lists them; {shown(number)} was given.")
+    if count is not None and number > count:
+        raise error(f"{caller}: mode {number} was given; {table} lists modes from 1 to {count}.")
+    return int(number) - 1
+
+
 def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float64]:
     """Return angular frequencies [rad/s] as a vector whose squares can be held."""
     w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))

@@ -37,8 +37,8 @@ XTOL = 1e-13
 
 @dataclass(frozen=True, slots=True)
 class CriticalSpeed:
-    """Where mode ``mode`` (from 0) has ``order`` times the ``speed`` [rad/s] as its damped ``frequency`` [Hz];
-    ``damping_ratio`` and ``whirl`` there.
+    """Where mode ``mode``, which counts from 1 as printed (its column in arrays is ``mode - 1``), has ``order`` times
+    the ``speed`` [rad/s] as its damped ``frequency`` [Hz]; ``damping_ratio`` and ``whirl`` there.
     """
 
     mode: int
@@ -104,7 +104,7 @@ class Campbell:
         columns = [("speed [rad/s]", "right"), *((f"mode {i + 1} [Hz]", "right") for i in range(self.whirl.shape[1]))]
         notes = ["F: forward whirl, B: backward."]
         for point in self.critical:
-            notes.append(f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode + 1} at {point.order:g} x "
+            notes.append(f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode} at {point.order:g} x "
                          f"speed ({digits(point.frequency)} Hz, {_word(point.whirl)}).")  # fmt: skip
         growing = self.speeds[~self.stable]
         if len(growing):
@@ -316,7 +316,8 @@ class _Ends:
 def _point(sweep: _Sweep, modes: Modes, number: int, at: tuple[int, float, float]) -> CriticalSpeed:
     mode, times, speed = at
     value = _upper(modes)[number]
-    return CriticalSpeed(mode, times, speed, float(value.imag) / (2.0 * np.pi), float(0.0 - value.real / abs(value)),
+    ratio = float(0.0 - value.real / abs(value))
+    return CriticalSpeed(mode + 1, times, speed, float(value.imag) / (2.0 * np.pi), ratio,
                          float(sweep.whirl(modes, speed)[number]))  # fmt: skip
 
 

@@ -66,7 +66,7 @@ def draw(model: ModelArgument, view: ViewOption = "3-D", file: FileOption = None
 
 def animate(
     model: ModelArgument,
-    mode: Annotated[int, typer.Option("--mode", "-m", metavar="N", help="The mode's number in the table.")] = 1,
+    mode: Annotated[int, typer.Option("--mode", "-m", metavar="N", help="The mode's number in the table, from 1.")] = 1,
     view: ViewOption = "3-D",
     file: Annotated[
         Path | None, typer.Option("--file", "-f", metavar="FILE", help="Where to: .gif, .mp4 or .html.")

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def records(modes: Modes) -> list[dict[str, Any]]:
     """Return one record a mode: number, frequencies [Hz], damping ratio, both eigenvalues [1/s], what moves most."""
-    values, errors = modes.eigenvalues.reshape(-1, 2), modes.errors.reshape(-1, 2)
+    values, errors = modes.pairs, modes.pair_errors
     return [
         {
             "mode": i + 1,

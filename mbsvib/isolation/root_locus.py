@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib._checks import shown
-from mbsvib._given import reals
+from mbsvib._given import mode_index, reals
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ class RootLocus:
         return np.divide(0.0 - values.real, size, out=np.zeros_like(size), where=size > 0.0)
 
     @cached_property
-    def moved(self) -> NDArray[np.intp]:
-        """Numbers of the modes that the gain moves by more than a hundredth of their frequency."""
+    def moved(self) -> NDArray[np.bool_]:
+        """Whether the gain moves each mode by more than a hundredth of its frequency, (modes,)."""
         values = self.poles[:, self.modes]
-        return np.flatnonzero(np.abs(values - values[0]).max(axis=0) > MOVED * np.abs(values[0]))
+        return np.asarray(np.abs(values - values[0]).max(axis=0) > MOVED * np.abs(values[0]))
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -71,18 +71,28 @@ class RootLocus:
         Parameters
         ----------
         mode : int, optional
-            Number of the mode, from 0; default: the least damped one at each gain, of those that the law moves.
+            Number of the mode, from 1 as ``print(locus)`` lists them; default: the least damped one at each gain, of
+            those that the law moves.
 
         Returns
         -------
         gain, damping_ratio : float
             The gain and the damping ratio there.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such mode.
         """
-        columns = self.moved if mode is None else np.array([mode])
-        ratio = self.damping_ratios[:, columns].min(axis=1, initial=np.inf)
-        ratio = np.where(self.stable, ratio, -np.inf)
-        at = int(ratio.argmax())
-        return float(self.gains[at]), float(ratio[at])
+        if mode is None:
+            return self._best(self.damping_ratios[:, self.moved])
+        index = mode_index(mode, "RootLocus.best", len(self.modes), "print(locus)")
+        return self._best(self.damping_ratios[:, [index]])
+
+    def _best(self, ratios: Array) -> tuple[float, float]:
+        least = np.where(self.stable, ratios.min(axis=1, initial=np.inf), -np.inf)
+        at = int(least.argmax())
+        return float(self.gains[at]), float(least[at])
 
     def table(self) -> dict[str, Any]:
         """Return what each mode reaches, and what closed forms promise a mode that keeps its shape.
@@ -94,15 +104,15 @@ class RootLocus:
         """
         rows = []
         zeros = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
-        for mode, column in enumerate(self.modes.tolist()):
+        for mode, column in enumerate(self.modes.tolist(), 1):
             pole = float(np.abs(self.poles[0, column]))
             gain, ratio = self.best(mode)
             # as many zeros as modes interlace with them one by one
-            zero = float(zeros[mode]) if len(zeros) == len(self.modes) else 0.0
+            zero = float(zeros[mode - 1]) if len(zeros) == len(self.modes) else 0.0
             promised = f"{50.0 * (pole - zero) / zero:.4g}" if 0.0 < pole / 3.0 < zero < pole else ""
             seen = f"{zero / (2.0 * np.pi):.6g}" if zero else ""
             rows.append(
-                (mode + 1, f"{pole / (2.0 * np.pi):.6g}", seen, f"{gain:.4g}", f"{100.0 * ratio:.4g}", promised)
+                (mode, f"{pole / (2.0 * np.pi):.6g}", seen, f"{gain:.4g}", f"{100.0 * ratio:.4g}", promised)
             )
         headers = ("mode", "pole [Hz]", "zero [Hz]", "best gain", "damping ratio [%]", "(pole - zero) / (2 zero) [%]")
         columns = [(header, "right") for header in headers]

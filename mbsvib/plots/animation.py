@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib._given import mode_index
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
@@ -216,16 +217,15 @@ def animation(
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "
                             f"variant of a batch; linearize that one model by itself, method='dense'.")  # fmt: skip
-    if isinstance(mode, bool) or not hasattr(mode, "__index__") or not 1 <= mode <= len(modes):
-        raise ResponseError(f"mode = {mode!r}: expected the number of a mode in the table, from 1 to {len(modes)}.")
+    index = mode_index(mode, "animate", len(modes))
     for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1), ("amplitude", amplitude, 0.0)):
         if not least <= value < np.inf:
             raise ResponseError(f"{name} = {value!r}: expected a number of at least {least:g}.")
     axes_of(view)
     scene = of_system(modes.name, provenance)
-    moves = scene.displacements(modes._body_motion @ modes.shapes[:, mode - 1])
+    moves = scene.displacements(modes._body_motion @ modes.shapes[:, index])
     farthest = np.linalg.norm(moves, axis=1).max(initial=0.0)
     shape = amplitude * scene.size / farthest * moves if farthest > 0.0 else moves
-    hertz, ratio = modes.frequencies[mode - 1], modes.damping_ratios[mode - 1]
+    hertz, ratio = modes.frequencies[index], modes.damping_ratios[index]
     words = f"{hertz:.5g} Hz, damping {100.0 * ratio:.3g} %" if hertz > 0.0 else "rigid-body mode"
     return Animation(scene, shape, f"Mode {mode}: {words}", view, int(frames), float(rate))

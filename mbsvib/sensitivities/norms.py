@@ -86,9 +86,7 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     names = variables(system.parameters, parameters).names
     _refuse_feedthrough(system, base.D, ports)
     k = base.first
-    values = system.poles()
-    if (values.real >= 0.0).any():
-        worst = int(np.argmax(values.real >= 0.0)) // 2 + 1
+    if (worst := _not_decaying(system)) is not None:
         raise ResponseError(
             f"H2 norm of '{system.name}': mode {worst} does not decay, so that the norm is infinite. Give it damping, "
             f"or leave it out: system.reachable(inputs, outputs) drops what these ports do not reach."
@@ -138,8 +136,7 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
         return np.asarray(np.linalg.svd(_response(system, i, o, w), compute_uv=False)[:, 0])
 
     values = system.poles()
-    if (values.real >= 0.0).any():
-        worst = int(np.argmax(values.real >= 0.0)) // 2 + 1
+    if (worst := _not_decaying(system)) is not None:
         raise ResponseError(f"Hinf norm of '{system.name}': mode {worst} does not decay, so that its peak is infinite. "
                             f"Give it damping, or ask system.reachable(inputs, outputs) for its norm.")  # fmt: skip
     named = [system.inputs[k] for k in i], [system.outputs[k] for k in o]
@@ -199,6 +196,12 @@ def _polished(sigma: Callable[[Array], Array], omega: float, step: float) -> tup
 
 def _ports(system: System, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:
     return chosen(system.inputs, inputs, "inputs", system.name), chosen(system.outputs, outputs, "outputs", system.name)
+
+
+def _not_decaying(system: System) -> int | None:
+    """The number, from 1, of the first mode that does not decay; None if all do."""
+    still = (system._clean_modes.pairs.real >= 0.0).any(axis=1)
+    return int(still.argmax()) + 1 if still.any() else None
 
 
 def _refuse_feedthrough(system: System, d: Array, ports: tuple[list[int], list[int]]) -> None:

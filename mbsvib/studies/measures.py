@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
+from mbsvib._given import mode_index
 from mbsvib.errors import ModelError, nearest
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.quantities import Dual, Leaf, Quantity
@@ -31,9 +32,9 @@ def frequency(mode: int | Iterable[int] | None = None) -> Quantity:
     Parameters
     ----------
     mode : int or iterable of int, optional
-        Number of a mode in ``modes()``, from 0, or several. Default: all but rigid-body modes. In a search it is the
-        number where that starts: modes are followed by their shapes. Where modes coincide, the derivative to each
-        variable is that along its own branch.
+        Number of a mode, from 1 as ``print(system.modes())`` lists them, or several. Default: all but rigid-body
+        modes. In a search it is the number where that starts: modes are followed by their shapes. Where modes coincide,
+        the derivative to each variable is that along its own branch.
 
     Returns
     -------
@@ -53,7 +54,8 @@ def damping_ratio(mode: int | Iterable[int] | None = None) -> Quantity:
     Parameters
     ----------
     mode : int or iterable of int, optional
-        Number of a mode in ``modes()``, from 0, or several. Default: all but rigid-body modes.
+        Number of a mode, from 1 as ``print(system.modes())`` lists them, or several. Default: all but rigid-body
+        modes.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def placement(targets: Mapping[int, float]) -> Quantity:
     Parameters
     ----------
     targets : mapping of int to float
-        Frequency [Hz] that each mode, by its number from 0, ought to have.
+        Frequency [Hz] that each mode, by its number from 1, ought to have.
 
     Returns
     -------
@@ -84,10 +86,12 @@ def placement(targets: Mapping[int, float]) -> Quantity:
     Raises
     ------
     ModelError
-        If there is no target, or one is not positive.
+        If there is no target, one is not positive, or a mode's number is below 1.
     """
     if not isinstance(targets, Mapping) or not targets:
-        raise check.refuse("placement", "targets", targets, "a frequency [Hz] for each mode, such as {0: 120.0}")
+        raise check.refuse("placement", "targets", targets, "a frequency [Hz] for each mode, such as {1: 120.0}")
+    for mode in targets:
+        mode_index(mode, "placement", error=ModelError)
     wanted = [check.number(f, "placement", f"targets[{mode}]", "a frequency [Hz]") for mode, f in targets.items()]
     if min(wanted) <= 0.0:
         raise check.refuse("placement", "targets", targets, "frequencies [Hz] above 0")

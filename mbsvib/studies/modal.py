@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib import _checks as check
-from mbsvib.errors import ModelError
+from mbsvib._given import mode_index
+from mbsvib.errors import ModelError, counted
 from mbsvib.studies.quantities import Dual, Leaf
 
 if TYPE_CHECKING:
@@ -30,32 +31,33 @@ NEAR = 6.0  # standard deviations
 
 
 class Modal(Leaf):
-    """A quantity of modes: ``numbers`` of them, None for all but rigid-body modes."""
+    """A quantity of modes: those with these ``indices`` in arrays, None for all but rigid-body modes."""
 
     def __init__(self, what: str, unit: str, mode: Any, rule: Rule) -> None:
-        given = None if mode is None else np.ravel(np.array(mode, dtype=object))
-        self.numbers = None if given is None else [_number(what, mode, number) for number in given]
-        if self.numbers is not None and not self.numbers:
-            raise check.refuse(what, "mode", mode, "numbers of modes, from 0")
+        numbers = None if mode is None else np.ravel(np.array(mode, dtype=object)).tolist()
+        self.indices = None if numbers is None else [mode_index(n, what, error=ModelError) for n in numbers]
         self.what, self.rule = what, rule
-        if self.numbers is None:
+        if numbers is None:
             label = f"all {'frequencies' if what == 'frequency' else 'damping ratios'}"
+        elif not numbers:
+            raise check.refuse(what, "mode", mode, "numbers of modes, 1, 2, ... as print(system.modes()) lists them")
         else:
-            label = f"{what} of mode{'s' if len(self.numbers) > 1 else ''} {', '.join(map(str, self.numbers))}"
+            label = f"{what} of mode{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
         super().__init__(f"{label} [{unit}]", self._at)
         self.unit = unit
 
     def of(self, modes: Modes, order: Any = None) -> list[int]:
-        """Return the numbers of the modes that are meant."""
+        """Return the indices of the modes that are meant."""
         count, rigid = len(modes), modes.rigid
-        which = list(range(rigid, count)) if self.numbers is None else self.numbers
-        if self.numbers is None and order is not None:
+        which = list(range(rigid, count)) if self.indices is None else self.indices
+        if self.indices is None and order is not None:
             which = np.flatnonzero(order >= rigid).tolist()
-        if not which or max(which) >= count:
-            raise ModelError(
-                f"{self.what}: mode {max(which, default=0)} of '{modes.name}' is asked for, which has modes 0 to "
-                f"{count - 1}, {rigid} of them rigid-body modes.", element=self.what,
-            )  # fmt: skip
+        if not which:
+            raise ModelError(f"{self.what}: '{modes.name}' has no modes but {counted(rigid, 'rigid-body mode')}.",
+                             element=self.what)  # fmt: skip
+        if max(which) >= count:
+            raise ModelError(f"{self.what}: mode {max(which) + 1} of '{modes.name}' is asked for, which has modes 1 to "
+                             f"{count}, {rigid} of them rigid-body modes.", element=self.what)  # fmt: skip
         return which
 
     def rate(self, value: complex) -> complex:
@@ -136,9 +138,3 @@ def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, 
     gram = total * (x.T @ system.M @ x) + x.T @ system.C @ x
     form = product * (x.T @ change.M @ x) + 0.5 * total * (x.T @ change.C @ x) + x.T @ change.K @ x
     return np.diag(values).astype(complex), np.asarray(-np.linalg.solve(gram, form), dtype=complex)
-
-
-def _number(what: str, mode: Any, number: Any) -> int:
-    if not isinstance(number, (int, np.integer)) or isinstance(number, bool) or number < 0:
-        raise check.refuse(what, "mode", mode, "numbers of modes, from 0")
-    return int(number)

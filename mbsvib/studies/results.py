@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -82,13 +83,15 @@ class Sweep:
         return {**self.parameters, **self.results}
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return everything as columns of n entries: ``label[0]``, ... of vectors, ``.re`` and ``.im`` of complex."""
+        """Return everything as columns of n entries: ``label(1)``, ``label(2)``, ... of vectors, which count from 1 as
+        modes do, ``label(1,2)`` of matrices, ``.re`` and ``.im`` of complex numbers.
+        """
         result: dict[str, NDArray[Any]] = dict(self.parameters)
         for label, values in self.results.items():
             flat = values.reshape(len(self), -1)
             for i in range(flat.shape[1]):
                 place = np.unravel_index(i, values.shape[1:]) if values.ndim > 1 else ()
-                name = label + (f"[{','.join(str(int(k)) for k in place)}]" if place else "")
+                name = label + (f"({','.join(str(int(k) + 1) for k in place)})" if place else "")
                 if values.dtype.kind == "c":
                     result[f"{name}.re"], result[f"{name}.im"] = flat[:, i].real, flat[:, i].imag
                 else:
@@ -140,8 +143,8 @@ class Sweep:
             notes.append(f"Point {i} failed: {error}")
         if len(self.errors) > SHOWN_ERRORS:
             notes.append(f"In all, {counted(len(self.errors), 'point')} failed.")
-        heads = [(name + (f" [{self.units[name.partition('[')[0]]}]" if name.partition("[")[0] in self.units else ""),
-                  "right") for name in names]  # fmt: skip
+        units = {name: self.units.get(re.split(r"[(\[]", name)[0]) for name in names}
+        heads = [(name + (f" [{unit}]" if unit is not None else ""), "right") for name, unit in units.items()]
         return {"title": f"Sweep of {self.name}", "columns": heads, "rows": rows, "notes": notes}
 
     def plot(self, label: str | None = None) -> Figure:

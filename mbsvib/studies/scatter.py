@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, repr=False, eq=False)
 class Tolerances:
     """What scatter of parameters does to some numbers, ``labels`` (k,), whose ``nominal`` values (k,) are those of the
-    model as it is.
+    model as it is. Quantities of several numbers have labels with the mode's number, "frequency 2 [Hz]", or count them,
+    both from 1.
 
     To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
     at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
@@ -253,15 +254,15 @@ def tolerances(
 class _Ask:
     """What is asked of each sample: of a batch at once, where all are quantities of modes."""
 
-    def __init__(self, quantities: Mapping[str, Quantity], numbers: Mapping[str, list[int]]) -> None:
-        self.quantities, self.numbers = quantities, numbers
-        self.batched = len(numbers) == len(quantities)
+    def __init__(self, quantities: Mapping[str, Quantity], indices: Mapping[str, list[int]]) -> None:
+        self.quantities, self.indices = quantities, indices
+        self.batched = len(indices) == len(quantities)
 
     def __call__(self, system: Any) -> dict[str, Any]:
         if not isinstance(system, Batch):
             return {label: np.atleast_1d(each(system)) for label, each in self.quantities.items()}
         modes = system.modes()
-        return {label: each.in_batch(modes, self.numbers[label]) for label, each in self.quantities.items()
+        return {label: each.in_batch(modes, self.indices[label]) for label, each in self.quantities.items()
                 if isinstance(each, Modal)}  # fmt: skip
 
 
@@ -282,7 +283,7 @@ def _quantities(of: Any) -> dict[str, Quantity]:
 def _labels(quantities: Mapping[str, Quantity], counts: tuple[int, ...], ask: _Ask) -> tuple[str, ...]:
     result: list[str] = []
     for label, count in zip(quantities, counts, strict=True):
-        numbers = ask.numbers.get(label, range(count))
         name, bracket, unit = label.partition(" [")
-        result += [label] if count == 1 else [f"{name} {number}{bracket}{unit}" for number in numbers]
+        result += [label] if count == 1 else [f"{name} {index + 1}{bracket}{unit}"
+                                              for index in ask.indices.get(label, range(count))]  # fmt: skip
     return tuple(result)

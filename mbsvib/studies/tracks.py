@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib._given import mode_index
 from mbsvib.equilibrium.settled import settled
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.studies.design import design
@@ -107,8 +107,8 @@ def track(
     values : mapping of str to array-like, shape (k,) or ()
         Values of each variable, as for ``sweep``; neighbours should be neighbours in the arrays too.
     names : mapping of str to int, optional
-        Names of modes, by their numbers from 0 at the first point. Default, and for all others: the body that moves
-        most there, and the direction.
+        Names of modes, by their numbers at the first point, which count from 1. Default, and for all others: the body
+        that moves most there, and the direction.
     how : str
         "grid": all combinations; "paired": point by point.
     ties : mapping of str to mapping of str to float or Tie, optional
@@ -210,15 +210,14 @@ def _before(i: int, shape: tuple[int, ...], seen: Mapping[int, Reference]) -> in
 def _titles(modes: Modes, names: Mapping[str, int] | None) -> tuple[str, ...]:
     given: dict[int, str] = {}
     for name, number in (names or {}).items():
-        if not isinstance(number, (int, np.integer)) or isinstance(number, bool) or not 0 <= number < len(modes):
-            raise check.refuse("track", f"names['{name}']", number, f"the number of a mode, from 0 to {len(modes) - 1}")
-        if int(number) in given:
-            raise ModelError(f"track: mode {number} has two names, '{given[int(number)]}' and '{name}'.", field="names")
-        given[int(number)] = str(name)
+        index = mode_index(number, f"track: names['{name}']", len(modes), error=ModelError)
+        if index in given:
+            raise ModelError(f"track: mode {number} has two names, '{given[index]}' and '{name}'.", field="names")
+        given[index] = str(name)
     result: list[str] = []
-    for number, most in enumerate(modes.strongest()):
-        plain = given.get(number, " ".join(most))
-        taken = [*result, *given.values()] if number not in given else []
+    for index, most in enumerate(modes.strongest()):
+        plain = given.get(index, " ".join(most))
+        taken = [*result, *given.values()] if index not in given else []
         title, count = plain, 1
         while title in taken:
             count += 1

@@ -52,7 +52,7 @@ def test_decentralised_force_feedback_reaches_the_closed_form_in_every_mode():
     pairs = [isolation.force_feedback_optimum(*each) for each in zip(pole, zero, strict=True)]
     gains = np.unique([0.0, *(gain for gain, _ in pairs)])
     locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), gains)
-    for mode, (gain, ratio) in enumerate(pairs):
+    for mode, (gain, ratio) in enumerate(pairs, 1):
         assert locus.best(mode) == pytest.approx((gain, ratio), rel=1e-6)
     assert "54.08" in str(locus)
     assert np.allclose(np.sort(locus.zeros.imag)[6:], np.sort(zero), rtol=1e-12)

@@ -103,7 +103,7 @@ def test_complex_shapes_go_round():
 def test_refusals(stewart, tmp_path, monkeypatch):
     modes = stewart.modes()
     with pytest.raises(mv.ResponseError, match="from 1 to 6"):
-        modes.animate(0)
+        modes.animate(7)
     with pytest.raises(mv.ResponseError, match="'3-D', 'x', 'y', 'z'"):
         modes.animate(1, view="above")
     with pytest.raises(mv.ResponseError, match="frames = 1"):

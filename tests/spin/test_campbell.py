@@ -64,8 +64,8 @@ def test_jeffcott():
         assert not data.eigenvalues.real.any()
     held = np.nonzero(np.ptp(data.frequencies, axis=0) < 1e-9)[0]
     assert len(held) == 5  # turn, two whirls, along and about the axis
-    held = [mode for mode in held if abs(data.eigenvalues[0, mode].imag - 10.0) > 1e-9]
-    critical = [point.speed for point in data.critical if point.mode not in (0, *held)]
+    held = [mode + 1 for mode in held if abs(data.eigenvalues[0, mode].imag - 10.0) > 1e-9]
+    critical = [point.speed for point in data.critical if point.mode not in (1, *held)]
     # in translation both whirls have one frequency and no direction of their own; backward tilt: It W^2 = k - Ip W^2;
     # forward: Ip > It has none
     np.testing.assert_allclose(critical, [10.0, 10.0, np.sqrt(50.0 / 0.06)], rtol=1e-11)

@@ -29,12 +29,12 @@ def absorber(stiffness=30.0, damping=1.0, below=0.0):
 
 
 QUANTITIES = {
-    "frequency": st.frequency(0), "frequencies": st.frequency(), "damping": st.damping_ratio(),
-    "placement": st.placement({0: 4.0, 1: 5.0}), "gain": st.gain("x", "F", [0.0, 1.0, 1.8]),
+    "frequency": st.frequency(1), "frequencies": st.frequency(), "damping": st.damping_ratio(),
+    "placement": st.placement({1: 4.0, 2: 5.0}), "gain": st.gain("x", "F", [0.0, 1.0, 1.8]),
     "norm": st.gain(["x", "y"], None, 1.3), "peak": st.peak("x", "F"), "narrow": st.peak("x", "F", (0.2, 1.0)),
     "rms": st.rms("x", {"F": 2.0}), "band": st.rms(["x", "y"], {"F": 2.0}, (0.5, 3.0)),
     "table": st.rms("y", {"F": [(0.3, 1.0), (1.0, 3.0), (8.0, 0.1)]}), "variable": st.variable("k2.stiffness"),
-    "algebra": 2.0 - st.peak("x", "F") ** 2 / st.frequency(1) * 3.0 + st.frequency(0).log() / 5 + 1 / st.frequency(0),
+    "algebra": 2.0 - st.peak("x", "F") ** 2 / st.frequency(2) * 3.0 + st.frequency(1).log() / 5 + 1 / st.frequency(1),
     "largest": st.largest(st.frequency(), 3.0), "smallest": st.smallest(st.damping_ratio()),
     "own": st.given(lambda s, v: (s.poles().real.sum(), s.eigenvalue_sensitivities(v).real.sum(axis=1)), "decay"),
 }  # fmt: skip
@@ -144,12 +144,12 @@ def test_best_absorber_under_white_noise_is_that_of_the_closed_form():
 def test_frequencies_are_placed_where_they_ought_to_be():
     model = quarter_car()
     names = {"tyre.stiffness": (1e4, 1e6), "suspension.stiffness": (1e3, 1e5)}
-    found = st.optimize(model, names, st.placement({0: 1.6, 1: 14.0}))
+    found = st.optimize(model, names, st.placement({1: 1.6, 2: 14.0}))
     assert found.success, found
     assert np.allclose(found.model.linearize().modes().frequencies, [1.6, 14.0], rtol=1e-5)
     assert "Optimal after" in str(found)
     assert "tyre.stiffness [N/m]" in str(found)
-    again = st.optimize(model, {"up": (-1.0, 1.0)}, (st.frequency(0) - 1.6) ** 2,
+    again = st.optimize(model, {"up": (-1.0, 1.0)}, (st.frequency(1) - 1.6) ** 2,
                         ties={"up": {"suspension.stiffness": 2e4}})  # fmt: skip
     assert again.model.linearize().modes().frequencies[0] == pytest.approx(1.6, rel=1e-6)
 
@@ -176,14 +176,14 @@ def test_damping_is_shared_out_within_a_budget():
 
 def test_damping_floor_holds():
     floor = st.optimize(absorber(below=1.0), TUNED, st.variable("k2.damping"),
-                        [st.damping_ratio() >= 0.02, st.frequency(0) >= 1.4])  # fmt: skip
+                        [st.damping_ratio() >= 0.02, st.frequency(1) >= 1.4])  # fmt: skip
     assert floor.success, floor
     assert floor.model.linearize().modes().damping_ratios.min() == pytest.approx(0.02, rel=1e-6)
     assert floor.constraints["all damping ratios [-] >= 0.02"].shape == (2,)
 
 
 def test_flat_objectives_and_unfinished_searches_are_told():
-    flat = st.optimize(two(), {"slow.mass": (0.5, 2.0)}, st.frequency(1))
+    flat = st.optimize(two(), {"slow.mass": (0.5, 2.0)}, st.frequency(2))
     assert flat.success
     assert flat.optimality < 1e-6
     started = st.optimize(absorber(), TUNED, st.peak("x", "F"), options={"maxiter": 1})
@@ -205,7 +205,7 @@ def test_peaks_are_bounded_as_constraints():
 def test_named_modes_are_followed_through_crossings():
     # mode 0, that of "slow", has to go beyond the other one, which stays
     wanted = 30.0 / (2 * np.pi)
-    found = st.optimize(two(0.0), {"slow.spring.stiffness": (10.0, 1e4)}, (st.frequency(0) - wanted) ** 2)
+    found = st.optimize(two(0.0), {"slow.spring.stiffness": (10.0, 1e4)}, (st.frequency(1) - wanted) ** 2)
     assert found.values["slow.spring.stiffness"] == pytest.approx(900.0, rel=1e-5)
 
 
@@ -215,7 +215,7 @@ def test_ties_and_equalities(method, off):
         pytest.importorskip("casadi")
     model = stewart()
     names = {"leg*.k.stiffness": (1e6, 1e9), "platform.mass": (0.5, 2.0)}
-    held = [st.frequency(2).equals(900.0), st.variable("leg*.k.stiffness") >= 1.8e7]
+    held = [st.frequency(3).equals(900.0), st.variable("leg*.k.stiffness") >= 1.8e7]
     found = st.optimize(model, names, st.variable("platform.mass"), held, method=method)
     assert found.success, found
     assert found.model.linearize().modes().frequencies[2] == pytest.approx(900.0, rel=1e-6)
@@ -233,7 +233,7 @@ BAD = [
     ({"k2.stiffness": (1.0, 2.0)}, None, {"start": {"k2.stiffness": 5.0}}, "from 1 to 2"),
     ({"k2.stiffness": (1.0, 2.0)}, None, {"start": {"k2.stifness": 5.0}}, "Did you mean"),
     ({"k2.stiffness": (1.0, 90.0)}, st.frequency(), {}, "expected one"),
-    ({"k2.stiffness": (1.0, 90.0)}, st.frequency(7), {}, "modes 0 to 1"),
+    ({"k2.stiffness": (1.0, 90.0)}, st.frequency(8), {}, "mode 8 of .* has modes 1 to 2"),
     ({"k2.stiffness": (1.0, 90.0)}, -st.peak("x", "F"), {}, "would have to grow"),
     ({"k2.stiffness": (1.0, 90.0)}, st.variable("k3"), {}, "no such variable"),
     ({"k2.stiffness": (1.0, 90.0)}, lambda system: 1.0, {}, "a quantity"),
@@ -246,7 +246,7 @@ BAD = [
 @pytest.mark.parametrize(("variables", "objective", "words", "said"), BAD)
 def test_bad_input_is_told(variables, objective, words, said):
     with pytest.raises(ModelError, match=said):
-        st.optimize(absorber(), variables, st.frequency(0) if objective is None else objective, **words)
+        st.optimize(absorber(), variables, st.frequency(1) if objective is None else objective, **words)
 
 
 def test_quantities_that_do_not_exist_are_told():
@@ -278,8 +278,8 @@ def test_quantities_that_do_not_exist_are_told():
     with pytest.raises(ResponseError, match="a density for each input"):
         st.rms("x", 3.0)
     with pytest.raises(ModelError, match="neither true nor false"):
-        bool(1.0 <= st.frequency(0) <= 2.0)
-    with pytest.raises(ModelError, match="numbers of modes"):
+        bool(1.0 <= st.frequency(1) <= 2.0)
+    with pytest.raises(ModelError, match="modes count from 1"):
         st.frequency(-1)
     with pytest.raises(ModelError, match="a frequency"):
         st.placement({})

@@ -188,7 +188,7 @@ def test_csv_keeps_every_digit(tmp_path):
     rows = list(csv.DictReader(path.read_text().splitlines()))
     assert [float(row["tyre.stiffness"]) for row in rows] == [1e5, 3e5, 2e5]
     assert float(rows[2]["low"]) == found["low"][2]
-    assert float(rows[0]["poles[1].im"]) == found["poles"][0, 1].imag
+    assert float(rows[0]["poles(2).im"]) == found["poles"][0, 1].imag
     assert rows[1]["error"] == "ArithmeticError: too stiff"
     assert set(found.to_numpy()) == {"tyre.stiffness", "low", "poles"}
 

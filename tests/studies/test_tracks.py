@@ -9,7 +9,7 @@ from mbsvib.errors import ModelError
 from mbsvib.library import quarter_car
 from tests.studies.test_optimize import two
 
-NAMES = {"across": 0, "along": 1}
+NAMES = {"across": 1, "along": 2}
 
 
 def frequency(stiffness):
@@ -72,7 +72,7 @@ def test_tracks_are_sweeps(tmp_path):
 BAD = [
     ({"slow.spring.stifness": [1.0]}, {}, "Did you mean 'slow.spring.stiffness'"),
     ({"leg*.k.stiffness": [1.0]}, {}, "no parameter 'leg"),
-    ({"fast.mass": [1.0]}, {"up": 2}, "from 0 to 1"),
+    ({"fast.mass": [1.0]}, {"up": 3}, "lists modes from 1 to 2"),
     ({"fast.mass": [1.0]}, {"up": 1, "down": 1}, "two names"),
 ]
 
