@@ -252,6 +252,29 @@ def test_closed_forms_of_sections():
     assert Section(1, 2, 3, 4).properties(0.3).kz is None
 
 
+@pytest.mark.parametrize("inner", [0.0, 0.3, 0.8, 0.99])
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.5])
+def test_shear_factor_of_a_tube_by_cowper_s_integral(nu, inner):
+    """k = 2 (1 + nu) I / -(A / I) int x (chi + x y^2) dA, chi = (a r + b / r) cos phi + ... harmonic."""
+    s = 0.75 + 0.5 * nu
+    a, b = -s * (1 + inner**2), -s * inner**2
+    integral = np.pi * (a * (1 - inner**4) / 4 + b * (1 - inner**2) / 2 + (1 - inner**6) / 24)
+    area, second = np.pi * (1 - inner**2), np.pi / 4 * (1 - inner**4)
+    expected = -2 * (1 + nu) * second**2 / (area * integral)
+    tube = Tube(2.0, 2.0 * (1 - inner)).properties(nu)
+    assert (tube.ky, tube.kz) == pytest.approx((expected, expected), rel=1e-13)
+    if not inner:
+        assert Circle(2.0).properties(nu).kz == pytest.approx(expected, rel=1e-13)
+
+
+def test_shear_factors_that_are_given_count():
+    for shape in (Tube(0.1, 0.02, 0.4, 0.6), Circle(0.1, 0.4, 0.6), Rectangle(0.1, 0.2, 0.4, 0.6)):
+        found = shape.properties(0.3)
+        assert (found.ky, found.kz) == (0.4, 0.6)
+    square = Rectangle(0.1, 0.2).properties(0.5)
+    assert (square.ky, square.kz) == pytest.approx((15 / 17.5, 15 / 17.5), rel=1e-14)  # Cowper 1966, table 1
+
+
 def test_explain_tells_what_flexible_parts_are_made_of():
     model = arm()
     model.add_superelement("lump", np.diag([2.0] * 3 + [0.1] * 3 + [1.0]), None, np.diag([0.0] * 6 + [1e4]),

@@ -97,6 +97,47 @@ def test_mimicking_joints_follow(robot):
     np.testing.assert_allclose(system.modes().frequencies, [np.sqrt(10.0 / 5.0) / (2 * np.pi)], rtol=1e-14)
 
 
+@pytest.mark.parametrize("given", ["a", "b"])
+def test_chains_of_mimics_add_up_their_offsets(robot, given):
+    """c = -3 b - 0.4, b = 2 a + 0.1: positions in the pose, and rates as the pose moves."""
+    slide = {"axis": "0 0 1", "kind": "prismatic", "parent": "base"}
+    follows = ['<mimic joint="b" multiplier="-3" offset="-0.4"/>', '<mimic joint="a" multiplier="2" offset="0.1"/>']
+    path = robot(link("base") + link("c", 3.0) + link("b", 2.0) + link("a", 1.0)
+                 + joint("c", child="c", more=follows[0], **slide) + joint("b", child="b", more=follows[1], **slide)
+                 + joint("a", child="a", **slide))  # fmt: skip
+    pose = {"a": 0.2} if given == "a" else {"a": 0.2, "b": 0.7}
+    model = mv.load_urdf(path, pose=pose, stiffness={"c": 7.0})
+    b = 0.5 if given == "a" else 0.7
+    heights = [model.bodies[name].position[2] for name in "abc"]
+    np.testing.assert_allclose(heights, (0.2, b, -3 * b - 0.4), atol=1e-15)
+    system = model.linearize(independent=["a.joint.z"])
+    moved = system.displacements([1.0])
+    np.testing.assert_allclose([moved[name][2] for name in "abc"], (1.0, 2.0, -6.0), rtol=1e-14)
+    np.testing.assert_allclose(system.K / system.M, [[7.0 * 36 / (1 + 2 * 4 + 3 * 36)]], rtol=1e-14)
+
+
+def test_a_slide_moves_along_its_own_axes(robot):
+    """Origins turned by roll, pitch and yaw in turn, R = Rz Ry Rx, and a second joint that goes along."""
+    roll, pitch, yaw = 0.4, -0.7, 1.1
+    path = robot(link("base") + link("sledge", 2.0, "0.1 0.2 0.3") + link("tool", 1.0)
+                 + joint("s", "prismatic", "base", "sledge", "1 2 3", f"{roll} {pitch} {yaw}", "0 3 4")
+                 + joint("t", "revolute", "sledge", "tool", "0.5 0 0", axis="1 0 0"))  # fmt: skip
+    turn = [np.array(check) for check in (
+        ((np.cos(yaw), -np.sin(yaw), 0), (np.sin(yaw), np.cos(yaw), 0), (0, 0, 1)),
+        ((np.cos(pitch), 0, np.sin(pitch)), (0, 1, 0), (-np.sin(pitch), 0, np.cos(pitch))),
+        ((1, 0, 0), (0, np.cos(roll), -np.sin(roll)), (0, np.sin(roll), np.cos(roll))),
+    )]  # fmt: skip
+    axes = turn[0] @ turn[1] @ turn[2]
+    model = mv.load_urdf(path, pose={"s": 0.25, "t": 0.9}, tip="tool")
+    start = np.array((1, 2, 3)) + 0.25 * axes @ (0, 0.6, 0.8)
+    np.testing.assert_allclose(model.bodies["sledge"].position, start + axes @ (0.1, 0.2, 0.3), atol=1e-14)
+    np.testing.assert_allclose(model.bodies["tool"].position, start + axes @ (0.5, 0, 0), atol=1e-14)
+    moved = model.linearize().displacements([1.0, 0.0])
+    np.testing.assert_allclose(moved["tool"][:3], axes @ (0, 0.6, 0.8), atol=1e-14)
+    turned = model.linearize().displacements([0.0, 1.0])
+    np.testing.assert_allclose(turned["tool"], (0, 0, 0, *axes[:, 0]), atol=1e-14)
+
+
 def test_damping_is_the_file_s_unless_given(robot):
     path = robot(link("base") + link("rod", 1.0) + joint("hinge", "revolute", "base", "rod",
                                                          more='<dynamics damping="3"/>'))  # fmt: skip
