@@ -87,6 +87,59 @@ def test_directions_that_do_not_couple():
     assert len(system.state_space().states) == 12
 
 
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize(("k", "c"), [(0.0, 0.7), (50.0, 0.0)])
+def test_a_damper_or_a_spring_by_itself_joins_two_parts(k, c, method):
+    """Sledges on springs to ground, of which the pushed one moves the other only by a damper, or by a spring."""
+    model = mv.Model("sledges")
+    for name, mass in (("a", 2.0), ("b", 3.0), ("c", 1.0)):
+        model.add_body(name, mass, INERTIA)
+        model.add_joint(f"{name}.j", "prismatic", "ground", name)
+        model.add_bushing(f"{name}.k", "ground", name, (0, 0, 0), (0, 0, 100.0 * mass, 0, 0, 0))
+    model.add_bushing("between", "a", "b", (0, 0, 0), (0, 0, k, 0, 0, 0), (0, 0, c, 0, 0, 0))
+    model.add_input("F", "a", "z")
+    model.add_output("z", "b", "z")
+    part = model.linearize(method=method).reachable("F", "z")
+    assert part.dof == 2
+    s = 1j * OMEGA
+    link, one, two = k + c * s, 200.0 + 2 * s * s, 300.0 + 3 * s * s
+    expected = link / ((one + link) * (two + link) - link * link)
+    assert_allclose(part.frequency_response(OMEGA)[0, 0], expected, rtol=1e-12)
+
+
+def test_spin_by_itself_joins_two_parts():
+    """A wheel on two hinges: pushed about one it tilts about the other by -[h]x alone."""
+    model = mv.Model("wheel")
+    model.add_body("wheel", 1.0, INERTIA)
+    model.add_joint("tilt", "universal", "ground", "wheel", (0, 0, 0))
+    model.add_bushing("k", "ground", "wheel", (0, 0, 0), (0, 0, 0, 20.0, 30.0, 0))
+    model.add_rotor("spin", "wheel", 5.0, (0, 0, 1), inertia=0.4)
+    model.add_input("M", "wheel", "rx")
+    model.add_output("y", "wheel", "ry")
+    part = model.linearize().reachable("M", "y")
+    assert part.dof == 2
+    s = 1j * OMEGA
+    expected = 2 * s / ((20 + 0.1 * s * s) * (30 + 0.12 * s * s) + 4 * s * s)  # C = [[0, h], [-h, 0]], h = 2
+    assert_allclose(part.frequency_response(OMEGA)[0, 0], expected, rtol=1e-12)
+
+
+def test_a_load_that_follows_joins_two_parts():
+    """K = diag + [[0, t], [-t, 0]] / 2 by a dead torque about the third axis, the only link of both angles."""
+    model = mv.Model("torque")
+    model.add_body("body", 1.0, INERTIA)
+    model.add_joint("tilt", "spherical", "ground", "body", (0, 0, 0))
+    model.add_bushing("k", "ground", "body", (0, 0, 0), (0, 0, 0, 20.0, 30.0, 40.0), preload=(0, 0, 0, 0, 0, -3.0))
+    model.add_load("t", "body", (0, 0, 0), (0, 0, 3.0))
+    model.add_input("M", "body", "rx")
+    model.add_output("y", "body", "ry")
+    system = model.linearize()
+    part = system.reachable("M", "y")
+    assert part.dof == 2
+    s = 1j * OMEGA[:, None, None]
+    exact = np.linalg.inv(system.K + s * s * system.M)[:, 1, 0]
+    assert_allclose(part.frequency_response(OMEGA)[0, 0], exact, rtol=1e-10)
+
+
 def test_nothing_to_drop_says_so():
     system = beside(3).linearize()
     part = system.reachable()

@@ -1,0 +1,94 @@
+"""Derivatives in each class of damping against differences of first-order equations written by hand."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+
+from tests.support.compare import nearest_pairs
+from tests.support.damping_classes import (
+    CLASSES,
+    UNDAMPED_OR_FREE,
+    by_hand,
+    frequency_response,
+    model,
+    slope,
+    time_response,
+)
+
+OMEGA = np.array([5.0, 23.0, 60.0])
+T = np.array([0.0, 0.03, 0.1, 0.2, 0.25, 0.7])
+# values repeat, or all but: a defective pair, three pairs on one circle
+APART = [name for name in CLASSES if name not in ("critical", "free", "free and coupled", "braked")]
+
+
+@pytest.fixture(scope="module", params=CLASSES)
+def case(request):
+    """Parameters, system, names, and what rounding leaves of differences."""
+    p = CLASSES[request.param]
+    system = model(p).linearize()
+    names = [name for name in p if name in system.parameters]  # a damper of 0 is one too
+    return p, system, names, 3e-4 if request.param == "strong damper" else 1e-6
+
+
+def assert_close(found, expected, rtol):
+    size = np.abs(expected).max(axis=-1, keepdims=True)
+    assert (np.abs(found - expected) <= rtol * size + 1e-9 * size.max()).all()
+
+
+def test_frequency_responses(case):
+    p, system, names, rtol = case
+    found = system.frequency_response_sensitivities(OMEGA, names)
+    for k, name in enumerate(names):
+        assert_close(found[k], slope(lambda q: frequency_response(q, OMEGA), p, name), rtol)
+
+
+def test_time_responses_from_moving_starts(case):
+    p, system, names, rtol = case
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=(2, len(T)))
+    q, rate = rng.normal(size=(2, system.dof))
+    for hold in ("first", "zero"):
+        found = system.time_response_sensitivities(T, u, names, hold, (q, rate))
+
+        def answer(p, hold=hold):
+            state = [q, rate]
+            if "mx.stiffness" in p:
+                state = [q[:3], rate[:3], [p["mx.stiffness"] * (q[2] - q[0] + q[3])]]
+            return time_response(p, T, u, hold, state)
+
+        for k, name in enumerate(names):
+            assert_close(found[k], slope(answer, p, name), rtol)
+
+
+@pytest.mark.parametrize("name", APART)
+def test_eigenvalues(name):
+    p = CLASSES[name]
+    system = model(p).linearize()
+    names = [name for name in p if name in system.parameters]
+    values = system.modes().eigenvalues
+    found = system.eigenvalue_sensitivities(names)
+    for k, name in enumerate(names):
+        expected = slope(lambda p: nearest_pairs(np.linalg.eigvals(by_hand(p)[0]), values)[0], p, name)
+        order = [int(np.flatnonzero(values == v)[0]) for v in nearest_pairs(values, values)[0]]
+        size = np.abs(expected).max()
+        assert (np.abs(found[k, order] - expected) <= 1e-6 * np.abs(expected) + 1e-6 * size).all()
+
+
+@pytest.mark.parametrize("name", [name for name in CLASSES if name not in UNDAMPED_OR_FREE])
+def test_norms(name):
+    """H2 by the Lyapunov equation; the peak by the response at its frequency, which the peak does not change with."""
+    p = CLASSES[name]
+    system = model(p).linearize()
+    names = [name for name in p if name in system.parameters]
+    total, peak = (norm(names, outputs="velocity") for norm in (system.h2_norm, system.hinf_norm))
+
+    def rms(p):
+        a, b, c, _ = by_hand(p)
+        return np.sqrt(c[1] @ solve_continuous_lyapunov(a, -b @ b.T) @ c[1])
+
+    def highest(p):
+        return np.linalg.norm(frequency_response(p, [peak.omega])[1])
+
+    for norm, of in ((total, rms), (peak, highest)):
+        expected = np.array([slope(of, p, name, 3e-6) for name in names])
+        assert np.abs(norm.slopes - expected).max() <= 1e-5 * np.abs(expected).max()
