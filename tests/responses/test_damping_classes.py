@@ -36,7 +36,7 @@ def test_poles(case):
     # LAPACK leaves 1e-8 of a double eigenvalue
     zero = np.abs(expected) < 1e-6
     assert not found[zero].any()
-    rtol = 1e-6 if name == "critical" else 1e-8
+    rtol = 1e-6 if name in ("critical", "defective") else 1e-8
     assert_allclose(found[~zero], expected[~zero], rtol=rtol, atol=0)
     if name not in UNDAMPED_OR_FREE:  # omega^2 and 2 zeta omega are product and sum of a pair
         size = np.sqrt(np.abs(modes.pairs).prod(axis=1))
@@ -55,7 +55,9 @@ def test_frequency_responses(case):
 
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_state_space(case, realization):
-    _, p, system = case
+    name, p, system = case
+    if (name, realization) == ("defective", "modal"):
+        pytest.skip("no modal states")
     ss = system.state_space(realization)
     assert len(ss.A) == len(by_hand(p)[0])
     found = [ss.C @ np.linalg.solve(1j * w * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D for w in OMEGA]

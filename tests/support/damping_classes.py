@@ -28,6 +28,7 @@ FREE = (0.0, 400.0, 700.0, 0.0)
 CLASSES = {
     "undamped": values(), "proportional": values(tuple(0.003 * k for k in STIFFNESS)),
     "critical": values(tuple(2 / SECOND * k for k in STIFFNESS)), "coupled": values((0.0, 3.0, 0.0, 0.5)),
+    "defective": values((0.0, 0.0, 52.77897913776029, 0.0)),  # where two real eigenvalues of coupled modes meet
     "overdamped": values((300.0, 200.0, 250.0, 180.0)), "one overdamped": values((0.0, 0.0, 220.0, 0.0)),
     "strong damper": values((0.0, 5e3, 2.0, 0.0)), "free": values(stiffness=FREE),
     "free and coupled": values((0.0, 3.0, 0.5, 0.0), FREE), "braked": values((4.0, 0.0, 1.0, 0.0), FREE),
