@@ -46,19 +46,34 @@ def test_correlated_directions_of_a_platform():
     assert not np.allclose(list(one.stroke.values()), list(study.under(spectra).stroke.values()), rtol=1e-3)
 
 
-def test_directions_of_one_source_add_as_amplitudes():
+@pytest.mark.parametrize("phase", [np.exp(0.7j), -1.0, 1.0])
+def test_directions_of_one_source_add_as_amplitudes(phase):
+    """x is the source times a phase, y the source times 2, whose density is 1e-4 f / 5 from 5 to 50 Hz."""
     study = isolation.study(library.cubic_hexapod(), "platform", frequencies=[1.0, 10.0])
-    phase = np.exp(0.7j)
-    table = [(5.0, 1e-4), (50.0, 1e-3)]
-    result = study.under({"x": table, "y": table}, [[1, phase], [phase.conjugate(), 1]])
-    f = np.array([7.0, 20.0])
-    g = study.linear.frequency_response(2 * np.pi * f)
-    row = study.linear.outputs.index("leg1.k.stroke")
+    spectra = {"x": [(5.0, 1e-4), (50.0, 1e-3)], "y": [(5.0, 4e-4), (50.0, 4e-3)]}
+    result = study.under(spectra, [[1, phase], [np.conj(phase), 1]])
     x, y = (study.linear.inputs.index(f"base.{d}") for d in "xy")
-    s = result.noise.at(f)
-    both = np.abs(g[row, x] * phase + g[row, y]) ** 2 * s[:, 0, 0].real
-    whole = np.einsum("in,nij,jn->n", g[row, [x, y]], s, g[row, [x, y]].conj()).real
-    assert np.allclose(whole, both, rtol=1e-12)
+    f, weights = np.polynomial.legendre.leggauss(400)
+    f, weights = 27.5 + 22.5 * f, 22.5 * weights
+    g = study.linear.frequency_response(2 * np.pi * f)
+    square = np.abs(g[:, x] * phase + 2 * g[:, y]) ** 2 * 1e-4 * f / 5 @ weights
+    for leg, stroke in result.stroke.items():
+        expected = square[study.linear.outputs.index(f"{leg}.stroke")]
+        assert stroke**2 == pytest.approx(expected, rel=1e-9, abs=1e-12 * square.max())
+
+
+def test_moments_of_correlated_white_noise_in_closed_form():
+    """The mean square of a sum: a S_x + b S_y + 2 c R sqrt(S_x S_y), with a, b and c from three other cases."""
+    study = isolation.study(library.cubic_hexapod(), "platform")
+    own = [study.under({d: 1e-5}).stroke["leg1.k"] ** 2 for d in "xy"]
+    both = study.under({"x": 1e-5, "y": 1e-5}, [[1, 1], [1, 1]]).stroke["leg1.k"] ** 2
+    cross = (both - own[0] - own[1]) / 2
+    assert abs(cross) > 0.05 * both
+    for r, sx, sy in ((0.5, 1e-5, 1e-5), (-0.3, 4e-5, 1e-5), (-1.0, 1e-5, 9e-5)):
+        result = study.under({"x": sx, "y": sy}, [[1, r], [r, 1]])
+        expected = (own[0] * sx + own[1] * sy + 2 * r * cross * np.sqrt(sx * sy)) / 1e-5
+        assert result.exact
+        assert result.stroke["leg1.k"] ** 2 == pytest.approx(expected, rel=1e-9)
 
 
 def test_tables_are_straight_on_log_axes():
