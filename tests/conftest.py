@@ -1,9 +1,13 @@
 """Random tests try the same examples in every run, so that a failure is there again tomorrow.
 
+``HYPOTHESIS_PROFILE=random pytest -m "slow or not slow"`` tries others each time. The end of the run names
+the seed, with which ``--hypothesis-seed=SEED`` repeats it.
+
 Binaries compiled for the tests go to a cache of their own, once a run.
 """
 
 import os
+import random
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
@@ -14,7 +18,22 @@ settings.register_profile(
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )  # fmt: skip
-settings.load_profile("same")
+settings.register_profile("random", settings.get_profile("same"), derandomize=False, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config):
+    """Choose a seed that can be told."""
+    if not settings.default.derandomize and config.getoption("hypothesis_seed", None) is None:
+        config.option.hypothesis_seed = str(random.SystemRandom().getrandbits(32))
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Tell the seed of a random run."""
+    if not settings.default.derandomize:
+        seed = config.option.hypothesis_seed
+        terminalreporter.write_line(f"random examples: HYPOTHESIS_PROFILE=random pytest --hypothesis-seed={seed}")
 
 
 @pytest.fixture(autouse=True, scope="session")
