@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from tests.modes.test_modes import oscillator, stiff_chain
+from tests.support import fast_digits
 from tests.support.compare import linearized
 from tests.support.digits import mp, product, solve
 from tests.support.exact import Exact
@@ -41,7 +42,7 @@ def exact_time_response(reference, t, u, hold="first", initial=None, names=None)
             slope = [(mp.mpf(float(b)) - mp.mpf(float(a))) / h if hold == "first" else mp.mpf(0)
                      for a, b in zip(u[:, k - 1], u[:, k], strict=True)]  # fmt: skip
             whole = mp.matrix([*state, *map(mp.mpf, map(float, u[:, k - 1])), *slope])
-            state = list(mp.expm(generator * h) * whole)[: 2 * m]
+            state = list(fast_digits.exponential(generator * h) * whole)[: 2 * m]
         now = [mp.mpf(float(v)) for v in u[:, k]]
         rate = product(right, [[v] for v in (*state, *now)]) if m else []
         columns = [[[v] for v in state[:m]], [[v] for v in state[m:]], rate, [[v] for v in now]]

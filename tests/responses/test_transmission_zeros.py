@@ -9,6 +9,7 @@ from scipy.linalg import eigvalsh
 
 import mbsvib as mv
 from tests.modes.test_modes import oscillator
+from tests.support import fast_digits
 from tests.support.compare import assert_same_eigenvalues, linearized
 from tests.support.digits import combination, mp
 from tests.support.exact import Exact
@@ -129,7 +130,7 @@ def determinant_zeros(reference, inputs, outputs):
         shown = combination((reference.Cq, 1), (reference.Cv, s), (reference.Ca, s * s))
         rows = [[*row, *(-reference.B[i][j] for j in inputs)] for i, row in enumerate(dynamic)]
         rows += [[*shown[i], *(reference.D[i][j] for j in inputs)] for i in outputs]
-        values.append(mp.det(mp.matrix(rows)))
+        values.append(fast_digits.determinant(mp.matrix(rows)))
     power = [sum(v * mp.expjpi(-mp.mpf(2 * k * j) / (degree + 1)) for k, v in enumerate(values)) / (degree + 1)
              for j in range(degree + 1)]  # fmt: skip
     largest = max(abs(v) for v in power)
@@ -140,7 +141,7 @@ def determinant_zeros(reference, inputs, outputs):
     power = power[at_zero:]
     companion = [[mp.mpf(i == j + 1) for j in range(len(power) - 2)] + [-v / power[-1]]
                  for i, v in enumerate(power[:-1])]  # fmt: skip
-    roots = mp.eig(mp.matrix(companion), left=False, right=False) if companion else []
+    roots = fast_digits.eigenvalues(mp.matrix(companion)) if companion else []
     return np.array([0.0] * at_zero + [complex(r) * size for r in roots])
 
 

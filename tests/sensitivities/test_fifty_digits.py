@@ -6,6 +6,7 @@ from hypothesis import assume, given, settings
 
 import mbsvib as mv
 from tests.sensitivities.differences import step_of
+from tests.support import fast_digits
 from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import seeds, spatial
@@ -18,13 +19,13 @@ def eigenvalues(model):
     exact = Exact(model)
     m = exact.dof
     mass = mp.matrix(exact.M)
-    lower = -(mass**-1) * mp.matrix(exact.K), -(mass**-1) * mp.matrix(exact.C)
+    lower = [-fast_digits.solve(mass, mp.matrix(rows)) for rows in (exact.K, exact.C)]
     a = mp.zeros(2 * m)
     for i in range(m):
         a[i, m + i] = 1
         for j in range(m):
             a[m + i, j], a[m + i, m + j] = lower[0][i, j], lower[1][i, j]
-    return mp.eig(a, left=False, right=False)
+    return fast_digits.eigenvalues(a)
 
 
 def slopes(model, parameters, name, values):

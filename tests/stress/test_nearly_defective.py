@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from tests.support import fast_digits
 from tests.support.digits import mp
 from tests.support.exact import Exact
 
@@ -116,8 +117,8 @@ def marched(model, names, time, u, hold, initial):
     a = mp.zeros(2 * (n + k))
     a[:n, n : 2 * n] = mp.eye(n)
     for place, matrix in ((0, exact.K), (n, exact.C)):
-        a[n : 2 * n, place : place + n] = -mp.inverse(lower) * mp.matrix(matrix)
-    a[n : 2 * n, 2 * n : 2 * n + k] = mp.inverse(lower) * mp.matrix(exact.B)
+        a[n : 2 * n, place : place + n] = -fast_digits.inverse(lower) * mp.matrix(matrix)
+    a[n : 2 * n, 2 * n : 2 * n + k] = fast_digits.inverse(lower) * mp.matrix(exact.B)
     a[2 * n : 2 * n + k, 2 * n + k :] = mp.eye(k)
     state = [*(back * mp.matrix(list(map(float, initial[0])))), *(back * mp.matrix(list(map(float, initial[1]))))]
     show = mp.matrix(exact.Cq)
@@ -127,7 +128,7 @@ def marched(model, names, time, u, hold, initial):
         now, then = (mp.matrix([mp.mpf(float(v)) for v in u[:, j]]) for j in (i, i + 1))
         slope = (then - now) / h if hold == "first" else now * 0
         whole = mp.matrix([*state, *now, *slope])
-        state = list((mp.expm(a * h) * whole)[: 2 * n])
+        state = list((fast_digits.exponential(a * h) * whole)[: 2 * n])
         result.append([float(v) for v in show * mp.matrix(state[:n])])
     return np.array(result).T
 

@@ -3,6 +3,8 @@
 import mpmath
 import numpy as np
 
+from tests.support import fast_digits
+
 mp = mpmath.MPContext()
 mp.dps = 50
 
@@ -38,8 +40,9 @@ def transpose(a):
 
 
 def product(a, b):
-    other = transpose(b) if b else []
-    return [[dot(row, column) for column in other] for row in a]
+    if not a or not b or not b[0]:
+        return [[] for _ in a]
+    return fast_digits.product(a, b, mp)
 
 
 def clean(a):
@@ -53,44 +56,15 @@ def double(a, width=0):
 
 
 def solve(a, b):
-    """A^-1 B for a list-of-lists B, by LU with partial pivoting."""
-    if not a:
-        return []
-    lower_upper, order = mp.LU_decomp(mp.matrix(a))
-    result = []
-    for column in transpose(b):
-        result.append(list(mp.U_solve(lower_upper, mp.L_solve(lower_upper, mp.matrix(column), order))))
-    return transpose(result) if result else [[] for _ in a]
+    """A^-1 B for a list-of-lists B."""
+    if not a or not b[0]:
+        return [[] for _ in a]
+    return fast_digits.solve(a, b, mp)
 
 
 def null_space(rows, width):
     """Basis (columns) of the null space, with the smallest pivot kept and the largest one dropped."""
-    rows = [list(row) for row in rows]
-    pivots, kept, dropped = [], mp.inf, mp.mpf(0)
-    while len(pivots) < len(rows):
-        left = range(len(pivots), len(rows))
-        entries = ((abs(v), i, j) for i in left for j, v in enumerate(rows[i]) if v)
-        size, r, c = max(entries, default=(mp.mpf(0), 0, 0))
-        if size < REDUNDANT:
-            dropped = size
-            break
-        kept = min(kept, size)
-        k = len(pivots)
-        rows[k], rows[r] = rows[r], rows[k]
-        rows[k] = [v / rows[k][c] if v else v for v in rows[k]]
-        for i, row in enumerate(rows):
-            if i != k and row[c]:
-                factor = row[c]
-                rows[i] = [v - factor * p if p else v for v, p in zip(row, rows[k], strict=True)]
-                rows[i][c] = mp.mpf(0)
-        pivots.append(c)
-    free = [j for j in range(width) if j not in pivots]
-    basis = [[mp.mpf(0)] * len(free) for _ in range(width)]
-    for column, j in enumerate(free):
-        basis[j][column] = mp.mpf(1)
-        for row, c in zip(rows, pivots, strict=False):
-            basis[c][column] = -row[j]
-    return basis, kept, dropped
+    return fast_digits.null_space(rows, width, REDUNDANT, mp)
 
 
 def combination(*terms):

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from tests.support import fast_digits
 from tests.support.digits import (
     clean,
     columns,
@@ -223,7 +224,7 @@ class Exact:
             return np.empty(0)
         lower = mp.cholesky(mp.matrix(self.M)).tolist()
         half = transpose(solve(lower, self.K))
-        values = mp.eigsy(mp.matrix(solve(lower, half)), eigvals_only=True)
+        values = fast_digits.symmetric_eigenvalues(mp.matrix(solve(lower, half)))
         return rounded(values, "1e-32").real
 
     @cached_property
@@ -234,7 +235,7 @@ class Exact:
             return np.empty(0, complex)
         right = solve(self.M, [[-v for v in (*k, *c)] for k, c in zip(self.K, self.C, strict=True)])
         top = [[mp.mpf(j == m + i) for j in range(2 * m)] for i in range(m)]
-        values = mp.eig(mp.matrix(top + right), left=False, right=False)
+        values = fast_digits.eigenvalues(mp.matrix(top + right))
         return rounded(values, "1e-18")  # a double zero keeps half of the digits
 
     @cached_property
@@ -243,17 +244,12 @@ class Exact:
         return int(np.sum(self.squares == 0.0))
 
     def frequency_response(self, omega):
-        """(outputs, inputs, frequencies), by one LU in 50 digits for each frequency."""
-        result = np.zeros((len(self.Cq), len(self.model.inputs), len(omega)), complex)
-        for k, w in enumerate(omega):
-            s = mp.mpc(0, float(w))
-            dynamic = combination((self.M, s * s), (self.C, s), (self.K, 1))
-            out = combination((self.Cq, 1), (self.Cv, s), (self.Ca, s * s))
-            g = product(out, solve(dynamic, self.B)) if self.dof else []
-            for i, row in enumerate(self.D):
-                for j, v in enumerate(row):
-                    result[i, j, k] = complex(v + (g[i][j] if g else 0))
-        return result
+        """(outputs, inputs, frequencies), in 50 digits for each frequency."""
+        direct = double(self.D, len(self.model.inputs))
+        if not self.dof or not direct.size:
+            return direct[:, :, None] + np.zeros(len(omega), complex)
+        matrices = (self.M, self.C, self.K, self.B, self.Cq, self.Cv, self.Ca, self.D)
+        return np.stack([fast_digits.transfer(matrices, mp.mpc(0, float(w)), mp) for w in omega], axis=-1)
 
     def static(self):
         """Static response of the outputs to the inputs (K regular)."""
