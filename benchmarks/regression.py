@@ -5,7 +5,7 @@
         --benchmark-compare-fail=median:25%
 
 Times are CPU times. Each line carries its ratio to the bare LAPACK call on the same matrices (``floor``, in the saved
-JSON), which machines change by less; the tests hold such ratios to limits (``tests/test_run_time.py``).
+JSON), which machines change by less; ``benchmarks/limits.py`` holds such ratios to limits.
 """
 
 import statistics

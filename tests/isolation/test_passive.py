@@ -1,7 +1,6 @@
 """Passive design: closed forms of best dampers, gradients against differences, fronts, struts as ideal lines."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -178,16 +177,15 @@ def test_noise_of_correlated_design_shares_its_panels():
     assert np.allclose(stroke(system), alone(system), rtol=1e-12)
 
 
-def test_eight_variables_in_two_seconds():
+def test_eight_variables():
     model = library.cubic_hexapod()
     goal = isolation.passive(model, "platform")
     variables = {"leg*.k.stiffness": (1e5, 1e7), "leg*.k.damping": (10.0, 1e4)}
     variables |= dict.fromkeys(geometry(model), (-0.05, 0.05))
     assert len(variables) == 8
-    start = time.process_time()
     found = goal.optimize(variables, goal.rms({"x y z": 1e-5}, (1, 1000)), goal.sag() <= 2e-4, ties=geometry(model))
-    assert time.process_time() - start < 12.0  # 1.0 s where nothing else runs
     assert found.success
+    assert found.optimum.evaluations < 60  # 27
     assert found.optimum.objective < 0.2 * found.optimum.began
     assert found.optimum.constraints["sag along z [m] <= 0.0002"] <= 2e-4 * (1 + 1e-6)
     # the best geometry is in the model that is given back, without the ports of the study

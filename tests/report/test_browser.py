@@ -38,6 +38,15 @@ def x_of_lines(page):
     return np.array(page.evaluate(f"{LINES}.x.map((value) => value === null ? 0 : value)"))
 
 
+def frames(page, count=12):
+    """Wait until the page has had the chance to draw so many times."""
+    page.evaluate(f"""new Promise((done) => {{
+        let left = {count};
+        const next = () => (left-- > 0 ? requestAnimationFrame(next) : done());
+        next();
+    }})""")
+
+
 def saved(page, button):
     with page.expect_download() as download:
         page.click(button)
@@ -66,9 +75,9 @@ def test_a_click_on_a_mode_plays_it_and_another_rests(page):
     assert np.abs(x_of_lines(page) - moving).max() > 0.0
     page.click("#play")
     assert page.inner_text("#play") == "Play"
-    page.wait_for_timeout(200)
+    frames(page)
     drawn = page.evaluate("state.drawn")
-    page.wait_for_timeout(200)
+    frames(page)
     assert page.evaluate("state.drawn") == drawn
 
 
@@ -100,7 +109,7 @@ def test_the_picture_is_the_shape_of_the_mode(page, stewart):
 def test_points_go_to_what_draws_them_either_way(page, direct):
     """Straight, and the library's own way, which is there for other versions of it."""
     page.evaluate(f"play(false); choose(2); direct = {str(direct).lower()}; state.phase = 1.0; draw()")
-    page.wait_for_timeout(200)
+    frames(page)
     assert page.evaluate("direct") is direct
     drawn = page.evaluate("view._fullData.map((trace) => Array.from(trace.x).filter((value) => value !== null))[2]")
     moved = page.evaluate("traces[2].numbers.filter((i) => i >= 0).map((i) => moved()[3 * i])")
@@ -120,7 +129,7 @@ def test_the_picture_is_turned_by_the_mouse_and_stays_so_when_it_moves(page):
         page.mouse.move(x + 36 * i, y)
         page.evaluate("state.phase += 0.3; draw()")
     page.mouse.up()
-    page.wait_for_timeout(200)
+    frames(page)
     page.evaluate("draw()")
     after = page.evaluate(CAMERA)
     turned = np.degrees(np.arctan2(after["y"], after["x"]) - np.arctan2(before["y"], before["x"]))

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import time
 
 import numpy as np
 import pytest
@@ -35,10 +34,8 @@ def stewart():
     return model, model.linearize()
 
 
-def test_a_page_is_small_quick_and_whole(stewart, tmp_path):
-    start = time.process_time()
+def test_a_page_is_small_and_whole(stewart, tmp_path):
     path = report.write(stewart[0], tmp_path / "report.html")
-    assert time.process_time() - start < 10.0  # 0.3 to 1.2 s where nothing else runs
     assert path.stat().st_size < 6e6
     assert [each.name for each in tmp_path.iterdir()] == ["report.html"]
     assert stored(path.read_text(encoding="utf-8"))["name"] == "stewart"

@@ -1,0 +1,83 @@
+"""What stages cost, counted: functions entered, of Python and of C, the same on every machine.
+
+Where work is done for all coordinates, frequencies or variants at once the count does not grow with their number, and
+a loop over them that slips in shows. Limits are about twice the count when they were set (the number behind each).
+``benchmarks/limits.py`` holds the run times of the same calls.
+"""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from mbsvib import isolation, library
+from mbsvib.modes import modes
+from tests.support.work import calls
+
+ALONG_Y = (0, 1, 0)
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return library.chain(200, line=ALONG_Y).linearize()
+
+
+@pytest.mark.parametrize(
+    ("rtol", "clean", "limit"), [(1e-6, False, 160), (1e-10, False, 370), (1e-12, False, 370), (1e-13, True, 410)],
+)  # counted: 78, 186, 186, 207
+def test_modes_of_two_hundred_coordinates(chain, rtol, clean, limit):
+    assert calls(lambda: modes(chain, rtol, clean)) < limit
+
+
+def test_linearize_costs_in_proportion_to_the_bodies():
+    few, many = (calls(library.chain(n, line=ALONG_Y).linearize) for n in (50, 200))
+    assert few < 2300  # 1136
+    assert many < 4.2 * few  # 4.05
+
+
+def test_frequencies_are_answered_at_once(chain):
+    few, many = (calls(partial(chain.frequency_response, np.geomspace(1.0, 1e4, n))) for n in (10, 1000))
+    assert few < 240  # 118
+    assert many < 430  # 214: a thousand come in some blocks
+
+
+def test_small_scenes_are_not_lost_in_overhead():
+    """A platform of 14 bodies."""
+    model = library.stewart()
+    system = model.linearize()
+    assert calls(library.stewart) < 4000  # 1958
+    assert calls(model.linearize) < 1400  # 701
+    assert calls(lambda: modes(system, 1e-10, clean=False)) < 160  # 78
+
+
+def test_variants_in_one_pass():
+    model = library.stewart()
+    values = ({"leg1.k.stiffness": np.linspace(1e7, 3e7, n)} for n in (10, 100))
+    few, many = (calls(partial(model.linearize, values=v)) for v in values)
+    assert few == many
+    assert many < 3400  # 1699
+
+
+def test_many_bodies_cost_in_proportion():
+    """Sparse: what is built grows with the bodies, what is done for the modes does not grow at all."""
+
+    def cost(n):
+        model = library.chain(n, line=ALONG_Y)
+        made = calls(lambda: model.linearize(method="sparse"))
+        return made, calls(lambda: model.linearize(method="sparse").modes(5)) - made
+
+    (few, low), (many, high) = cost(200), cost(800)
+    assert many < 4.0 * few  # 13967, 30767
+    assert high < 1.1 * low  # 5457 both
+
+
+def test_a_study_of_isolation_does_not_go_from_frequency_to_frequency():
+    model = library.stewart()
+
+    def study(n):
+        result = isolation.study(model, "platform", frequencies=np.geomspace(1.0, 1e4, n))
+        return (result.index, result.singular_values, result.compliance_values, result.amplification,
+                result.crossover, result.roll_off)  # fmt: skip
+
+    few, many = (calls(partial(study, n)) for n in (40, 400))
+    assert many < 1.5 * few  # 8533, 8275
