@@ -138,6 +138,7 @@ def _solved(null: Array, found: Mapping[str, Any], names: tuple[str, ...]) -> tu
     if found.get("circulatory") is None and (k > 0.0).all():
         # least squares on the rows: as accurate as the springs' stiffness, however wide it spans
         rows = rows * np.sqrt(k)[:, None]
+        rows = rows[(rows @ null).any(axis=1)]  # others would leave rounding where nothing acts
         rows = rows[np.argsort(-np.abs(rows).max(axis=1, initial=0.0), kind="stable")]
         own = rows @ null
         size = np.sqrt((own**2).sum(axis=0))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.free_motions import free_motions, unmoved
 from mbsvib.gram import product
 from mbsvib.inertia import check_mass
 from mbsvib.loops import ZERO_ENTRY, pivoted_qr
@@ -110,11 +111,15 @@ def separate(
         condensation = condense(static, found, scale.unit, names, pins, scene.topology.bodies)
         _check_proper(condensation.response, found, outputs, inputs, ("Cv", "Ca"))
         found = _condensed(found, condensation)
+        # what follows a coordinate moves with it
+        length = condensation.transform / scale.unit[:, None] * scale.unit[condensation.kept]
+        moves = np.where(np.abs(length) > RANK_FACTOR * scale.noise, np.abs(condensation.transform), 0.0)
+        size = size @ moves
     kept = everything if condensation is None else condensation.kept
     left = tuple(names[i] for i in kept)
     slow: tuple[str, ...] = ()
     if len(damped):
-        found, slow = _first_order(found, size[kept], len(damped), scale.unit[kept], left, scale.noise)
+        found, slow = _first_order(found, size, len(damped), scale.unit[kept], left, scale.noise)
         _check_first_order(found, outputs, inputs)
     else:
         check_mass(found["M"], left)
@@ -152,6 +157,7 @@ def _condensed(found: dict[str, Any], condensation: Condensation) -> dict[str, A
         result[key] = found[key] @ t
     rows = result["elastic_rows"]
     rows[np.abs(rows) <= ZERO_ENTRY * len(t) * (np.abs(found["elastic_rows"]) @ np.abs(t))] = 0.0
+    result["elastic_rows"] = _resting(rows, found, condensation.kept)
     stays = result["elastic_rows"].any(axis=1)
     for key in ("elastic_rows", "stiffness", "damping", "row_owner"):
         result[key] = (result if key == "elastic_rows" else found)[key][stays]
@@ -168,6 +174,18 @@ def _condensed(found: dict[str, Any], condensation: Condensation) -> dict[str, A
         result["K"] = result["K"] + result["circulatory"]
         b = b - t.T @ found["K"] @ s
     result["B"], result["D"] = b, found["D"] + found["Cq"] @ s
+    return result
+
+
+def _resting(rows: Array, found: Mapping[str, Any], kept: Index) -> Array:
+    """Condensed rows without their rounding in motions that leave the springs as they are.
+
+    In series with a soft spring a stiff one changes its length so little that rounding would hold rigid-body motions.
+    """
+    stiff, acts = found["stiffness"] != 0.0, (found["stiffness"] != 0.0) | (found["damping"] != 0.0)
+    result = rows.copy()
+    for which, all_rows in ((stiff, found["elastic_rows"][stiff]), (acts & ~stiff, found["elastic_rows"][acts])):
+        result[which] = unmoved(rows[which], free_motions(all_rows)[kept])
     return result
 
 

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.free_motions import completed, free_motions, product
+from mbsvib.gram import product as weighted
 from mbsvib.modes.strong_damping import forces, improved
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ def damped(system: System, basis: Undamped, rtol: float) -> Damped:
         pairs = quadratic_roots(basis.square, gamma)
         errors = _classical_errors(pairs, basis, gamma)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
-    shapes, gamma, free = _split_rigid(basis, gamma)
+    shapes, gamma, free = _split_rigid(system, basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
     pairs, vectors, slopes, errors = _coupled(system, shapes, (basis, forms, free), rtol)
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
@@ -159,20 +161,23 @@ def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array) -> Array:
     return relative
 
 
-def _split_rigid(basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
+def _split_rigid(system: System, basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
     """Turn the rigid-body modes so that those which no damper touches come first; return their number too."""
-    r = basis.rigid
+    r, w = basis.rigid, system.inertia_factor
     if r == 0:
         return basis.shapes, gamma, 0
-    values, turn = np.linalg.eigh(gamma[:r, :r])
-    free = int(np.count_nonzero(np.abs(values) <= 1e-11 * np.abs(gamma).max()))
-    turn = turn[:, np.argsort(np.abs(values), kind="stable")]
-    shapes, gamma = basis.shapes.copy(), gamma.copy()
-    shapes[:, :r] = shapes[:, :r] @ turn
-    gamma[:r] = turn.T @ gamma[:r]
-    gamma[:, :r] = gamma[:, :r] @ turn
-    gamma[:free] = gamma[:, :free] = 0.0
-    return shapes, gamma, free
+    shapes, acts = basis.shapes.copy(), (system.stiffness != 0.0) | (system.damping != 0.0)
+    free = free_motions(system.elastic_rows[acts])
+    if free.shape[1] > r or (system.damping < 0.0).any():
+        free = free[:, :0]
+    shapes[:, :r], count = completed(w, free, shapes[:, :r]), free.shape[1]
+    # each of the others by dampers of its own, the strongest last
+    moved = product(system.elastic_rows, shapes[:, :r])
+    _, turn = np.linalg.eigh(weighted(moved, system.damping)[count:, count:])
+    shapes[:, count:r] = shapes[:, count:r] @ turn
+    moved = product(system.elastic_rows, shapes)
+    moved[:, :count] = 0.0
+    return shapes, weighted(moved, system.damping), count
 
 
 def _forms(system: System, shapes: Array, gamma: Array, rigid: int) -> _Forms:
@@ -237,6 +242,7 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     a[velocity, at] = -np.sign(basis.square[basis.rigid :]) * omega
     a[flexible:, flexible:] = -gamma[free:, free:]
     values, vectors = np.linalg.eig(a)
+    values[values == 0.0] = -EPS * np.abs(values).max(initial=0.0)  # none is: rounding left nothing of a slow motion
     return values.astype(complex), vectors[flexible:].astype(complex)
 
 

@@ -17,7 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.modes.undamped import undamped
+from mbsvib.free_motions import RANK, completed, free_motions, null_pair, orthonormal, product, sizes
+from mbsvib.gram import gram
+from mbsvib.gram import product as weighted
+from mbsvib.loops import pivoted_qr
+from mbsvib.massless.first_order import own_coordinates
+from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,8 +32,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Directions in which nothing acts show up by rounding, far below this share of the largest.
-RANK = 1e-11
 # Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
 LONGER = 1e-9
 
@@ -92,18 +95,9 @@ def energy_state(system: System, rtol: float) -> EnergyState:
     """
     m, n1 = system.dof, system.massless
     p = m - n1
-    basis, square, rigid, doubt = _basis(system, rtol)
-    inertia = np.concatenate((np.ones(p), np.zeros(n1)))
-    damping = basis.T @ system.C @ basis
-    stiffness = np.zeros((m, m))
-    stiffness[np.arange(p), np.arange(p)] = square
-    if n1:
-        loose = basis[:, p:]
-        damping[p:, :p] = 0.0
-        stiffness[p:] = loose.T @ system.K @ basis
-        stiffness[:p, p:] = basis[:, :p].T @ system.K @ loose
-    if system.circulatory is not None:
-        stiffness[:p, :p] += basis[:, :p].T @ system.circulatory @ basis[:, :p]
+    basis, found, free = _basis(system, rtol)
+    square, back = found.square, _back(system, basis)
+    stiffness, damping = _in_basis(system, basis, found, free)
     scale = np.sqrt(np.abs(square))
     sizes = (scale[scale > 0.0].min(initial=np.inf), np.abs(damping[:p, :p]).max(initial=0.0))
     scale[scale == 0.0] = next((size for size in sizes if 0.0 < size < np.inf), 1.0)
@@ -113,49 +107,105 @@ def energy_state(system: System, rtol: float) -> EnergyState:
     show = np.zeros((m, 2 * p + n1))
     show[np.arange(p), np.arange(p)] = 1.0 / scale
     show[p:, 2 * p :] = np.eye(n1)
-    back = np.linalg.inv(basis) if n1 else basis.T @ system.M
     position, rate = np.zeros((2 * p + n1, m)), np.zeros((2 * p + n1, m))
     position[:p], position[2 * p :], rate[p : 2 * p] = scale[:, None] * back[:p], back[p:], back[:p]
-    null, left_null = _null_spaces(system, basis, stiffness, rigid)
-    zeros = _zeros(stiffness, damping, inertia, (null, left_null), scale) or _long_chains(a)
-    right, left, nilpotent, free = zeros
+    null = _null_spaces(system, basis, back, stiffness, found.rigid)
+    chains = _chains(system, basis, damping, null, free)
+    zeros = _zeros(stiffness, damping, null, chains, scale)
+    if zeros is None:
+        zeros = _long_chains(a)
+    right, left, nilpotent, count = zeros
     kept = bool(not system.damping.any() and system.circulatory is None and not n1 and (square >= 0.0).all())
+    reduction = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
+    doubt = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
     return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, kept, right, left, nilpotent,
-                       null.shape[1], free, doubt, basis, square, damping, coupling)  # fmt: skip
+                       null[0].shape[1], count, doubt, basis, square, damping, coupling)  # fmt: skip
 
 
-def _basis(system: System, rtol: float) -> tuple[Array, Array, int, float]:
-    """Columns Phi (M-orthonormal, stiffness diagonal), then massless ones; squares, number of rigid ones, doubt."""
-    n1 = system.massless
-    k = system.K if system.circulatory is None else system.K - system.circulatory
-    kept = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
-    doubt = 0.0 if kept >= 0.1 else float(np.finfo(float).eps) / kept
-    if not n1:
-        found = _undamped(system, 0.5 * (k + k.T), np.eye(system.dof), rtol)
-        return found.shapes, found.square, found.rigid, doubt
-    assert system.null_inertia is not None
-    loose = system.null_inertia
-    felt = loose.T @ system.C
-    own = felt @ loose
-    try:  # of unit damping, where dampers and not spin hold them
-        loose = np.linalg.solve(np.linalg.cholesky(0.5 * (own + own.T)), loose.T).T
-    except np.linalg.LinAlgError:
-        loose = loose / np.sqrt(np.abs(own).max(axis=0))
-    felt = loose.T @ system.C
-    turn = np.linalg.svd(felt / np.abs(felt).max(axis=1, keepdims=True))[2][n1:].T
-    found = _undamped(system, turn.T @ (0.5 * (k + k.T)) @ turn, turn, rtol)
-    return np.concatenate((turn @ found.shapes, loose), axis=1), found.square, found.rigid, doubt
+def _resists(system: System) -> bool:
+    """Whether K and C are sums of squares (C but for spin), so that rows tell what they resist."""
+    return system.circulatory is None and bool((system.stiffness >= 0.0).all() and (system.damping >= 0.0).all())
 
 
-def _undamped(system: System, stiffness: Array, turn: Array, rtol: float) -> Undamped:
-    """Undamped modes in some of the motions only."""
-    whole = turn.shape[1] == len(turn)
-    rows, w = (part if whole else part @ turn for part in (system.elastic_rows, system.inertia_factor))
+def _stiff_rows(system: System) -> Array:
+    """Relative displacements at springs."""
+    return system.elastic_rows[system.stiffness != 0.0]
+
+
+def _resisting_rows(system: System) -> Array:
+    """Relative displacements at springs and dampers."""
+    return system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)]
+
+
+def _basis(system: System, rtol: float) -> tuple[Array, Undamped, int]:
+    """Columns Phi (M-orthonormal, stiffness diagonal), then massless ones; the undamped modes, rigid-body modes first;
+    and the number of these that no damper resists, which come before the others.
+    """
+    turn, loose, null = np.eye(system.dof), np.zeros((system.dof, 0)), None
+    if system.massless:
+        turn, loose, null = _separated(system)
+    rows, w = product(system.elastic_rows, turn), system.inertia_factor @ turn
     part: Any = SimpleNamespace(
         dof=turn.shape[1], stiffness=system.stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
-        M=system.M if whole else turn.T @ system.M @ turn, K=stiffness, provenance=system.provenance,
+        M=gram(w), K=weighted(rows, system.stiffness), provenance=system.provenance,
     )  # fmt: skip
-    return undamped(part, rtol)
+    found = undamped(part, rtol, null=null)
+    basis, count = turn @ found.shapes, 0
+    if found.rigid and _resists(system):
+        free = free_motions(_resisting_rows(system))
+        basis[:, : found.rigid] = completed(system.inertia_factor, free, basis[:, : found.rigid])
+        count = free.shape[1]
+    return np.concatenate((basis, loose), axis=1), found, count
+
+
+def _separated(system: System) -> tuple[Array, Array, Array | None]:
+    """Motions that dampers do not tie to massless ones (m, p), massless ones of unit damping (m, n1), and the
+    rigid-body modes among the former, in these (p, r); None where stiffness is not a sum of squares.
+    """
+    loose = system.null_inertia
+    assert loose is not None
+    own, others = own_coordinates(loose)
+    felt = loose.T @ system.C
+    size = np.sqrt(np.abs(felt @ loose).max(axis=1))
+    tied = np.linalg.solve(felt @ loose / size[:, None] / size, felt[:, others] / size[:, None]) / size[:, None]
+    turn = -loose @ tied
+    turn[others, np.arange(len(others))] += 1.0
+    null = None
+    if _resists(system):
+        rigid = free_motions(_stiff_rows(system), felt)
+        null = orthonormal(system.inertia_factor @ turn, rigid[others] - loose[others] @ rigid[own])
+    even = 0.5 * (felt @ loose + (felt @ loose).T)
+    try:  # of unit damping, where dampers and not spin hold them
+        loose = np.linalg.solve(np.linalg.cholesky(even), loose.T).T
+    except np.linalg.LinAlgError:
+        loose = loose / size
+    return turn, loose, null
+
+
+def _back(system: System, basis: Array) -> Array:
+    """Inverse of the basis: M-orthonormal motions, and massless ones that dampers do not tie to them."""
+    p = system.dof - system.massless
+    felt = basis[:, p:].T @ system.C
+    return np.concatenate((basis[:, :p].T @ system.M, np.linalg.solve(felt @ basis[:, p:], felt)))
+
+
+def _in_basis(system: System, basis: Array, found: Undamped, free: int) -> tuple[Array, Array]:
+    """Stiffness and damping in the basis, exactly 0 for what they do not resist."""
+    p = len(found.square)
+    rows = product(system.elastic_rows, basis)
+    held = rows * (np.arange(len(basis)) >= found.rigid)
+    stiffness = weighted(held, system.stiffness)
+    stiffness[:p, :p] = np.diag(found.square)
+    if system.circulatory is not None:
+        stiffness += product(product(basis.T, system.circulatory), basis)
+    braked = rows * (np.arange(len(basis)) >= free)
+    damping = weighted(braked, system.damping)
+    if system.gyroscopic is not None:
+        damping += product(product(basis.T, system.gyroscopic), basis)
+    damping[p:, :p] = 0.0  # as the basis was chosen
+    if system.gyroscopic is None:
+        damping[:p, p:] = 0.0
+    return stiffness, damping
 
 
 def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tuple[Array, Array]:
@@ -176,54 +226,68 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     return a, force
 
 
-def _null_spaces(system: System, basis: Array, stiffness: Array, rigid: int) -> tuple[Array, Array]:
+def _terms(system: System, basis: Array, value: Array, other: Array | None) -> Array:
+    """Sum of the sizes of all terms of D^T diag(value) D and another part, of which only the largest is known."""
+    size = np.abs(basis)
+    rows = np.abs(system.elastic_rows) @ size
+    result = (rows.T * np.abs(value)) @ rows
+    return result if other is None else result + float((size.T @ np.abs(other) @ size).max(initial=0.0))
+
+
+def _null_spaces(
+    system: System, basis: Array, back: Array, stiffness: Array, rigid: int
+) -> tuple[Array, Array]:
     """Motions that K does not feel, and forces that it does not answer, in the basis (m, r) each."""
     m = system.dof
+    null = np.eye(m)[:, :rigid]
     if system.circulatory is None and not system.massless:
-        return np.eye(m)[:, :rigid], np.eye(m)[:, :rigid]
-    if system.circulatory is None:
-        rows = (system.elastic_rows[system.stiffness != 0.0]) @ basis
-        size = np.sqrt(np.abs(stiffness).max(axis=1, initial=0.0))
-        size[size == 0.0] = 1.0
-        length = np.linalg.norm(rows / size, axis=1)
-        null = _null(rows[length > 0.0] / length[length > 0.0, None] / size) / size[:, None]
-        null = np.linalg.qr(null)[0]
         return null, null
-    size = np.sqrt(np.maximum(np.abs(stiffness).max(axis=0), np.abs(stiffness).max(axis=1)))
-    size[size == 0.0] = 1.0
-    even = stiffness / size[:, None] / size
-    return tuple(np.linalg.qr(_null(part) / size[:, None])[0] for part in (even, even.T))  # type: ignore[return-value]
+    if not _resists(system):
+        return null_pair(stiffness, _terms(system, basis, system.stiffness, system.circulatory))
+    # those that dampers tie to massless motions are not among the undamped modes
+    motions = product(back, free_motions(_stiff_rows(system)))
+    tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]
+    null = np.concatenate((null, np.zeros((m, len(tied)))), axis=1)
+    null[rigid:, rigid:] = np.linalg.qr(motions[rigid:, tied])[0]
+    return null, null
+
+
+def _chains(
+    system: System, basis: Array, damping: Array, null: tuple[Array, Array], free: int
+) -> tuple[Array, Array]:
+    """Which combinations (r, n) of both null spaces of K the damping does not join to these: they start chains."""
+    z, y = null
+    if _resists(system) and system.gyroscopic is None:
+        return np.eye(z.shape[1])[:, :free], np.eye(y.shape[1])[:, :free]
+    terms = np.abs(y).T @ _terms(system, basis, system.damping, system.gyroscopic) @ np.abs(z)
+    return null_pair(y.T @ damping @ z, terms)
 
 
 def _null(rows: Array) -> Array:
     """Orthonormal motions that no row feels."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
     _, values, turn = np.linalg.svd(rows)
     return turn[int(np.count_nonzero(values > RANK * values[0])) :].T
 
 
 def _zeros(
-    stiffness: Array, damping: Array, inertia: Array, null: tuple[Array, Array], scale: Array
+    stiffness: Array, damping: Array, null: tuple[Array, Array], chains: tuple[Array, Array], scale: Array
 ) -> tuple[Array, Array, Array, int] | None:
     """Invariant subspaces of the eigenvalue 0 in the states, what A is on them, and the number of chains of two; None
     where chains are longer.
     """
     (z, y), p = null, len(scale)
-    n, r = len(stiffness) + p, z.shape[1]
+    n, r, count = len(stiffness) + p, z.shape[1], chains[0].shape[1]
     if r == 0:
         return np.zeros((n, 0)), np.zeros((n, 0)), np.zeros((0, 0)), 0
-    u, values, v = np.linalg.svd(y.T @ damping @ z)
-    count = int(np.count_nonzero(values > RANK * np.abs(damping).max()))
-    x0, y0 = z @ v[count:].T, y @ u[:, count:]
-    x1, y1 = (_answer(k, c @ start, far, near) for k, c, start, far, near in (
+    x0, y0 = z @ chains[0], y @ chains[1]
+    x1, y1 = (answer(k, c @ start, far, near) for k, c, start, far, near in (
         (stiffness, damping, x0, y, z), (stiffness.T, damping.T, y0, z, y)))  # fmt: skip
-    right, left = np.zeros((n, r + r - count)), np.zeros((n, r + r - count))
+    right, left = np.zeros((n, r + count)), np.zeros((n, r + count))
     right[:p], right[2 * p :] = (scale[:, None] * np.hstack((z, x1))[:p]), np.hstack((z, x1))[p:]
     right[p : 2 * p, r:] = x0[:p]
     whole = np.hstack((y, y1))
     braked = damping.T @ whole
-    braked[:, r:] += inertia[:, None] * y0
+    braked[:p, r:] += y0[:p]
     left[:p], left[p : 2 * p], left[2 * p :] = braked[:p] / scale[:, None], whole[:p], braked[p:]
     size = np.linalg.norm(right, axis=0), np.linalg.norm(left, axis=0)
     angles = (left / size[1]).T @ (right / size[0])
@@ -231,17 +295,16 @@ def _zeros(
         return None
     left = np.linalg.solve(left.T @ right, left.T).T
     nilpotent = np.zeros((right.shape[1],) * 2)
-    nilpotent[:r, r:] = z.T @ x0
-    return right, left, nilpotent, r - count
+    nilpotent[:r, r:] = chains[0]
+    return right, left, nilpotent, count
 
 
-def _answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
+def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
     """x with K x = -push, at right angles to what K does not feel (``near``); ``far``: what it does not answer."""
     m, r = near.shape
     if not push.any():
         return np.zeros_like(push)
-    size = np.sqrt(np.maximum(np.abs(stiffness).max(axis=0), np.abs(stiffness).max(axis=1)))
-    size[size == 0.0] = 1.0
+    size = sizes(stiffness)
     whole = np.zeros((m + r, m + r))
     whole[:m, :m] = stiffness / size[:, None] / size
     whole[:m, m:], whole[m:, :m] = far, near.T

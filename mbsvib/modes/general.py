@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modes.energy_state import EnergyState, energy_state
+from mbsvib.modes.energy_state import EnergyState, answer, energy_state
 from mbsvib.modes.general_refinement import Spectrum, refined
 
 if TYPE_CHECKING:
@@ -222,11 +222,11 @@ def _inverse(state: EnergyState) -> Array | None:
     push[:p, p : 2 * p] = np.eye(p)
     if not state.coupling.any():
         q = np.divide(-push, state.square[:, None], out=np.zeros_like(push), where=state.square[:, None] != 0.0)
-    elif state.still:
+    elif state.still and not np.array_equal(stiffness, stiffness.T):
         return None
     else:
-        size = np.sqrt(np.maximum(np.abs(stiffness).max(axis=0), np.abs(stiffness).max(axis=1)))
-        q = np.linalg.solve(stiffness / size[:, None] / size, -push / size[:, None]) / size[:, None]
+        null = np.concatenate((state.right[:p] / state.scale[:, None], state.right[2 * p :]))[:, : state.still]
+        q = answer(stiffness, push, null, null)
     result = np.zeros_like(state.a)
     result[:p], result[2 * p :] = state.scale[:, None] * q[:p], q[p:]
     result[np.arange(p, 2 * p), np.arange(p)] = 1.0 / state.scale

@@ -18,12 +18,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from mbsvib._memory import keep_freed_memory
+from mbsvib.free_motions import free_motions, orthonormal
 from mbsvib.kinematics import single_entries
-from mbsvib.loops import pivoted_qr
-from mbsvib.modes.rungs import by_factors, by_jacobi, by_products, triangle
+from mbsvib.modes.rungs import by_factors, by_jacobi, by_products
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,8 +40,6 @@ EPS = float(np.finfo(float).eps)
 NONE = 0.05
 # Below this share of the largest frequency a mode may be a rigid-body mode, and the rank of the rows decides.
 SUSPECT = 1e-5
-# Rows of unit length that depend on each other differ by rounding of the geometry, far below this.
-RANK = 1e-11
 # Two modes are told apart where what they share is less than this part of the distance of their squared frequencies.
 SEPARATE = 0.1
 # Rotations by an angle a are orthonormal to a^4 when they are taken to second order.
@@ -126,7 +124,7 @@ class _Scene:
         return shapes[self.single] * self.e[np.arange(len(self.e)), self.single][:, None]
 
 
-def undamped(system: System, rtol: float, clean: bool = True) -> Undamped:
+def undamped(system: System, rtol: float, clean: bool = True, null: Array | None = None) -> Undamped:
     """Return the undamped modes, K phi = omega^2 M phi.
 
     Parameters
@@ -137,6 +135,8 @@ def undamped(system: System, rtol: float, clean: bool = True) -> Undamped:
         Relative accuracy asked of every frequency.
     clean : bool
         Whether the shapes have to be as good as the frequencies, as responses ask for; frequencies need less.
+    null : array, shape (m, r), optional
+        The rigid-body modes, M-orthonormal, where they are known; they stay as they are.
 
     Returns
     -------
@@ -150,14 +150,16 @@ def undamped(system: System, rtol: float, clean: bool = True) -> Undamped:
     scene = _Scene(system)
     shapes, square = by_products(scene)
     size = np.abs(square)
-    if size[size.argmin()] <= SUSPECT**2 * size[size.argmax()]:
-        scene.null = _null_space(scene, scene.rows)
+    if null is not None:
+        scene.null = null
+    elif size[size.argmin()] <= SUSPECT**2 * size[size.argmax()]:
+        scene.null = orthonormal(scene.w, free_motions(scene.rows))
     if scene.null is None and scene.sign is None:
         result = _as_it_is(scene, shapes, square, rtol, clean)
         if result is not None:
             return _with_loops(result, system)
     result = refined(scene, shapes, "products", rtol)
-    if scene.sign is not None and np.count_nonzero(result.errors >= NONE):
+    if null is None and scene.sign is not None and np.count_nonzero(result.errors >= NONE):
         none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # what loads add and take away again
         scene.null = result.shapes[:, none]
         result = refined(scene, result.shapes, "products", rtol)
@@ -338,23 +340,3 @@ def _without_rigid(scene: _Scene, shapes: Array) -> Array:
     for _ in range(2):  # once more takes out what the first time left by rounding
         flexible = flexible - null @ (null.T @ (scene.mass @ flexible))
     return np.concatenate((null, flexible), axis=1)
-
-
-def _null_space(scene: _Scene, rows: Array) -> Array:
-    """Return the motions that no spring feels, whatever its stiffness, M-orthonormal (m, rigid)."""
-    m = rows.shape[1]
-    length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
-    unit = rows / length[:, None]
-    size = np.sqrt(np.einsum("ij,ij->j", unit, unit))
-    size[size == 0.0] = 1.0
-    qr, order, _ = pivoted_qr(unit / size)
-    pivots = np.abs(qr.diagonal())
-    rank = int(np.count_nonzero(pivots > RANK * pivots[0])) if len(pivots) else 0
-    null = np.zeros((m, m - rank))
-    null[order[rank:], np.arange(m - rank)] = 1.0
-    if 0 < rank < m:
-        null[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
-    null /= size[:, None]
-    if rank < m:
-        null = blas.dtrsm(1.0, triangle(scene.w @ null), null.T, trans_a=1).T
-    return null

@@ -92,14 +92,15 @@ def _general(system: System, modal: General, w: Array) -> Complex:
     """Responses where matrices lack symmetry."""
     from mbsvib.responses import general_responses as responses
 
-    s = 1j * np.abs(w)
-    if responses.cancels(system, modal.state):
+    s, cancels = 1j * np.abs(w), responses.cancels(system, modal.state)
+    if not cancels and responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w)):
+        result = system._modal_sum.at(s)
+    elif system.gyroscopic is not None or system.circulatory is not None:
+        result = responses.solved(system, modal.state, s)
+    else:
         result = responses.refined_solutions(system, modal.state, np.abs(w))
         if modal.state.right.shape[1] and not s.all():  # the sum tells which motions meet no spring
             result[:, :, s == 0.0] = system._modal_sum.at(s[s == 0.0])
-    else:
-        sums = responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w))
-        result = system._modal_sum.at(s) if sums else responses.solved(system, modal.state, s)
     if not np.isfinite(result).all():
         values = modal.values
         i = int(np.nonzero(~np.isfinite(result).all(axis=(0, 1)))[0][0])

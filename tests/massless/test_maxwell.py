@@ -85,6 +85,25 @@ def test_without_damping_the_series_carries_nothing():
     assert_allclose(system.frequency_response(OMEGA)[2, 1], k / (k - 7.0 * OMEGA**2), rtol=1e-12)
 
 
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_massless_body_between_a_spring_and_an_element(relative):
+    """The body follows what the damper yields, and takes the mass behind it along: 1/k + 1/k1 + 1/(c s)."""
+    model = mv.Model("series")
+    model.add_body("n", 0.0, (0, 0, 0), position=(0, 0, 1))
+    model.add_body("m", 7.0, (1, 1, 1), position=(0, 0, 2))
+    model.add_joint("n.rail", "prismatic", "ground", "n")
+    model.add_joint("m.rail", "prismatic", "n" if relative else "ground", "m")
+    model.add_spring("k", "n", "m", start=(0, 0, 1), end=(0, 0, 2), stiffness=2.0)
+    model.add_maxwell("leg", "ground", "n", start=(0, 0, 0), end=(0, 0, 1), stiffness=3.0, damping=5.0)
+    model.add_input("F", "m", "z")
+    model.add_output("x", "m", "z")
+    system = model.linearize()
+    yields = 1.0 / 2.0 + 1.0 / 3.0 + 1.0 / (5j * OMEGA)
+    assert_allclose(system.frequency_response(OMEGA)[0, 0], 1.0 / (1.0 / yields - 7.0 * OMEGA**2), rtol=1e-12)
+    moving = np.roots([7.0 * 5.0 * (1.0 / 2.0 + 1.0 / 3.0), 7.0, 5.0])
+    assert_allclose(np.sort_complex(system.poles()), np.sort_complex([0.0, *moving]), rtol=1e-12)
+
+
 def test_between_bodies_along_any_line():
     """A free pair of bodies: the element acts on the change of its length only."""
     start, end = np.array([0.1, -0.2, 0.4]), np.array([0.5, 0.3, 1.4])
