@@ -46,6 +46,27 @@ def test_poles(case):
     assert modes.stable == (name != "unstable")
 
 
+def test_mode_shapes(case):
+    """(l^2 M + l C + K) phi = 0, and shapes of bodies are those of the coordinates; of what rests, K phi = C phi = 0."""
+    name, _, system = case
+    modes = system.modes()
+    values, shapes = np.atleast_2d(modes.pairs), modes.shapes
+    m, c, k = system.M, system.C, system.K
+    for i, pair in enumerate(values):
+        phi = shapes[:, i]
+        assert np.abs(phi).max() > 0.0
+        if name == "defective" or (pair.imag == 0).all() and pair[0] != pair[1]:
+            continue
+        terms = [pair[0] ** 2 * m @ phi, pair[0] * c @ phi, k @ phi]
+        assert np.abs(sum(terms)).max() <= 1e-8 * max(np.abs(k).max(), 1.0) * np.abs(phi).max()
+    size = [np.abs(system.displacements(shapes[:, 0].real)[body]).max() for body in modes.body_shapes]
+    found = [np.abs(shape[:, 0].real).max() for shape in modes.body_shapes.values()]
+    assert_allclose(found, size, rtol=1e-12, atol=1e-15)
+    left = np.linalg.matrix_rank(shapes[:, : modes.rigid].real, tol=1e-9) if modes.rigid else 0
+    assert left == modes.rigid
+    assert not np.abs(k @ shapes[:, : modes.rigid]).max(initial=0.0) > 1e-9 * np.abs(k).max()
+
+
 def test_frequency_responses(case):
     _, p, system = case
     expected = frequency_response(p, OMEGA)

@@ -32,6 +32,8 @@ CLASSES = {
     "overdamped": values((300.0, 200.0, 250.0, 180.0)), "one overdamped": values((0.0, 0.0, 220.0, 0.0)),
     "strong damper": values((0.0, 5e3, 2.0, 0.0)), "free": values(stiffness=FREE),
     "free and coupled": values((0.0, 3.0, 0.5, 0.0), FREE), "braked": values((4.0, 0.0, 1.0, 0.0), FREE),
+    "two brakes": values((4.0, 1.0, 0.0, 0.0), (0.0, 0.0, 700.0, 0.0)),
+    "free and braked": values((0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 700.0, 0.0)),
     "unstable": values((0.0, 1.0, 0.0, 2.0), (900.0, 400.0, 700.0, -900.0)),
     "relaxation": values((0.0, 3.0, 0.0, 0.5), maxwell=(600.0, 20.0)),
     "relaxation alone": values(maxwell=(600.0, 20.0)),
@@ -39,7 +41,8 @@ CLASSES = {
                  "k.stiffness.rx": 30.0, "k.stiffness.ry": 50.0, "k.damping.rx": 0.0, "k.damping.ry": 0.0},
 }  # fmt: skip
 CLASSES["spinning and damped"] = CLASSES["spinning"] | {"k.damping.rx": 0.7}
-UNDAMPED_OR_FREE = ("undamped", "free", "free and coupled", "braked", "spinning", "unstable")
+UNDAMPED_OR_FREE = ("undamped", "free", "free and coupled", "braked", "two brakes", "free and braked",
+                    "spinning", "unstable")  # fmt: skip
 
 
 def model(p):
