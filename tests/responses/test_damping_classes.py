@@ -47,7 +47,7 @@ def test_poles(case):
 
 
 def test_mode_shapes(case):
-    """(l^2 M + l C + K) phi = 0, and shapes of bodies are those of the coordinates; of what rests, K phi = C phi = 0."""
+    """(l^2 M + l C + K) phi = 0; shapes of bodies are those of the coordinates; rigid ones strain nothing."""
     name, _, system = case
     modes = system.modes()
     values, shapes = np.atleast_2d(modes.pairs), modes.shapes
@@ -55,7 +55,7 @@ def test_mode_shapes(case):
     for i, pair in enumerate(values):
         phi = shapes[:, i]
         assert np.abs(phi).max() > 0.0
-        if name == "defective" or (pair.imag == 0).all() and pair[0] != pair[1]:
+        if name == "defective" or ((pair.imag == 0).all() and pair[0] != pair[1]):
             continue
         terms = [pair[0] ** 2 * m @ phi, pair[0] * c @ phi, k @ phi]
         assert np.abs(sum(terms)).max() <= 1e-8 * max(np.abs(k).max(), 1.0) * np.abs(phi).max()

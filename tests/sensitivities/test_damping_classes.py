@@ -18,7 +18,8 @@ from tests.support.damping_classes import (
 OMEGA = np.array([5.0, 23.0, 60.0])
 T = np.array([0.0, 0.03, 0.1, 0.2, 0.25, 0.7])
 # values repeat, or all but: a defective pair, three pairs on one circle
-APART = [name for name in CLASSES if name not in ("critical", "defective") and "free" not in name and "brake" not in name]
+REPEATED = ("critical", "defective", "free", "free and coupled", "braked", "two brakes", "free and braked")
+APART = [name for name in CLASSES if name not in REPEATED]
 
 
 @pytest.fixture(scope="module", params=CLASSES)
