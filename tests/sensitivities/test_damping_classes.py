@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
+import mbsvib as mv
 from tests.support.compare import nearest_pairs
 from tests.support.damping_classes import (
     CLASSES,
@@ -93,3 +94,39 @@ def test_norms(name):
     for norm, of in ((total, rms), (peak, highest)):
         expected = np.array([slope(of, p, name, 3e-6) for name in names])
         assert np.abs(norm.slopes - expected).max() <= 1e-5 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", ["spinning", "spinning and damped", "coupled"])
+def test_eigenvalues_of_two_equal_mechanisms(name):
+    """Every eigenvalue is there twice; a parameter of the second mechanism moves one of the two as if it were alone."""
+    p = CLASSES[name]
+    twin = mv.Model("two")
+    both = ((0, ""), (1, "2"))
+    for k, end in both:
+        if "spin.speed" in p:
+            twin.add_body(f"wheel{end}", 1.0, (p["wheel.inertia.xx"], p["wheel.inertia.yy"], 0.6))
+            twin.add_joint(f"tilt{end}", "universal", "wheel" if k else "ground", f"wheel{end}", (0, 0, 0))
+            twin.add_bushing(f"k{end}", "ground", f"wheel{end}", (0, 0, 0), (0, 0, 0, 30.0, 50.0, 0),
+                             (0, 0, 0, p["k.damping.rx"], 0, 0))  # fmt: skip
+            twin.add_rotor(f"spin{end}", f"wheel{end}", 9.0, (0, 0, 1), inertia=0.6)
+        else:
+            for i in range(3):
+                twin.add_body(f"b{i}{end}", p[f"b{i}.mass"], (1.0, 1.0, 1.0), (i + 1.0, 0, 0))
+                twin.add_joint(f"j{i}{end}", "prismatic", "b0" if k else "ground", f"b{i}{end}", axis=(1, 0, 0))
+            names = ("ground", f"b0{end}", f"b1{end}", f"b2{end}", "ground")
+            for i in range(4):
+                twin.add_spring(f"s{i}{end}", names[i], names[i + 1], (float(i), 0, 0), (i + 1.0, 0, 0),
+                                stiffness=p[f"s{i}.stiffness"], damping=p[f"s{i}.damping"])  # fmt: skip
+    system, single = twin.linearize(), model(p).linearize()
+    values, own = system.modes().eigenvalues, single.modes().eigenvalues
+    for parameter in ("wheel.inertia.xx", "k.stiffness.ry", "spin.speed") if "spin.speed" in p else (
+        "b1.mass", "s1.damping", "s2.stiffness"):  # fmt: skip
+        part, _, field = parameter.partition(".")
+        found = system.eigenvalue_sensitivities(f"{part}2.{field}")[0]
+        expected = single.eigenvalue_sensitivities(parameter)[0]
+        for value, slope_there in zip(own, expected, strict=True):
+            pair = sorted(found[np.abs(values - value) <= 1e-9 * np.abs(value)], key=abs)
+            assert len(pair) == 2
+            size = np.abs(expected).max()
+            assert abs(pair[0]) <= 1e-8 * size
+            assert abs(pair[1] - slope_there) <= 1e-8 * size
