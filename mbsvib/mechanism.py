@@ -121,9 +121,10 @@ class Mechanism:
             Name, unique among bodies, joints, bushings and springs.
         kind : str or None
             revolute, prismatic, cylindrical, screw, universal, spherical, planar, fixed or free (axis: local z);
-            point_on_line (axis: the line, which ``first`` carries; the point is that of ``second``), point_on_plane
-            (axis: its normal), distance (a rod without mass from ``position`` on ``first`` to ``end`` on
-            ``second``); None together with ``free``.
+            homokinetic (a constant-velocity joint: rx and ry, the components of one rotation vector, are free; axis:
+            that of both shafts, or where they are at an angle the line that bisects it); point_on_line (axis: the line,
+            which ``first`` carries; the point is that of ``second``), point_on_plane (axis: its normal), distance (a
+            rod without mass from ``position`` on ``first`` to ``end`` on ``second``); None together with ``free``.
         first, second : str or Body
             The two bodies.
         position : array-like, shape (3,)
@@ -137,7 +138,9 @@ class Mechanism:
         pitch : float, optional
             Screw only: advance per radian [m/rad].
         free : sequence of str, optional
-            For any other joint: the free directions out of x y z rx ry rz, in the joint's axes.
+            For any other joint: the free directions out of x y z rx ry rz, in the joint's axes. Two free rotations are
+            those of a universal joint: the axis named first stays in ``first``, the other one in ``second``, so that
+            under load ("ry", "rx") is another joint than ("rx", "ry"). A homokinetic joint is a kind of its own.
         end : array-like, shape (3,), optional
             Distance only: the rod's point on ``second`` [m], world axes. The joint's z is the rod; its coordinates are
             those of ``second`` at this point.

@@ -167,17 +167,18 @@ def phi_nearby(
         arm = added(point, -centre[..., body])
         return added(added(point, translation[..., body]), crossed_product(rotation[..., body], arm))
 
-    (carrier, holder), rows = _carriers(topology), cuts.rows
+    (carrier, other, holder), rows = _carriers(topology), cuts.rows
     linear, force = turn(carrier, coordinates.linear), turn(rows.first, rows.force)
+    # components of a rotation vector turn with the mean of both bodies, which makes no difference about a single axis
+    angular, moment = (0.5 * (turn(one, axes) + turn(two, axes)) for one, two, axes in (
+        (carrier, other, coordinates.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
     for rod in rods:
         line = added(shift(rod.second, rod.end), -shift(rod.first, rod.start))
         line = line / np.sqrt((line * line).sum(axis=0))
         force[..., rod.row] = line
         across = linear[..., rod.column]
         linear[..., rod.column] = added(across, -(added(0.0 * line, across) * line).sum(axis=0) * line)
-    twists = replace(coordinates, linear=linear, angular=turn(carrier, coordinates.angular),
-                     point=shift(holder, coordinates.point))  # fmt: skip
-    moment = turn(rows.first, rows.moment)
+    twists = replace(coordinates, linear=linear, angular=angular, point=shift(holder, coordinates.point))
     for row, first, second in crossing:
         at = slice(row, row + 1)
         axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
@@ -209,23 +210,25 @@ def crossed_product(a: Array, b: Array) -> Array:
     return result
 
 
-def _carriers(topology: Topology) -> tuple[Index, Index]:
-    """The body in which each twist is fixed: a joint's first, but its second for the second of two rotations. And the
-    body that carries the twist's point.
+def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
+    """The body in which each twist is fixed: a joint's first, but its second for the second of two successive ones. The
+    body with which its axis turns too, halfway. And the body that carries its point.
     """
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(topology.bodies)
     result: list[int] = []
+    other: list[int] = []
     holder: list[int] = []
     for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
         joint = topology.joints[branch.joint]
-        turning = [name for name, six in joint.freedom if any(six[3:])]
         for name, _ in joint.freedom:
-            second = len(turning) == 2 and name == turning[1]
+            second = joint.successive and name == joint.freedom[-1][0]
             result.append(number[joint.second if second else joint.first])
+            other.append(result[-1] if joint.successive else number[joint.second])
             holder.append(number[joint.second] if joint.kind in POINT_IN_SECOND else result[-1])
     ground = [number["ground"]] * (6 * len(topology.floating))
-    return np.array(result + ground, dtype=np.intp), np.array(holder + ground, dtype=np.intp)
+    carrier, halfway, point = (np.array(bodies + ground, dtype=np.intp) for bodies in (result, other, holder))
+    return carrier, halfway, point
 
 
 def _holders(topology: Topology, cuts: Cuts) -> Index:
@@ -262,11 +265,11 @@ def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Array]]:
     """Return the locked rotations that are normal to an axis of each body: (row, axis in first, axis in second)."""
     result = []
     for count, k in enumerate(topology.cut):
-        turning = [six[3:] for _, six in topology.joints[k].freedom if any(six[3:])]
-        if len(turning) == 2:
+        if topology.joints[k].successive:
             rows = np.nonzero(cuts.joint == count)[0]
             row = int(rows[_turns(cuts, rows)][0])
-            result.append((row, np.array(turning[0]), np.array(turning[1])))
+            (_, first), (_, second) = topology.joints[k].freedom[-2:]
+            result.append((row, np.array(first[3:]), np.array(second[3:])))
     return result
 
 

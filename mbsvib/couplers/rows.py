@@ -34,7 +34,7 @@ class Couplings:
     coefficient, ``turns`` (t,) tells angles from distances.
 
     ``column`` (t,) is the coordinate of a joint in the tree, or -1 where the term is one of ``measured``, what cut
-    joints do, in their order; ``skew`` lists those among these that are an angle of a universal joint: (number among
+    joints do, in their order; ``skew`` lists those among these that are one of two successive angles: (number among
     ``measured``, axis in first, axis in second, 0 or 1). ``touched`` (couplers, n) tells the coordinates involved.
     """
 
@@ -85,7 +85,8 @@ class Couplings:
         rows = self.measured
         if not len(rows.first):
             return self
-        force, moment = turn(rows.first, rows.force), turn(rows.first, rows.moment)
+        force, moment = turn(rows.first, rows.force), 0.5 * (turn(rows.first, rows.moment) +
+                                                             turn(rows.second, rows.moment))  # fmt: skip
         for k, first, second, which in self.skew:
             at = slice(k, k + 1)
             moment[..., at] = dual(turn(rows.first[at], first), turn(rows.second[at], second), which)
@@ -101,13 +102,14 @@ def dual(a: Array, b: Array, which: int) -> Array:
 
 
 def measure(joint: Joint, direction: str) -> tuple[Array, Array, tuple[Array, Array, int] | None]:
-    """Return force and moment (3,) of the row that reads a joint's coordinate off a relative displacement; and of an
-    angle of a universal joint its axes (3, 1) and which of them it is about.
+    """Return force and moment (3,) of the row that reads a joint's coordinate off a relative displacement; and of one
+    of two successive angles both axes (3, 1) and which of them it is about.
     """
     six = np.array(dict(joint.freedom)[direction])
-    if joint.kind == "universal":
-        axes = [np.array(twist[3:])[:, None] for _, twist in joint.freedom]
-        which = [name for name, _ in joint.freedom].index(direction)
+    if joint.successive and direction[0] == "r":
+        turns = joint.freedom[-2:]
+        axes = [np.array(twist[3:])[:, None] for _, twist in turns]
+        which = [name for name, _ in turns].index(direction)
         return np.zeros(3), dual(axes[0], axes[1], which)[:, 0], (axes[0], axes[1], which)
     if direction[0] == "r":
         return np.zeros(3), six[3:], None

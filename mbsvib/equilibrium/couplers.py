@@ -9,6 +9,7 @@ import numpy as np
 from mbsvib._checks import DIRECTIONS
 from mbsvib.equilibrium.joints import rotations, two_axes
 from mbsvib.equilibrium.rotations import logarithm
+from mbsvib.errors import ModelError
 from mbsvib.kinematics import relative_motion
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array, Twists
     from mbsvib.model import Model
     from mbsvib.parts import Joint
+
+# Rotation vectors shorter than this [rad] are rounding of a pose that Newton's method has found.
+TURNED = 1e-9
 
 
 def point_of(joint: Joint, model: Model, pose: Pose) -> tuple[float, float, float]:
@@ -66,6 +70,43 @@ def travelled(model: Model, pose: Pose, near: Array | None) -> Array:
     return np.where(turns, values + whole, values)
 
 
+def check_couplers(model: Model, there: Model) -> None:
+    """Refuse another pose in which couplers on homokinetic joints are no linear relation of coordinates any more.
+
+    The components of a rotation vector w since the model's pose change by e . J(w) omega, with J of
+    ``rotations.inverse_jacobian``: where the joint has turned by a finite w, not as its coordinates in that pose do.
+
+    Parameters
+    ----------
+    model, there : Model
+        The model as described, and in the other pose.
+
+    Raises
+    ------
+    ModelError
+        If a coupled homokinetic joint has turned.
+    """
+    if not model._couplers:
+        return
+    before, after = ((each._expanded() if each._composed else each).bodies for each in (model, there))
+    for part in model._couplers.values():
+        for name, _ in part.terms:
+            owner = name.rpartition(".")[0]
+            joint = model.joints[owner]
+            if joint.kind != "homokinetic":
+                continue
+            first, second = (np.eye(3) if body == "ground" else np.array(after[body].orientation) @
+                             np.array(before[body].orientation).T for body in (joint.first, joint.second))  # fmt: skip
+            angle = float(np.linalg.norm(logarithm(first.T @ second)))
+            if angle > TURNED:
+                raise ModelError(
+                    f"coupler '{part.name}': '{name}' is a component of the rotation vector of the homokinetic joint "
+                    f"'{owner}', which has turned by {angle:.3g} rad; the coupler is no linear relation of its "
+                    f"coordinates in another pose. Couple joints with one free rotation, or universal ones.",
+                    element=part.name,
+                )  # fmt: skip
+
+
 def gone(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float]) -> float:
     """Return how far one coordinate of a joint has gone, angles of a single turn within half a turn."""
     k = DIRECTIONS.index(direction)
@@ -76,10 +117,11 @@ def gone(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float
     if len(free) == 1:
         i, j = (k - 2) % 3, (k - 1) % 3
         return float(np.arctan2(relative[j, i] - relative[i, j], relative[i, i] + relative[j, j]))
-    if joint.kind == "universal":
+    if joint.successive:
         one, two = (np.array(joint.axes).T @ axis for axis in two_axes(joint))
         # E = exp(a one) exp(b two): the first turns ``two`` about ``one``, the second ``one`` about ``two``
-        axis, arm, where = (one, two, relative @ two) if direction == "rx" else (two, one, relative.T @ one)
+        leads = k == free[0] + 3
+        axis, arm, where = (one, two, relative @ two) if leads else (two, one, relative.T @ one)
         angle = np.arctan2(axis @ np.cross(arm, where), arm @ where - (axis @ arm) * (axis @ where))
-        return float(angle if direction == "rx" else -angle)
+        return float(angle if leads else -angle)
     return float(logarithm(relative)[k - 3])

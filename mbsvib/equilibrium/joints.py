@@ -2,9 +2,9 @@
 
 With the axes A in the first and B in the second body (equal as described), the joint's point p in both, and
 d = A^T (p_b - p_a): locked translations are zero in d, in axes that turn with the first body. Where one rotation is
-free both bodies keep its axis; where two are, the one named first (``axis`` of a universal joint) stays in the first
-body and the other (``axis2``) in the second, at their angle; where three are, they are the components of one rotation
-vector. The rod of a distance joint, from p_a to p_b, keeps its length.
+free both bodies keep its axis; where two successive ones are (see ``parts.joint``), the one named first (``axis`` of a
+universal joint) stays in the first body and the other (``axis2``) in the second, at their angle; other two, and three,
+are the components of one rotation vector log(A^T B). The rod of a distance joint, from p_a to p_b, keeps its length.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def rotations(joint: Joint) -> tuple[int, ...]:
 
 
 def two_axes(joint: Joint) -> tuple[Array, Array]:
-    """Return the axes of a joint with two free rotations: the one in the first and the one in the second body."""
+    """Return the axes of a joint with two successive rotations: the one in the first and the one in the second body."""
     one, two = (np.array(six[3:]) for name, six in joint.freedom if name[0] == "r")
     return one, two
 
@@ -55,7 +55,7 @@ def displacement(joint: Joint, values: Array) -> tuple[Array, Array]:
         shift += np.multiply(value, six[:3])
         if name[0] == "r":
             turns.append(np.multiply(value, six[3:]))
-    if len(turns) == 2:
+    if joint.successive:
         return exponential(turns[0]) @ exponential(turns[1]), shift
     return exponential(sum(turns, start=np.zeros(3))), shift
 
@@ -111,12 +111,16 @@ def opening(joint: Joint, pose: Pose, at: Vector) -> Array:
             angle = float(np.arctan2(relative[1, 0] - relative[0, 1], relative[0, 0] + relative[1, 1]))
             advance = float(first[:, 2] @ gap) / joint.pitch
             turn += (angle + 2 * np.pi * np.round((advance - angle) / (2 * np.pi))) * first[:, 2]
-    elif len(free) == 2:
+    elif joint.successive:
         one, two = two_axes(joint)
         cosine = one @ two
         one, two = pose.turned(joint.first, one), pose.turned(joint.second, two)
         normal = np.cross(one, two)
         turn = (cosine - one @ two) / float(normal @ normal) * normal
+    elif len(free) == 2:
+        locked = 3 - sum(free)
+        bend = logarithm(first.T @ second)
+        turn = np.sinc(0.5 * np.linalg.norm(bend) / np.pi) * bend[locked] * halfway(joint, pose)[:, locked]
     return np.concatenate((gap, turn))
 
 
@@ -137,7 +141,7 @@ def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
     if joint.position is not None:
         words["position"] = pose.point(joint.second, joint.position)
     free = rotations(joint)
-    if len(free) == 2:
+    if joint.successive:
         one, two = two_axes(joint)
         one, two = pose.turned(joint.first, one), pose.turned(joint.second, two)
         if joint.kind == "universal":
@@ -146,14 +150,22 @@ def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
     elif joint.axis is not None and joint.kind in ALONG_AXIS:
         words["axis"] = pose.turned(joint.first, joint.axis)
         return words
+    elif len(free) == 2:
+        words["orientation"] = halfway(joint, pose)
     else:
         words["orientation"] = pose.turned(joint.first, joint.axes)
     words.pop("axis", None)
     return words
 
 
+def halfway(joint: Joint, pose: Pose) -> Array:
+    """Return the axes of a joint as the first body carries them, turned by half the way to those of the second."""
+    first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
+    return np.asarray(first @ exponential(0.5 * logarithm(first.T @ second)))
+
+
 def _frame(joint: Joint, one: Array, two: Array, free: tuple[int, ...], pose: Pose) -> Array:
-    """Axes of a custom joint with two free rotations, from the axes that its bodies keep."""
+    """Axes of a custom joint with two successive rotations, from the axes that its bodies keep."""
     columns = [np.zeros(3)] * 3
     columns[free[0]], columns[free[1]] = one, two
     third = 3 - sum(free)

@@ -31,8 +31,8 @@ class Posed:
         ----------
         values : mapping of str to float
             How far joint coordinates (``"knee.rz"``) move from where they are [m, rad]. The other coordinates stay
-            where they are, but for those that loops tie to these. Three free rotations are one rotation vector. Beams
-            and superelements go along as they are.
+            where they are, but for those that loops tie to these. Three free rotations are one rotation vector, as are
+            the two of a homokinetic joint. Beams and superelements go along as they are.
         relaxed : bool
             True: springs and bushings keep the forces that they have here, as if they were mounted in the new pose.
         cut : sequence of str, optional
@@ -46,11 +46,15 @@ class Posed:
         Raises
         ------
         ModelError
-            If a coordinate is unknown or tied to the others, or the loops cannot be closed in that pose.
+            If a coordinate is unknown or tied to the others, the loops cannot be closed in that pose, or a coupler acts
+            on a homokinetic joint that has turned.
         """
+        from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.moved import moved
 
-        return moved(cast("Model", self), values, relaxed, cut)
+        there = moved(cast("Model", self), values, relaxed, cut)
+        check_couplers(cast("Model", self), there)
+        return there
 
     @overload
     def equilibrium(
@@ -98,6 +102,7 @@ class Posed:
         ModelError
             If a name or pattern picks no spring, or a part cannot be taken to another pose.
         """
+        from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.search import equilibrium
 
         model = cast("Model", self)
@@ -111,4 +116,5 @@ class Posed:
             from mbsvib.equilibrium.rigid import held_as, stiffened
 
             found = held_as(model, equilibrium(preloaded(stiffened(model), preload), snap, cut))
+        check_couplers(model, found.model)
         return found if report else found.model

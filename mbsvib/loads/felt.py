@@ -28,8 +28,8 @@ class Felt:
 
     ``rows`` are first those along free directions of joints and all six of preloaded bushings: ``owner`` (n,) is the
     pair whose force it is, ``carrier`` (n,) its first body and ``twist`` (6, n) the displacement of which the row is
-    the size. ``two`` (3, k) lists joints with two free rotations, as owner and rows of both, with ``cross`` (3, k) the
-    product e x e' of their axes. Two rows for each line spring and rod come behind: ``line_owner`` (l,), ``line``
+    the size. ``two`` (3, k) lists joints with two successive rotations, as owner and rows of both; ``cross`` (3, k) are
+    the products e x e' of their axes. Two rows for each line spring and rod come behind: ``line_owner`` (l,), ``line``
     (3, l) and ``length`` (l,), the rotation ``swing`` (3, l) of ``line_carrier`` (l,) that moves its end across too.
     """
 
@@ -83,11 +83,12 @@ def felt(
             tuples += [(*head, *six) for six in moves]
             twist += moves
             owner += [k] * len(moves)
-        if len(turns) == 2 or (0 < len(turns) < most and a != ground):
-            tuples += [(*head, *ORIGIN, *picks) for picks in _picks([six[3:] for six in turns])]
+        if joint.successive or (0 < len(turns) < most and a != ground):
+            axes = [six[3:] for six in turns]
+            tuples += [(*head, *ORIGIN, *picks) for picks in (_picks(*axes) if joint.successive else axes)]
             twist += turns
             owner += [k] * len(turns)
-        if len(turns) == 2:
+        if joint.successive:
             (ax, ay, az), (bx, by, bz) = turns[0][3:], turns[1][3:]
             two.append((k, len(tuples) - 2, len(tuples) - 1))
             cross.append((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
@@ -141,11 +142,9 @@ def normals(line: Array) -> tuple[Array, Array]:
     return one, crossed_product(line, one)
 
 
-def _picks(axes: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Vectors that pick the part along each of some unit vectors out of a sum of all."""
-    if len(axes) != 2:
-        return axes
-    (ax, ay, az), (bx, by, bz) = axes
+def _picks(a: tuple[float, ...], b: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """Vectors that pick the part along each of two unit vectors, which need not be perpendicular, out of a sum."""
+    (ax, ay, az), (bx, by, bz) = a, b
     cosine = ax * bx + ay * by + az * bz
     share = 1.0 / ((1.0 - cosine) * (1.0 + cosine))
     return [((ax - cosine * bx) * share, (ay - cosine * by) * share, (az - cosine * bz) * share),

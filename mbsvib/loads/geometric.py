@@ -7,7 +7,7 @@ opposite on the first body a, arms r from the centres of mass, and (d, delta) wh
    one symmetric form for each body, three signed rows.
 2. Joints and preloaded bushings, whose forces turn with the first body, add theta_a . (d x f + 1/2 delta x tau).
    In joints only free directions move, (d, delta) = sum of q (v, w): the product of q with one rotation of a.
-   Two free rotations about the axes e, e', in the order in which they are named, add 1/2 tau . (e x e') q q'.
+   Two rotations about the axes e, e' that are successive (``parts.joint``) add 1/2 tau . (e x e') q q'.
 3. Line springs and rods of tension F and length L add F / (2 L) times the square of what their ends move across them.
 
 A product p q is 1/4 (s p + q/s)^2 - 1/4 (s p - q/s)^2, with s such that both parts have one size.

@@ -227,7 +227,7 @@ class _Change:
 
     @staticmethod
     def _two(twisted: Array, statics: Statics, motion: _Motion) -> None:
-        """Joints with two free rotations: the moment that holds the angle between them turns with both."""
+        """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
         felt, pairs = statics.felt, statics.pairs
         for who, first, second in felt.two.T.tolist():
             turn = motion.turn[:, pairs.second[who]] - motion.turn[:, pairs.first[who]]

@@ -6,8 +6,10 @@ q_i is a joint's coordinate "JOINT.direction": what its second body does relativ
 Exactly, in any pose: sum of c_i (q_i - q_i of the model's pose) = 0, with q_i the angle [rad] that a revolute,
 cylindrical or screw joint has turned by (whole turns count), the distance [m] along z that a prismatic or cylindrical
 joint has slid by, the two angles of a universal joint (about ``axis`` in the first body, then ``axis2`` in the
-second), and of any other joint the components, in its axes as the first body carries them, of p_b - p_a and of the
-rotation vector from the first to the second body.
+second) or of another joint with two successive rotations, and of any other joint the components, in its axes as the
+first body carries them, of p_b - p_a and of the rotation vector from the first to the second body. In another pose the
+latter is no linear relation of the coordinates there: couplers on homokinetic joints do not go along, and those on
+joints with three free rotations relate small rotations in each pose anew.
 """
 
 from __future__ import annotations

@@ -13,6 +13,16 @@ point as the first body carries it, p_b as the second does, and x, y, z the axes
 - distance: |p_b - p_a| = L, with p_a = ``position`` on the first, p_b = ``end`` on the second and L from the given
   pose: a rod without mass on two ball joints. Its z is the rod, which neither body carries; its free directions are
   x, y (p_b across the rod) and rx, ry, rz (the second body about p_b).
+
+Free rotations by q of a kind are either the components of one rotation vector, exp(sum of q e), or successive: of two,
+exp(q e) exp(q' e'), the first about an axis that stays in the first body, the second about one that stays in the
+second. The rotation vector of the latter is q e + q' e' + 1/2 q q' e x e' to second order: it has a component along
+the locked axis, so that a moment 1/2 tau . (e x e') q q' comes on top. That of the former has none.
+
+A homokinetic joint (of constant velocity) has a rotation vector normal to its z: both shafts turn at the same rate,
+whatever their angle. Displaced by a rotation vector v, it is the same joint with its z turned by v / 2, which bisects
+the angle of the shafts, as the product of exp(v') with exp(v) has a rotation vector normal to z where v' is normal to
+exp(v / 2) z.
 """
 
 from __future__ import annotations
@@ -29,19 +39,31 @@ from mbsvib.parts._part import Part, derived
 Six = tuple[float, ...]
 Named = tuple[tuple[str, Six], ...]
 
-KINDS: dict[str, tuple[str, ...]] = {
-    "revolute": ("rz",),
-    "prismatic": ("z",),
-    "cylindrical": ("z", "rz"),
-    "screw": ("rz",),
-    "universal": ("rx", "ry"),
-    "spherical": ("rx", "ry", "rz"),
-    "planar": ("x", "y", "rz"),
-    "fixed": (),
-    "free": DIRECTIONS,
-    "point_on_line": ("z", "rx", "ry", "rz"),
-    "point_on_plane": ("x", "y", "rx", "ry", "rz"),
-    "distance": ("x", "y", "rx", "ry", "rz"),
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of joint: its ``free`` directions, and whether its two free rotations are ``successive`` or the components
+    of one rotation vector, as the rotations of all others are.
+    """
+
+    free: tuple[str, ...]
+    successive: bool = False
+
+
+KINDS: dict[str, Kind] = {
+    "revolute": Kind(("rz",)),
+    "prismatic": Kind(("z",)),
+    "cylindrical": Kind(("z", "rz")),
+    "screw": Kind(("rz",)),
+    "universal": Kind(("rx", "ry"), successive=True),
+    "homokinetic": Kind(("rx", "ry")),
+    "spherical": Kind(("rx", "ry", "rz")),
+    "planar": Kind(("x", "y", "rz")),
+    "fixed": Kind(()),
+    "free": Kind(DIRECTIONS),
+    "point_on_line": Kind(("z", "rx", "ry", "rz")),
+    "point_on_plane": Kind(("x", "y", "rx", "ry", "rz")),
+    "distance": Kind(("x", "y", "rx", "ry", "rz")),
 }
 # Where no rotation is free, the relative displacement is the same at every point.
 NEEDS_NO_POINT = frozenset({"prismatic", "fixed"})
@@ -60,7 +82,7 @@ def subspaces(free: tuple[str, ...]) -> tuple[Named, Named]:
 
 
 _PLACE = {direction: i for i, direction in enumerate(DIRECTIONS)}
-_SUBSPACES = {kind: subspaces(free) for kind, free in KINDS.items()}
+_SUBSPACES = {name: subspaces(kind.free) for name, kind in KINDS.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +91,8 @@ class Joint(Part):
 
     ``point`` is where displacements are taken, None where any point will do: ``position``, of a distance joint its
     ``end``. ``freedom`` and ``locked`` pair each direction's name with its six-vector in world axes (twist; row of the
-    relative displacement that is zero).
+    relative displacement that is zero). ``successive`` tells whether two rotations are free one after the other, in the
+    order of ``freedom``.
     """
 
     kind: str
@@ -86,6 +109,7 @@ class Joint(Part):
     freedom: Named = derived(())
     locked: Named = derived(())
     point: Vector | None = derived()
+    successive: bool = derived(False)
 
 
 def make(
@@ -98,10 +122,10 @@ def make(
         raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
                          element=who, field="second")  # fmt: skip
     kind, free = _kind(kind, free, who)
-    if kind in KINDS:
-        freedom, locked = _SUBSPACES[kind]
+    if free is None:
+        (freedom, locked), successive = _SUBSPACES[kind], KINDS[kind].successive
     else:
-        freedom, locked = subspaces(free)
+        (freedom, locked), successive = subspaces(free), len(_rotations(free)) == 2
     if position is not None:
         position = check.vector(position, who, "position")
     elif kind not in NEEDS_NO_POINT:
@@ -140,7 +164,7 @@ def make(
                          element=who, field="pitch")  # fmt: skip
     return Joint(name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
                  free, end, axes, in_world(axes, freedom), in_world(axes, locked),
-                 position if end is None else end)  # fmt: skip
+                 position if end is None else end, successive)  # fmt: skip
 
 
 def in_world(axes: Matrix3, directions: Named) -> Named:
@@ -177,7 +201,14 @@ def _kind(kind: Any, free: Any, who: str) -> tuple[str, tuple[str, ...] | None]:
                                nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
     if len(set(given)) != len(given):
         raise check.refuse(who, "free", free, "each direction once")
-    return "custom", tuple(d for d in DIRECTIONS if d in given)
+    turns = _rotations(given)
+    if len(turns) != 2 or isinstance(free, (set, frozenset)):
+        turns = tuple(sorted(turns))
+    return "custom", (*(d for d in DIRECTIONS[:3] if d in given), *turns)
+
+
+def _rotations(free: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(d for d in free if d in DIRECTIONS[3:])
 
 
 def _several(free: Any, who: str) -> tuple[Any, ...]:

@@ -36,9 +36,10 @@ FEW_SPRINGS = 60  # more than these are drawn with fewer points
 # A pyramid below what the ground holds, and a way along all of its edges.
 _FOOT = np.array([(0.0, 0.0, 0.0), (0.6, 0.6, -1.0), (-0.6, 0.6, -1.0), (-0.6, -0.6, -1.0), (0.6, -0.6, -1.0)])
 _FOOT_WAY = (0, 1, 2, 0, 3, 4, 0, 4, 1, 2, 3)
-# What a joint's axis line shows: the directions of its axes about or along which it is free.
-_AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1), "planar": (2,),
-         "point_on_line": (2,)}  # fmt: skip
+# What a joint's axis line shows: the directions of its axes about or along which it is free; of a homokinetic joint the
+# one that bisects the angle of its shafts.
+_AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1),
+         "homokinetic": (2,), "planar": (2,), "point_on_line": (2,)}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,14 +180,15 @@ def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array,
     """The motion of bodies, of connections and the turns of joints on which a force in a joint, or all forces on a
     body, do work; whether inputs do, too. None for moments about centres of mass, which move by themselves, beside
     couplers, about the axes of screws, whose pitch ties it to the force, where redundant constraints share forces at
-    will, and in loaded scenes for joints with two free rotations, whose axes do not go with the first body alone.
+    will, and in loaded scenes for universal and homokinetic joints, whose axes do not go with the first body alone.
     """
     wrench = np.array(part.wrench)
     number = {body.name: i for i, body in enumerate(network.bodies)}
     k = next((k for k, joint in enumerate(network.joints) if joint.name == part.element), None)
     about_centre = k is None or network.joints[k].point is None
     tied = any(isinstance(each, Coupling) for each in network.parts)
-    loaded = system.provenance.statics is not None and (network.forces is None or k in network.forces.twice)
+    loaded = system.provenance.statics is not None and (
+        network.forces is None or k in network.forces.twice or k in network.forces.halves)
     if loaded or tied or (about_centre and wrench[3:].any()):
         return None
     still, gap = np.zeros((len(network.point), 6)), np.zeros((len(network.joints), 6, 1))

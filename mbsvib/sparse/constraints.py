@@ -145,10 +145,10 @@ def constraints(
         joint = topology.joints[k]
         a, b = number[joint.first], number[joint.second]
         point = joint.point or bodies[min(a, b)].position
-        turning = [six[3:] for _, six in joint.freedom if any(six[3:])]
-        if len(turning) == 2:
+        if joint.successive:
             row = next(i for i, (_, six) in enumerate(joint.locked) if any(six[3:]))
-            crossing.append((len(names) + row, turning[0], turning[1]))
+            (_, one), (_, two) = joint.freedom[-2:]
+            crossing.append((len(names) + row, one[3:], two[3:]))
         for direction, six in joint.locked:
             tuples.append((a, b, *point, *six))
             names.append(f"{joint.name}.{direction}")

@@ -101,8 +101,9 @@ def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree,
             force[:, row] = line
         else:
             linear[:, column : column + 2] -= np.outer(line, line @ linear[:, column : column + 2])
-    moved = replace(tree, linear=linear, angular=turn(carrier, tree.angular), point=shift(tree.holder, tree.point))
-    moment = turn(rows.first, rows.moment)
+    angular, moment = (0.5 * (turn(one, axes) + turn(two, axes)) for one, two, axes in (
+        (carrier, tree.halfway, tree.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
+    moved = replace(tree, linear=linear, angular=angular, point=shift(tree.holder, tree.point))
     for row, first_axis, second_axis in closure.crossing:
         a = turn(rows.first[row : row + 1], np.array([first_axis]).T)
         b = turn(rows.second[row : row + 1], np.array([second_axis]).T)

@@ -36,7 +36,8 @@ class Tree:
     ``outward`` (n,) lists bodies, parents before children. Over coordinates: ``names``, ``carried`` (m,) the body whose
     joint it is, ``linear``, ``angular`` and ``point`` (3, m) its twist in the joint, ``sign`` (m,) that of the body
     against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations,
-    ``carrier`` (m,) the body in which the twist is fixed, ``holder`` (m,) the one that carries its point.
+    ``carrier`` and ``halfway`` (m,) the two bodies with whose mean its axis turns, ``holder`` (m,) the one that carries
+    its point; translations are fixed in ``carrier``.
     """
 
     position: Array
@@ -55,6 +56,7 @@ class Tree:
     motion: Array
     turns: Mask
     carrier: Index
+    halfway: Index
     holder: Index
 
     @property
@@ -89,6 +91,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     carried: list[int] = []
     signs: list[int] = []
     carrier: list[int] = []
+    halfway: list[int] = []
     holder: list[int] = []
     number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": n}
     parent, first, count = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp)
@@ -100,14 +103,17 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
         if branch.joint == FLOATS:
             name, freedom, point = body.name, _FREE, body.position
             carrier += [n] * 6
+            halfway += [n] * 6
             holder += [n] * 6
         else:
             joint = joints[branch.joint]
             name, freedom, point = joint.name, joint.freedom, joint.point or body.position
-            # a joint's twists are fixed in its first body, but the second of two rotations in its second
-            turning = [direction for direction, twist in freedom if any(twist[3:])]
-            second = turning[1] if len(turning) == 2 else None
-            carrier += [number[joint.second if direction == second else joint.first] for direction, _ in freedom]
+            # a joint's twists are fixed in its first body, but the second of two successive rotations in its second
+            own = [number[joint.first]] * len(freedom)
+            if joint.successive:
+                own[-1] = number[joint.second]
+            carrier += own
+            halfway += own if joint.successive else [number[joint.second]] * len(freedom)
             held = joint.kind in POINT_IN_SECOND
             holder += [number[joint.second]] * len(freedom) if held else carrier[len(holder) :]
         parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
@@ -127,7 +133,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     depth, moves = _directions(outward, parent, position, body_of, motion)
     return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
                 points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
-                np.array(carrier, dtype=np.intp), np.array(holder, dtype=np.intp))  # fmt: skip
+                *(np.array(of_twists, dtype=np.intp) for of_twists in (carrier, halfway, holder)))  # fmt: skip
 
 
 def _cross(a: Array, b: Array) -> Array:

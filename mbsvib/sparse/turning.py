@@ -106,7 +106,7 @@ class Turning:
         return turns[pairs.first].T, turns[pairs.second].T, gap
 
     def _two(self, half: Array, twisting: Array) -> None:
-        """Joints with two free rotations: the moment that holds the angle between them turns with both."""
+        """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
         feels, torque = self.found.feels, self.found.pairs.torque
         if not feels.two.size:
             return

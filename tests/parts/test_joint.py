@@ -14,6 +14,7 @@ from tests.support.random_models import rotation
 
 FREEDOM = {
     "revolute": ["rz"], "prismatic": ["z"], "cylindrical": ["z", "rz"], "screw": ["rz"], "universal": ["rx", "ry"],
+    "homokinetic": ["rx", "ry"],
     "spherical": ["rx", "ry", "rz"], "planar": ["x", "y", "rz"], "fixed": [],
     "free": ["x", "y", "z", "rx", "ry", "rz"], "point_on_line": ["z", "rx", "ry", "rz"],
     "point_on_plane": ["x", "y", "rx", "ry", "rz"], "distance": ["x", "y", "rx", "ry", "rz"],
@@ -127,12 +128,16 @@ def test_universal_without_axes_turns_about_x_and_y():
     assert_allclose(vectors(joint.freedom), [[0, 0, 0, *turn[:, 0]], [0, 0, 0, *turn[:, 1]]], atol=1e-16)
 
 
-@given(st.sets(st.sampled_from(ALL)))
-def test_any_other_joint_by_its_free_directions(directions):
-    for free in (sorted(directions), tuple(directions), directions):
+@given(st.permutations(ALL), st.integers(0, 6))
+def test_any_other_joint_by_its_free_directions(order, count):
+    named = order[:count]
+    turns = [d for d in named if d in ALL[3:]]
+    expected = [d for d in ALL[:3] if d in named] + (turns if len(turns) == 2 else sorted(turns))
+    for free in (list(named), tuple(named), set(named)):
         joint = make(None, free=free)
-        assert [name for name, _ in joint.freedom] == [d for d in ALL if d in directions]
-        assert [name for name, _ in joint.locked] == [d for d in ALL if d not in directions]
+        freed = sorted(named, key=ALL.index) if isinstance(free, set) else expected
+        assert [name for name, _ in joint.freedom] == freed
+        assert [name for name, _ in joint.locked] == [d for d in ALL if d not in named]
         assert joint.kind == "custom"
 
 
@@ -166,6 +171,8 @@ def test_bodies_by_name_or_by_object():
     {"kind": "fixed"},
     {"kind": "planar", "position": (0.0, 0.0, 0.0), "orientation": TURNED},
     {"kind": "custom", "position": (0.0, 0.0, 0.0), "free": ("x", "rz")},
+    {"kind": "custom", "position": (0.0, 0.0, 0.0), "free": ("z", "ry", "rx")},
+    {"kind": "homokinetic", "position": (0.0, 0.0, 0.0), "axis": (1.0, 1.0, 0.0)},
     {"kind": "distance", "position": (0.0, 0.0, 0.0), "end": (1.0, 0.0, 2.0)},
     {"kind": "point_on_line", "position": (0.0, 1.0, 0.0), "axis": (1.0, 1.0, 0.0)},
 ])  # fmt: skip

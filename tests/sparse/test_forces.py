@@ -232,7 +232,9 @@ def test_random_mechanisms_under_load(seed, words):
     assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), smallest_pivot(sparse)) < 1e-9
 
 
-@pytest.mark.parametrize("kind", ["universal", "screw", "cylindrical", "planar", "distance", "point_on_line"])
+@pytest.mark.parametrize("kind", [
+    "universal", "homokinetic", "screw", "cylindrical", "planar", "distance", "point_on_line",
+])  # fmt: skip
 def test_every_kind_of_joint_under_load(kind):
     model = loaded(2, bodies=3, kinds=(kind,))
     model.add_input("push", list(model.bodies)[-1], (1.0, 0.5, 0.3, 0.2, 0.1, 0.7))

@@ -51,7 +51,9 @@ def test_same_answers_for_random_models(seed, words):
     same(loaded(seed, **words))
 
 
-@pytest.mark.parametrize("kind", ["universal", "screw", "cylindrical", "planar", "distance", "point_on_line"])
+@pytest.mark.parametrize("kind", [
+    "universal", "homokinetic", "screw", "cylindrical", "planar", "distance", "point_on_line",
+])  # fmt: skip
 def test_same_answers_for_every_kind_of_joint(kind):
     same(loaded(2, bodies=3, kinds=(kind,)))
 

@@ -30,6 +30,7 @@ from tests.support.digits import (
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 FREE = {
     "revolute": ("rz",), "prismatic": ("z",), "cylindrical": ("z", "rz"), "spherical": ("rx", "ry", "rz"),
+    "homokinetic": ("rx", "ry"),
     "planar": ("x", "y", "rz"), "fixed": (), "free": DIRECTIONS, "point_on_line": ("z", "rx", "ry", "rz"),
     "point_on_plane": ("x", "y", "rx", "ry", "rz"), "distance": ("x", "y", "rx", "ry", "rz"),
 }  # fmt: skip

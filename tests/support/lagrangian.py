@@ -7,8 +7,9 @@ With A = R_a Q, B = R_b Q the joint's axes in the first and the second body, p_a
 d = A^T (p_b - p_a) and the relative rotation E = A^T B, what is exact is this:
 
 - locked translations: that component of d is zero (in axes that turn with the first body); screw: d_z = pitch * angle;
-- no rotation free: E = 1; one about e: E e = e; two: the axis named first (universal: ``axis``) stays in the first
-  body, the other (``axis2``) in the second, and the angle between them stays; three: nothing;
+- no rotation free: E = 1; one about e: E e = e; homokinetic: log E has no component along z; other two: the axis named
+  first (universal: ``axis``) stays in the first body, the other (``axis2``) in the second, and the angle between them
+  stays; three: nothing;
 - line spring: potential F (L - L0) + k (L - L0)^2 / 2 with F the preload (tension) in the model's pose;
 - bushing: s = (d, log E), potential s . k s / 2 - preload . s: the preload is the wrench on the second body;
 - gravity and dead forces: fixed in the world; follower forces turn with their body. Moments do the work tau . omega, a
@@ -79,8 +80,10 @@ def constraints(joint, a, b, point):
     rows = [d[i] for i in range(3) if DIRECTIONS[i] not in free]
     if joint.kind == "screw":
         rows[2] -= joint.pitch * ca.atan2(e[1, 0] - e[0, 1], e[0, 0] + e[1, 1])
-    turning = [i for i in range(3) if DIRECTIONS[3 + i] in free]
-    if not turning:
+    turning = [DIRECTIONS.index(name) - 3 for name in free if name[0] == "r"]  # as they were named
+    if joint.kind == "homokinetic":
+        rows.append(logarithm(e)[2])
+    elif not turning:
         rows += ca.vertsplit(axial(e))
     elif len(turning) == 1:
         rows += [e[i, turning[0]] for i in range(3) if i != turning[0]]
@@ -99,13 +102,13 @@ def coordinate(joint, direction, a, b, point):
     k, e = DIRECTIONS.index(direction), first.T @ second
     if k < 3:
         return (first.T @ (b.point(point) - a.point(point)))[k]
-    if joint.kind == "universal" and joint.axis is not None:
-        one, two = (q.T @ np.array(v) / np.linalg.norm(v) for v in (joint.axis, joint.axis2))
-    else:
-        one, two = np.eye(3)[:2]
-    if joint.kind == "universal":
-        return angle(one, two, e @ two) if direction == "rx" else angle(two, e.T @ one, one)
-    if [name for name, _ in joint.freedom if name[0] == "r"] == [direction]:
+    turning = [name for name, _ in joint.freedom if name[0] == "r"]
+    if len(turning) == 2 and joint.kind != "homokinetic":
+        one, two = (np.eye(3)[DIRECTIONS.index(name) - 3] for name in turning)
+        if joint.axis2 is not None:
+            one, two = (q.T @ np.array(v) / np.linalg.norm(v) for v in (joint.axis, joint.axis2))
+        return angle(one, two, e @ two) if direction == turning[0] else angle(two, e.T @ one, one)
+    if turning == [direction]:
         i, j = (k - 2) % 3, (k - 1) % 3
         return ca.atan2(e[j, i] - e[i, j], e[i, i] + e[j, j])
     return logarithm(e)[k - 3]

@@ -9,8 +9,9 @@ from tests.support.exact import FREE
 
 KINDS = (
     "revolute", "prismatic", "cylindrical", "screw", "universal", "spherical", "planar", "fixed", "free", "custom",
-    "point_on_line", "point_on_plane", "distance",
+    "point_on_line", "point_on_plane", "distance", "homokinetic",
 )  # fmt: skip
+MIXED = KINDS[:-1]  # what mechanisms are made of where nothing else is said
 VECTORS = ("position", "start", "end")
 
 
@@ -118,7 +119,7 @@ def add_random_ports(model, rng, centres, base=True):
         model.add_force_output(f"{spring.name}.f", spring.name, direction)
 
 
-def spatial(seed, bodies=3, loops=0, kinds=KINDS, *, damped=True, negative=False, floating=False, offset=0.0,
+def spatial(seed, bodies=3, loops=0, kinds=MIXED, *, damped=True, negative=False, floating=False, offset=0.0,
             ports=True):  # fmt: skip
     """A random tree of bodies in a generic pose, with random further joints that close loops."""
     rng = np.random.default_rng(seed)

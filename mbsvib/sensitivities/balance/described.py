@@ -52,7 +52,7 @@ class Described:
         return entry.part not in self.turned or max(entry.index, default=0) < 3
 
 
-class _Pose:
+class Displaced:
     """Where bodies went from where they are described."""
 
     def __init__(self, origin: Model, there: Mapping[str, Any]) -> None:
@@ -85,7 +85,7 @@ def turned(origin: Model, parts: Iterable[Part]) -> frozenset[str]:
         Their names.
     """
     known = {part.name: part for part in parts}
-    pose = _Pose(origin, known)
+    pose = Displaced(origin, known)
     return frozenset(part.name for part in known.values() if isinstance(part, Bushing)
                      and np.abs(pose.turn(part.first) - pose.turn(part.second)).max() > STRAIGHT)  # fmt: skip
 
@@ -115,7 +115,7 @@ def described(network: Network, forces: Forces, links: Links, origin: Model) -> 
     Described
         As matrices.
     """
-    pose = _Pose(origin, {body.name: body for body in network.bodies})
+    pose = Displaced(origin, {body.name: body for body in network.bodies})
     own, beside, gaps = (Terms(links.row, links.at) for _ in range(3))
     told = set()
 
@@ -134,11 +134,12 @@ def described(network: Network, forces: Forces, links: Links, origin: Model) -> 
     away = np.zeros((len(forces.first), 6, 3))
     for k, joint in enumerate(network.joints):
         away[k, 3:] = pose.turn(joint.second) - pose.turn(joint.first)
-    for k, first in zip(forces.twice.tolist(), forces.picked(away), strict=True):
+    turned_axes = forces.turned_axes(away)
+    for k in (*forces.twice.tolist(), *forces.halves.tolist()):
         for i in range(3):
             for j in range(3):
                 name = network.joints[k].name
-                own.put((name, "orientation", (i,)), links.row[name, "orientation", (j,)], (first[j, i],))
+                own.put((name, "orientation", (i,)), links.row[name, "orientation", (j,)], (turned_axes[k, j, i],))
     for k, spring in enumerate(network.springs, len(network.joints)):
         turns, place = (pose.turn(spring.first), pose.turn(spring.second)), links.at.wrench_of(k)
         given: Any = origin.springs[spring.name]
@@ -165,7 +166,7 @@ def described(network: Network, forces: Forces, links: Links, origin: Model) -> 
                      turned(origin, network.parts))  # fmt: skip
 
 
-def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, pose: _Pose) -> None:
+def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, pose: Displaced) -> None:
     """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
     first, second = pose.turn(joint.first), pose.turn(joint.second)
     at = given.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
@@ -183,7 +184,7 @@ def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, po
         gaps.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
 
 
-def _rod(follows: Follows, gaps: Terms, k: int, given: Any, joint: Any, pose: _Pose) -> None:
+def _rod(follows: Follows, gaps: Terms, k: int, given: Any, joint: Any, pose: Displaced) -> None:
     """It keeps its length as described."""
     before, after = (np.subtract(rod.end, rod.position) for rod in (given, joint))
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)

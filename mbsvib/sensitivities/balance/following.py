@@ -43,8 +43,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
     first, relative = forces.seen(motion)
     second = first + relative
     start = first[:, :3] - cross(first[:, 3:], wide(forces.span, first))
-    axes = first[:, 3:].copy()
-    axes[forces.twice] += forces.picked(relative)
+    axes = first[:, 3:] + forces.turned_axes(relative)
     joints = forces.counts[0]
 
     def put(part: str, field: str, value: Array) -> None:

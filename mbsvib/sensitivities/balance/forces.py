@@ -5,9 +5,9 @@ of joints and bushings do, see its motion (v, w) at p and the relative one (V, W
 
 H = f . (w_x x V_y - W_x x v_y - W_x x V_y) / 2 + t . (w_x x W_y) / 2 + the same with x and y exchanged
 
-and across a line e of length L that carries T, T/L V_x . (1 - e e^T) V_y more. With two free rotations about a and b,
-by x_a and x_b, half of t . (a x b) (x_a y_b + x_b y_a) is added. Weights and dead forces are forces against ground.
-What has no potential is antisymmetric: t . (w_x x W_y) / 2 of dead torques, -f . (w_x x v_y - w_y x v_x) / 2 -
+and across a line e of length L that carries T, T/L V_x . (1 - e e^T) V_y more. With two successive rotations about a
+and b, by x_a and x_b, half of t . (a x b) (x_a y_b + x_b y_a) is added. Weights and dead forces are forces against
+ground. What has no potential is antisymmetric: t . (w_x x W_y) / 2 of dead torques, -f . (w_x x v_y - w_y x v_x) / 2 -
 t . (w_x x w_y) / 2 of forces and torques that follow their body, all of their part. At rest, where the forces on every
 body cancel, the sum of H is the geometric stiffness.
 
@@ -24,8 +24,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
+from mbsvib.equilibrium.rotations import logarithm
 from mbsvib.parts import Bushing, Load
 from mbsvib.parts.load import Gravity
+from mbsvib.sensitivities.balance.described import Displaced
 from mbsvib.sensitivities.fields import onto, shifted
 from mbsvib.sensitivities.vectors import cross, dot, moved, wide
 
@@ -44,9 +46,11 @@ class Forces:
 
     ``wrench`` (n, 6) acts at ``point`` (n, 3) on the body ``second`` (n,), its opposite on ``first`` (bodies: ground),
     ``centre`` (bodies, 3) are the centres of mass. ``span`` (n, 3) leads from the start to the end of rods and line
-    springs, whose force acts at their end, and is 0 elsewhere; ``axes`` (n, 2, 3) are those of joints with two free
-    rotations, 0 elsewhere. ``counts`` are the numbers of joints, springs, weights and loads, ``gravity`` (3,) is the
-    acceleration of free fall. ``dead`` and ``follower`` number the loads that stay fixed in the world and in the body.
+    springs, whose force acts at their end, and is 0 elsewhere; ``axes`` (n, 2, 3) are those of joints with two
+    successive rotations, 0 elsewhere; ``halves`` number the homokinetic joints, which have turned by ``angle``
+    (halves, 3) [rad] since they were described. ``counts`` are the numbers of joints, springs, weights and loads,
+    ``gravity`` (3,) is the acceleration of free fall. ``dead`` and ``follower`` number the loads that stay fixed in the
+    world and in the body.
     """
 
     first: Index
@@ -55,6 +59,8 @@ class Forces:
     wrench: Array
     span: Array
     axes: Array
+    halves: Index
+    angle: Array
     centre: Array
     counts: tuple[int, int, int, int]
     gravity: Array
@@ -79,7 +85,7 @@ class Forces:
 
     @cached_property
     def _normal(self) -> Array:
-        """a x b (n, 3) of two free rotations, 0 elsewhere."""
+        """a x b (n, 3) of two successive rotations, 0 elsewhere."""
         return np.cross(self.axes[:, 0], self.axes[:, 1])
 
     @cached_property
@@ -92,7 +98,7 @@ class Forces:
 
     @cached_property
     def twice(self) -> Index:
-        """Numbers of the joints with two free rotations."""
+        """Numbers of the joints with two successive rotations."""
         return np.flatnonzero(self._normal.any(axis=1))
 
     @cached_property
@@ -183,7 +189,7 @@ class Forces:
 
     @cached_property
     def _couple(self) -> Array:
-        """t . (a x b) of joints with two free rotations, (joints, 1)."""
+        """t . (a x b) of joints with two successive rotations, (joints, 1)."""
         return np.asarray((self.wrench[self.twice, 3:] * self._normal[self.twice]).sum(axis=1, keepdims=True))
 
     def _coupled(self, turn: Field) -> Field:
@@ -260,18 +266,26 @@ class Forces:
         return np.asarray(cross(on_first[:, :3], first[:, 3:]) + cross(on_both[:, :3], relative[:, 3:]))
 
     def by_turn(self, x: tuple[Field, Field], y: tuple[Field, Field]) -> Field:
-        """Return the derivatives of H(x, y) to turns of joints with two free rotations, (joints, 3, ...)."""
+        """Return the derivatives of H(x, y) to turns of joints with two successive rotations, (joints, 3, ...)."""
         k = self.twice
         r, s = x[1][k, 3:], y[1][k, 3:]
         on_r, on_s = self._coupled(s), self._coupled(r)
         normal = wide(np.cross(self._normal[k], self.wrench[k, 3:]), on_r)
         return np.asarray(0.5 * (normal * dot(on_r, r) - wide(self._couple, on_r) * (cross(r, on_r) + cross(s, on_s))))
 
-    def picked(self, relative: Field) -> Field:
-        """Return the rotation about the first axis of each joint with two, as a vector (joints, 3, ...)."""
-        k = self.twice
-        first = dot(wide(self._picks[0][k], relative[k, 3:]), relative[k, 3:])
-        return np.asarray(first * wide(self.axes[k, 0], relative[k, 3:]))
+    def turned_axes(self, relative: Field) -> Field:
+        """Return how the axes of joints turn against their first bodies (n, 3, ...), 0 of all but two kinds.
+
+        Those of successive rotations turn about the first axis. Those of homokinetic joints turn with exp(w / 2), w
+        the rotation since the joint was described: by 1/2 (r - tan(|w| / 4) (w / |w|) x r) where exp(w) goes on by r.
+        """
+        result = np.zeros((len(relative), 3, *relative.shape[2:]), dtype=relative.dtype)
+        k, own = self.twice, relative[self.twice, 3:]
+        result[k] = dot(wide(self._picks[0][k], own), own) * wide(self.axes[k, 0], own)
+        own, size = relative[self.halves, 3:], np.linalg.norm(self.angle, axis=1, keepdims=True)
+        bend = self.angle * np.divide(np.tan(0.25 * size), size, out=np.zeros_like(size), where=size > 0.0)
+        result[self.halves] = 0.5 * (own - cross(wide(bend, own), own))
+        return result
 
     def given_way(self, left: Field, gap: Field) -> tuple[Field, Field, Field]:
         """Return the derivatives of minus the work of the forces on relative motions ``left`` + ``gap``, (n, 6, ...).
@@ -328,15 +342,15 @@ def forces(
     first[: len(connections)] = [number[part.first] for part in connections]
     second[:] = [*(number[part.second] for part in connections), *range(ground), *(number[p.body] for p in loads)]
     place[: len(connections)] = point
+    halves = np.array([k for k, joint in enumerate(joints) if joint.kind == "homokinetic"], dtype=np.intp)
     for k, joint in enumerate(joints):
         at = statics.pairs.end[:, len(statics.applied.names) + k]
         wrench[k] = statics.joints[:, k]
         wrench[k, 3:] += np.cross(at - place[k], wrench[k, :3])
         if joint.end is not None:
             span[k] = np.subtract(joint.end, joint.position or np.zeros(3))
-        turns = [six[3:] for name, six in joint.freedom if name[0] == "r"] if joint.end is None else []
-        if len(turns) == 2:
-            axes[k] = turns
+        if joint.successive:
+            axes[k] = [six[3:] for _, six in joint.freedom[-2:]]
     for k, spring in enumerate(springs, j):
         if isinstance(spring, Bushing):
             own = np.array(spring.preload or np.zeros(6)).reshape(2, 3)
@@ -351,5 +365,16 @@ def forces(
         wrench[k] = *load.force, *load.torque
     follows = np.array([load.follower for load in loads], dtype=bool)
     every = np.arange(n - len(loads), n)
-    return Forces(first, second, place, wrench, span, axes, np.array([body.position for body in bodies]),
+    angle = _angles(system, bodies, [joints[k] for k in halves])
+    return Forces(first, second, place, wrench, span, axes, halves, angle, np.array([body.position for body in bodies]),
                   (j, len(springs), ground, len(loads)), gravity, every[~follows], every[follows])  # fmt: skip
+
+
+def _angles(system: System, bodies: Sequence[Body], joints: Sequence[Joint]) -> Array:
+    """The rotation vectors (joints, 3) by which joints turned on the way to the equilibrium, world axes there."""
+    came, angle = system.provenance, np.zeros((len(joints), 3))
+    if came.settled and came.origin is not None:
+        pose = Displaced(came.origin, {body.name: body for body in bodies})
+        for k, joint in enumerate(joints):
+            angle[k] = logarithm(pose.turn(joint.second) @ pose.turn(joint.first).T)
+    return angle

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class Extras:
     """Where what is no parameter stands in one long row: points (n, 3) of forces, starts (lines, 3) of lines, wrenches
-    (applied, 6) of applied forces, turns (k, 3) of joints with two free rotations, and twists (bushings, 3) of the
-    second bodies of bushings. ``joints`` come before the applied forces, ``lines`` gives the number of each line.
+    (applied, 6) of applied forces, turns (k, 3) of joints with two successive rotations, and twists (bushings, 3) of
+    the second bodies of bushings. ``joints`` come before the applied forces, ``lines`` gives the number of each line.
     """
 
     point: slice
