@@ -83,7 +83,7 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     Raises
     ------
     ResponseError
-        If the realization is unknown.
+        If the realization is unknown, or modes all but meet, so that they have no modal states of their own.
     """
     if not isinstance(realization, str) or realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
@@ -161,7 +161,7 @@ def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[
     else:
         basis = np.zeros((2 * m, 2 * m))
         basis[:m, :m] = basis[m:, m:] = modal.shapes
-        local = _blocks(modal)
+        local = _blocks(modal, a, system.name)
         transform = basis @ local
         forces = np.concatenate((np.zeros_like(b[:m]), modal.shapes.T @ system.B))
         b[:] = np.linalg.solve(local, forces)
@@ -169,17 +169,23 @@ def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[
     return a, b, transform, names, ("modal", "modal/s") * m
 
 
-def _blocks(modal: Damped) -> Array:
-    """Columns that turn A into companion blocks: T [[1, 1], [l1, l2]] = [v1 v2] for each pair, v = (y, l y)."""
+def _blocks(modal: Damped, a: Array, name: str) -> Array:
+    """Columns T that turn the state matrix into companion blocks ``a``, in which those of close pairs are set."""
+    from mbsvib.responses.energy_schur import energy_matrix
+    from mbsvib.responses.modal_blocks import check_modal, pair_block
+
     m = len(modal.square)
     result = np.zeros((2 * m, 2 * m))
     assert modal.vectors is not None
+    scale, matrix = energy_matrix(modal)
+    size = np.concatenate((scale, np.ones(m)))
     for k, (one, two) in enumerate(modal.pairs):
         first, second = modal.vectors[:, k, 0], modal.vectors[:, k, 1]
-        if one == two:  # a rigid-body mode that nothing brakes: z and z' themselves
-            result[:m, 2 * k] = result[m:, 2 * k + 1] = first.real
+        if one == two == 0.0:  # a rigid-body mode that nothing brakes: z and z' themselves
+            result[:m, 2 * k], result[m:, 2 * k + 1] = scale * first.real, first.real
             continue
-        v1, v2 = np.concatenate((first, one * first)), np.concatenate((second, two * second))
-        result[:, 2 * k] = ((two * v1 - one * v2) / (two - one)).real
-        result[:, 2 * k + 1] = ((v2 - v1) / (two - one)).real
-    return result
+        v1, v2 = np.concatenate((scale * first, one * first)), np.concatenate((scale * second, two * second))
+        at = slice(2 * k, 2 * k + 2)
+        a[at, at], result[:, at] = pair_block(matrix, one, two, v1, v2)
+    check_modal(matrix, a, result, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
+    return result / size[:, None]

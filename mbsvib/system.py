@@ -301,7 +301,7 @@ class System(Sensitive, Equations):
         Raises
         ------
         ResponseError
-            If the realization is unknown.
+            If the realization is unknown, or modes all but meet, so that they have no modal states of their own.
         """
         from mbsvib.state_space import state_space
 

@@ -1,5 +1,6 @@
 """State space in physical and in modal states."""
 
+from contextlib import suppress
 from dataclasses import FrozenInstanceError
 
 import numpy as np
@@ -155,3 +156,51 @@ def test_an_acceleration_has_a_direct_term():
     system = oscillator(2.0, k=200.0).linearize()
     assert_allclose(system.state_space().D, [[0], [0], [0.5]], rtol=1e-15)
     assert_allclose(system.D, 0, atol=0)
+
+
+def line(springs):
+    """Sliders of 1 kg along x and what acts between them: (first, second, k, c)."""
+    model = mv.Model("line")
+    place = {"ground": 0.0, "a": 1.0, "b": 2.0}
+    for name in sorted({part for pair in springs for part in pair[:2]} - {"ground"}):
+        model.add_body(name, 1.0, (1.0, 1.0, 1.0), (place[name], 0, 0))
+        model.add_joint(f"{name}.j", "prismatic", "ground", name, axis=(1, 0, 0))
+    for i, (first, second, k, c) in enumerate(springs):
+        model.add_spring(f"s{i}", first, second, (place[first], 0, 0), (place[second], 0, 0), stiffness=k, damping=c)
+    model.add_input("F", "a", "x")
+    model.add_output("x", "a", "x")
+    return model
+
+
+@pytest.mark.parametrize("away", [0.0, 1e-14, -1e-10, 1e-6])
+def test_two_modes_that_meet_have_no_modal_states_of_their_own(away):
+    """(s^2 + 2 h s + w^2)^2: no blocks of two states; close by, blocks lose digits with the square of the distance."""
+    k = 1.4556068465068155 * (1.0 + away)
+    system = line([("ground", "a", 1.0, 0.2973123055132099), ("a", "b", 0.0, 0.2), ("ground", "b", k, 0.4)]).linearize()
+    omega = np.array([0.5, 1.0, 2.0])
+    expected = response(system.state_space("physical"), omega)
+    assert_allclose(system.frequency_response(omega), expected, rtol=1e-11)
+    if abs(away) < 1e-7:
+        with pytest.raises(mv.ResponseError, match=r"'line' .*mode1, mode2 all but.*realization='physical'"):
+            system.state_space("modal")
+    else:
+        assert_allclose(response(system.state_space("modal"), omega), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("away", [0.0, 1e-14, -1e-10, 1e-6])
+def test_a_pair_of_a_relaxation_that_meets(away):
+    """s^3 + t s^2 + (k + k2) s + k t = (s + 10)^2 (s + 1), t = k2 / c; refused where the pair is torn apart."""
+    k = 100 / 21
+    model = line([("ground", "a", k * (1.0 + away), 0.0)])
+    model.add_maxwell("mx", "ground", "a", (0, 0, 0), (1, 0, 0), 120 - k, (120 - k) / 21)
+    system = model.linearize()
+    omega = np.array([0.5, 9.0, 30.0])
+    s = 1j * omega
+    expected = (s + 21) / ((s * s + k * (1.0 + away)) * (s + 21) + (120 - k) * s)
+    assert_allclose(system.frequency_response(omega)[0, 0], expected, rtol=1e-11)
+    ss = None
+    with suppress(mv.ResponseError):
+        ss = system.state_space("modal")
+    assert ss is not None or abs(away) < 1e-12
+    if ss is not None:
+        assert_allclose(response(ss, omega)[0, 0], expected, rtol=1e-11)

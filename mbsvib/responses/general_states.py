@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.massless.first_order import FirstOrder
 from mbsvib.modes.general import rigid_shapes
+from mbsvib.responses.modal_blocks import check_modal, pair_block
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,6 +53,7 @@ def modal_states(system: System, modal: General) -> FirstOrder:
     for block in blocks:
         a[start : start + len(block), start : start + len(block)] = block
         start += len(block)
+    check_modal(state.a, a, right, names, system.name)
     push = state.force @ system.B
     b = np.asarray(np.linalg.solve(right, push), dtype=float)
     back = np.concatenate((state.show, state.show @ state.a))
@@ -88,6 +90,5 @@ def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
             else:
                 first = vectors[:, numbers[0]]
                 second = first.conj() if len(numbers) == 1 else vectors[:, numbers[1]]
-            pair = np.stack(((two * first - one * second) / (two - one), (second - first) / (two - one)), axis=1)
-            result.append((i, np.array([[0.0, 1.0], [-(one * two).real, (one + two).real]]), pair.real))
+            result.append((i, *pair_block(state.a, one, two, first, second)))
     return result

@@ -76,9 +76,7 @@ def test_frequency_responses(case):
 
 @pytest.mark.parametrize("realization", ["physical", "modal", "balanced"])
 def test_state_space(case, realization):
-    name, p, system = case
-    if (name, realization) == ("defective", "modal"):
-        pytest.skip("no modal states")
+    _, p, system = case
     ss = system.state_space(realization)
     assert len(ss.A) == len(by_hand(p)[0])
     found = [ss.C @ np.linalg.solve(1j * w * np.eye(len(ss.A)) - ss.A, ss.B) + ss.D for w in OMEGA]
