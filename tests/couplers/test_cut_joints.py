@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.couplers.test_couplers import four_bar
 from tests.support.compare import assert_same_matrices
 from tests.support.exact import Exact
 from tests.support.random_models import add_random_body, add_random_spring, rotation
@@ -82,3 +83,22 @@ def test_a_coupler_of_two_equal_joints_is_redundant_in_all_poses(kind):
     assert "cut" in system.cut_joints
     assert (system.dof, len(system.redundant)) == (reference.dof, reference.redundant)
     assert_same_matrices(system, reference, 1e-11)
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
+def test_a_variant_that_is_nearly_singular_goes_through_the_decisions_of_a_single_pose():
+    """Coupler and rocker all but in line in variant 2, where the crank's angle is next to a dead point."""
+    model = four_bar(((0, 0, 0), (0.3, 1, 0), (1.5, 1.2, 0), (2, 0, 0)))
+    model.add_body("arm", 0.5, (0.02, 0.02, 0.03), (0.5, -0.5, 0))
+    model.add_joint("arm.j", "revolute", "ground", "arm", (0, -0.5, 0))
+    model.add_bushing("arm.k", "ground", "arm", (0, -0.5, 0), (0, 0, 0, 0, 0, 9.0))
+    model.add_gear("mesh", "arm.j", "j2", 0.7)
+    values = {"j2.position.x": np.array([1.5, 1.6, 1.15, 1.4]), "j2.position.y": np.array([1.2, 1.25, 0.50001, 1.1])}
+    words = {"cut": ["j2"], "independent": ["j0.rz"]}
+    batch = model.linearize(values=values, **words)
+    for i in range(4):
+        one = model.with_values({name: array[i] for name, array in values.items()}).linearize(**words)
+        assert_allclose(batch.M[i], one.M, rtol=1e-12)
+        assert_allclose(batch.K[i], one.K, rtol=1e-12)
+    with pytest.warns(mv.NearSingularWarning, match="^variant 2: .*nearly singular"):
+        model.linearize(values=values | {"j2.position.y": np.array([1.2, 1.25, 0.5 + 1e-6, 1.1])}, **words)
