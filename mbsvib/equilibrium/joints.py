@@ -130,7 +130,7 @@ def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
     Raises
     ------
     ModelError
-        If it has two free rotations and locked translations whose axes no longer go with them.
+        If it has two successive rotations and locked translations whose axes no longer go with them.
     """
     words = joint.words()
     if pose.stays(joint.first) and pose.stays(joint.second):

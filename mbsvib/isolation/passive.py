@@ -229,7 +229,7 @@ class Passive:
         constraints : Constraint or iterable of Constraint
             What has to hold: ``stroke(...) <= 1e-3``.
         **words
-            ``ties``, ``start``, ``method``, ``options`` of ``studies.optimize``.
+            ``ties``, ``start``, ``method``, ``options``, ``starts``, ``seed`` of ``studies.optimize``.
 
         Returns
         -------
@@ -266,7 +266,7 @@ class Passive:
         constraints : Constraint or iterable of Constraint
             What else has to hold.
         **words
-            ``ties``, ``start``, ``method``, ``options`` of ``studies.optimize``.
+            ``ties``, ``start``, ``method``, ``options``, ``starts``, ``seed`` of ``studies.optimize``.
 
         Returns
         -------

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.equilibrium.settled import settled
-from mbsvib.errors import counted
+from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.scales import scales
@@ -18,6 +20,8 @@ from mbsvib.studies.search import Search
 from mbsvib.studies.solvers import Found, solver
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from mbsvib.model import Model
@@ -31,10 +35,28 @@ FLAT = 1e-9  # gradient, in parts of the objective, that is none
 OPTIMAL = 1e-4  # gradient that may be left over, in parts of its own size
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """One local search: from the values ``start`` of the variables to ``values`` and the ``objective`` there, with what
+    constraints lack at most (``violation``); ``success`` as of ``Optimum``. Not a number where the ``message`` tells an
+    error.
+    """
+
+    start: Mapping[str, float]
+    values: Mapping[str, float]
+    objective: float
+    violation: float
+    success: bool
+    message: str
+
+
 @dataclass(frozen=True, repr=False, eq=False)
 class Optimum:
     """Where a search ended: the ``model`` there, the ``values`` of its variables and of the ``parameters`` that they
     move, the ``objective`` and where it began.
+
+    The search is local: it goes downhill from its start, and another start may lead to a smaller objective. Where there
+    were several starts it is the best of them, and ``starts`` has all of them, the model's own first.
 
     ``constraints`` has the constrained numbers by label, and ``violation`` what they lack at most, in parts of their
     bounds. ``optimality`` is what is left of the objective's gradient when that of active constraints and bounds is
@@ -57,6 +79,7 @@ class Optimum:
     iterations: int
     evaluations: int
     units: Mapping[str, str] = field(repr=False)
+    starts: tuple[Descent, ...] = field(repr=False)
 
     def table(self) -> dict[str, Any]:
         """Return the table of variables as arguments of ``mbsvib.tables.text`` and ``show``.
@@ -75,8 +98,21 @@ class Optimum:
                      f"constraints lack {self.violation:.1e}.")  # fmt: skip
         if not self.success:
             notes.append(f"The solver says: {self.message}")
+        notes.append(self._reach())
         return {"title": f"Optimum of {self.model.name}", "columns": [("variable", "left"), ("start", "right"),
                 ("optimum", "right")], "rows": rows, "notes": notes}  # fmt: skip
+
+    def _reach(self) -> str:
+        """What is known of other minima."""
+        if len(self.starts) == 1:
+            return "A local minimum: other starts may lead to a smaller one, which starts=n looks for."
+        ends = [f"{each.objective:.6g}" + ("" if each.violation <= FEASIBLE else f" (constraints lack "
+                f"{each.violation:.1e})") for each in self.starts if np.isfinite(each.objective)]  # fmt: skip
+        several = Counter(sorted(ends, key=lambda text: float(text.split()[0])))
+        reached = ", ".join(f"{end} from {count}" for end, count in several.items())
+        failed = len(self.starts) - len(ends)
+        return (f"The best of local searches from {len(self.starts)} starts: {reached}"
+                f"{f', none from {failed}' if failed else ''}.")  # fmt: skip
 
     def __str__(self) -> str:
         from mbsvib import tables
@@ -91,8 +127,12 @@ def optimize(
     model: Model, variables: Mapping[str, tuple[float | None, float | None] | None], objective: Quantity,
     constraints: Constraint | Iterable[Constraint] = (), *, ties: Ties | None = None,
     start: Mapping[str, float] | None = None, method: str = "SLSQP", options: Mapping[str, Any] | None = None,
+    starts: int = 1, seed: int = 0,
 ) -> Optimum:  # fmt: skip
     """Return the values of some parameters at which a quantity is smallest, by its exact gradient.
+
+    The search is local: it ends in a minimum that is downhill from where it begins, which need not be the smallest one
+    within the bounds. ``starts`` begins at several points and keeps the best end.
 
     Quantities are made by ``mbsvib.studies``: ``frequency``, ``damping_ratio``, ``placement``, ``gain``, ``peak``,
     ``rms``, ``variable``, and sums, products, ``largest`` and ``smallest`` of these. Comparing one with a number makes
@@ -119,6 +159,11 @@ def optimize(
         "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``).
     options : mapping of str to object, optional
         The solver's own.
+    starts : int
+        From how many points to search: ``start``, and as many more as this asks for, a Latin hypercube within the
+        bounds, which all variables must have then (of positive bounds in logarithms).
+    seed : int
+        Of the Latin hypercube: the same seed gives the same points.
 
     Returns
     -------
@@ -129,6 +174,7 @@ def optimize(
     ------
     ModelError
         If a variable is unknown, derivatives to it are not supported, bounds are none, or a peak is to be made larger.
+        If there are several starts, and none of them leads anywhere.
     """
     if not isinstance(variables, Mapping) or not variables:
         raise check.refuse("optimize", "variables", variables, "bounds for each variable, such as "
@@ -142,31 +188,75 @@ def optimize(
     solve = solver(method)
     chosen = design(model, variables, ties)
     search = Search(model, chosen, scales(chosen, variables, start), objective, wanted)
-    began = search.true(search.start)[0]
-    z, iterations = search.start, 0
+    ends: list[Optimum] = []
+    descents: list[Descent] = []
+    for x in _points(search, starts, seed):
+        try:
+            ends.append(_descended(search, x, partial(solve, options=dict(options or {}))))
+            descents.append(ends[-1].starts[0])
+        except MbsvibError as error:  # another start may be no mechanism, or lead to none
+            if starts == 1:
+                raise
+            values, nowhere = _named(search, search.scales.values(x)), dict.fromkeys(chosen.variables, np.nan)
+            descents.append(Descent(values, nowhere, np.nan, np.nan, False, str(error)))
+    if not ends:
+        raise ModelError(f"optimize: none of {starts} starts leads anywhere, the first: {descents[0].message}",
+                         field="starts")  # fmt: skip
+    best = min(ends, key=lambda end: (max(end.violation, FEASIBLE), end.objective))
+    iterations = sum(end.iterations for end in ends)
+    return replace(best, starts=tuple(descents), iterations=iterations, evaluations=search.evaluations)
+
+
+def _points(search: Search, starts: int, seed: int) -> Array:
+    """Unknowns (starts, variables) to begin at: those of the start, then a Latin hypercube within the bounds."""
+    for field_, value, least in (("starts", starts, 1), ("seed", seed, 0)):
+        if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
+            raise check.refuse("optimize", field_, value, f"a whole number, at least {least}")
+    own = np.zeros((1, len(search.scales.start)))
+    if starts == 1:
+        return own
+    from scipy.stats import qmc
+
+    low, high = search.scales.bounds()
+    for name, size in zip(search.design.variables, high - low, strict=True):
+        if not np.isfinite(size):
+            raise ModelError(f"optimize: variable '{name}' has no bounds on both sides, within which starts = {starts} "
+                             f"could lie; give them, or leave starts out.", element=name, field="starts")  # fmt: skip
+    shares = qmc.LatinHypercube(own.shape[1], seed=np.random.default_rng(seed)).random(starts - 1)
+    return np.concatenate((own, low + shares * (high - low)))
+
+
+def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Found]) -> Optimum:
+    """The end of a local search that begins at the unknowns of variables."""
+    z, iterations = search.begin(x), 0
+    began = search.true(z)[0]
     for _ in range(ROUNDS):
-        found = solve(search, z, dict(options or {}))
+        found = solve(search, z)
         iterations += found.iterations
         z, grown = search.exchange(np.clip(found.z, *search.bounds()))
         if not grown:
             break
-    return _optimum(search, z, replace(found, iterations=iterations), began)
+    return _optimum(search, z, replace(found, iterations=iterations), search.scales.values(x), began)
 
 
-def _optimum(search: Search, z: Array, found: Found, began: float) -> Optimum:
+def _named(search: Search, values: Array) -> dict[str, float]:
+    return dict(zip(search.design.variables, values.tolist(), strict=True))
+
+
+def _optimum(search: Search, z: Array, found: Found, start: Array, began: float) -> Optimum:
     place = search.place(z[: len(search.scales.start)])
     objective, numbers = search.true(z)
     here = search.at(z)
     violation = max(0.0, -float(here.g.value.min(initial=0.0)), float(np.abs(here.h.value).max(initial=0.0)))
     optimality = _left_over(search, z)
-    names, moved = search.design.variables, search.design.values(place.values)
+    moved, values = search.design.values(place.values), dict(place.values)
+    success = violation <= FEASIBLE and (found.success or optimality <= OPTIMAL)
+    descent = Descent(_named(search, start), values, objective, violation, success, found.message)
     return Optimum(
-        settled(search.model.with_values(moved))[0], dict(place.values), moved,
-        dict(zip(names, search.scales.start.tolist(), strict=True)), objective, began, search.objective.label,
+        settled(search.model.with_values(moved))[0], values, moved, descent.start, objective, began,
+        search.objective.label,
         {each.label: value for each, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
-        violation <= FEASIBLE and (found.success or optimality <= OPTIMAL), found.message, found.iterations,
-        search.evaluations,
-        search.design.units,
+        success, found.message, found.iterations, search.evaluations, search.design.units, (descent,),
     )  # fmt: skip
 
 

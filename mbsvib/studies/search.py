@@ -71,7 +71,6 @@ class Search:
         true = {each: float(each.true(start).value[0]) for each in self.largest}
         self.unit = {each: abs(value) or 1.0 for each, value in true.items()}
         self._active = {each: each.seeds(start) for each in self.largest}
-        self.start = np.concatenate((np.zeros(len(scales.start)), [true[each] / self.unit[each] for each in true]))
         self._size = abs(float(self._one(objective.at(start)).value[0])) or 1.0
         found = [constraint.quantity.at(start).value for constraint in constraints]
         if not np.isfinite([self._size, *true.values(), *(number for value in found for number in value)]).all():
@@ -124,6 +123,11 @@ class Search:
         self.steepest = max(self.steepest, float(np.linalg.norm(parts[0].slope[0])))
         self._value = Value(z.copy(), *parts)
         return self._value
+
+    def begin(self, x: Array) -> Array:
+        """Return unknowns to begin with, at those of variables: what stands for the largest of many is that."""
+        place = self.place(x)
+        return np.concatenate((x, [float(each.true(place).value[0]) / self.unit[each] for each in self.largest]))
 
     def exchange(self, z: Array) -> tuple[Array, bool]:
         """Add tops that are higher than what stands for them; return unknowns that allow for them, and whether there

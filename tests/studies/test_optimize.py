@@ -283,3 +283,77 @@ def test_quantities_that_do_not_exist_are_told():
         st.frequency(-1)
     with pytest.raises(ModelError, match="a frequency"):
         st.placement({})
+
+
+def two_minima():
+    """(v^2 - 1)^2 + 0.3 v of a mass's place v: about 0.96 and, lower, about -1.04."""
+    v = st.variable("slow.position.x")
+    return (v**2 - 1.0) ** 2 + 0.3 * v
+
+
+def minima():
+    """The real roots of 4 v^3 - 4 v + 0.3 = 0 at which it is smallest, and its values there."""
+    roots = np.roots([4.0, 0.0, -4.0, 0.3]).real
+    low, high = roots.min(), roots.max()
+    return [(v, (v * v - 1.0) ** 2 + 0.3 * v) for v in (low, high)]
+
+
+def test_one_start_ends_in_the_nearest_minimum_and_says_that_it_is_local():
+    found = st.optimize(two(), {"slow.position.x": (-2.0, 2.0)}, two_minima(), start={"slow.position.x": 0.8})
+    _, (other, value) = minima()
+    assert (found.values["slow.position.x"], found.objective) == pytest.approx((other, value), rel=1e-6)
+    assert len(found.starts) == 1
+    assert "A local minimum: other starts may lead to a smaller one, which starts=n looks for." in str(found)
+
+
+def test_several_starts_find_the_lower_minimum_and_report_the_others():
+    words = {"variables": {"slow.position.x": (-2.0, 2.0)}, "objective": two_minima(), "starts": 5,
+             "start": {"slow.position.x": 0.8}}  # fmt: skip
+    found = st.optimize(two(), **words)
+    (lower, least), (_, value) = minima()
+    assert (found.values["slow.position.x"], found.objective) == pytest.approx((lower, least), rel=1e-6)
+    assert found.model.bodies["slow"].position[0] == pytest.approx(lower, rel=1e-6)
+    begins = [each.start["slow.position.x"] for each in found.starts]
+    assert begins[0] == 0.8, "the start that was given"
+    assert np.histogram(begins[1:], bins=4, range=(-2, 2))[0].tolist() == [1, 1, 1, 1], "a Latin hypercube"
+    assert sorted({round(each.objective, 6) for each in found.starts}) == [round(least, 6), round(value, 6)]
+    assert found.start == found.starts[begins.index(found.start["slow.position.x"])].start
+    assert f"The best of local searches from 5 starts: {least:.6g} from" in str(found)
+
+
+def test_starts_are_those_of_their_seed():
+    first, again, other = (st.optimize(two(), {"slow.position.x": (-2.0, 2.0)}, st.variable("slow.position.x"),
+                                       starts=2, seed=seed) for seed in (3, 3, 4))  # fmt: skip
+    assert first.starts[1].start == again.starts[1].start
+    assert first.starts[1].start != other.starts[1].start
+
+
+def test_modes_keep_their_numbers_at_every_start():
+    """Beyond the crossing at 400 N/m the mode that was the lower one is the upper one."""
+    found = st.optimize(two(), {"slow.spring.stiffness": (50.0, 5000.0)}, (st.frequency(1) - 3.0) ** 2, starts=4)
+    for each in found.starts:
+        assert each.values["slow.spring.stiffness"] == pytest.approx((6 * np.pi) ** 2, rel=1e-4)
+
+
+def test_starts_that_lead_nowhere_are_told():
+    walled = st.given(refuse_far, "walled")
+    found = st.optimize(two(), {"slow.position.x": (0.5, 1.5)}, walled, start={"slow.position.x": 1.4}, starts=4)
+    assert any(not np.isfinite(each.objective) for each in found.starts)
+    assert "none from" in str(found)
+
+
+def refuse_far(system, _):
+    x = system.parameters["slow.position.x"]
+    if x < 1.0:
+        raise ResponseError("beyond the wall")
+    return (x - 1.2) ** 2, np.array([[2 * (x - 1.2)]])
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ({"starts": 0}, "starts = 0; expected a whole number, at least 1"), ({"starts": 2.0}, "starts = 2.0"),
+    ({"starts": 2, "seed": -1}, "seed = -1"),
+    ({"starts": 3, "variables": {"slow.mass": (0.1, None)}}, "variable 'slow.mass' has no bounds on both sides"),
+])  # fmt: skip
+def test_bad_starts_are_told(words, said):
+    with pytest.raises(ModelError, match=said):
+        st.optimize(two(), **({"variables": {"slow.mass": (0.5, 2.0)}, "objective": st.frequency(1)} | words))
