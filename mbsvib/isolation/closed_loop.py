@@ -10,6 +10,9 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.isolation.figures import figures
+from mbsvib.isolation.mean_square import Resolution
+from mbsvib.isolation.participation import eigen, sources
+from mbsvib.isolation.summed import response
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,7 +33,6 @@ if TYPE_CHECKING:
 AT_REST = 1e-9  # poles below this share of the largest are integrators' at rest
 OSCILLATES = 1e-6  # pairs of real poles that coincide come out with such imaginary parts
 GROWS = 1e-10  # a real part beyond this share of the largest pole is no rounding
-CREEPING = 0.1  # what does not vibrate is rarely where a vibration comes from
 RESTS = 3e-8  # poles at 0 that are double come out so far off, in parts of the largest
 
 
@@ -73,7 +75,9 @@ class ClosedLoop:
             start += size
         return Controller(" + ".join(each.name for each in self.controllers), a, b, c, d, self.sensors, self.actuators)
 
-    def _ports(self) -> tuple[list[int], list[int]]:
+    @property
+    def ports(self) -> tuple[list[int], list[int]]:
+        """Numbers of the sensors among the outputs and of the actuators among the inputs."""
         return [self.outputs.index(n) for n in self.sensors], [self.inputs.index(n) for n in self.actuators]
 
     def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
@@ -91,7 +95,7 @@ class ClosedLoop:
     @cached_property
     def _own(self) -> System:
         """The mechanism with the ports of the loops alone."""
-        y, u = self._ports()
+        y, u = self.ports
         system = self.plant.system
         return replace(
             system, inputs=self.actuators, outputs=self.sensors, B=system.B[:, u], Cq=system.Cq[y], Cv=system.Cv[y],
@@ -113,7 +117,7 @@ class ClosedLoop:
             Gains; a loop is unstable where they encircle 1.
         """
         w = np.atleast_1d(np.asarray(omega, dtype=float))
-        return self._loop(w, self._own.frequency_response(w).transpose(2, 0, 1))[1]
+        return self._loop(w, response(self._own, w, self.sensors, self.actuators).transpose(2, 0, 1))[1]
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
         """Return the response of the closed loop, G + G_u (1 - K G_yu)^-1 K G_y.
@@ -136,7 +140,7 @@ class ClosedLoop:
         self.check_stable()
         w = np.atleast_1d(np.asarray(omega, dtype=float))
         g = self.plant.system.frequency_response(w).transpose(2, 0, 1)
-        y, u = self._ports()
+        y, u = self.ports
         k, returned, hold = self._loop(w, g[:, y][:, :, u])
         forces = np.linalg.solve(np.eye(len(u)) - returned, k @ g[:, y])
         whole: Complex = g + g[:, :, u] @ (hold[:, None, None] * forces)
@@ -145,7 +149,7 @@ class ClosedLoop:
     @cached_property
     def _space(self) -> tuple[Array, Array, Array, Array, StateSpace]:
         space = self.plant._space
-        law, (y, u) = self.law, self._ports()
+        law, (y, u) = self.law, self.ports
         n = len(space.A)
         loop = np.eye(len(y)) - space.D[np.ix_(y, u)] @ law.D
         if np.linalg.cond(loop) > 1e12:
@@ -196,18 +200,23 @@ class ClosedLoop:
                           space.outputs, space.output_units, space.through)  # fmt: skip
 
     @cached_property
-    def _eigen(self) -> tuple[Complex, Complex]:
-        from scipy.linalg import eig, matrix_balance
-
-        a = self._space[0]
-        balanced, (scale, _) = matrix_balance(a, permute=False, separate=True)
-        values, vectors = eig(balanced)
-        order = np.lexsort((-values.imag, np.abs(values)))
-        return values[order], (vectors * scale[:, None])[:, order]
+    def _eigen(self) -> tuple[Complex, Array]:
+        """Poles [1/s] in ascending magnitude, and how far each state takes part in them, (states, poles)."""
+        return eigen(self._space[0])
 
     def poles(self) -> Complex:
         """Return the poles of the closed loop [1/s], in ascending magnitude."""
         return self._eigen[0].copy()
+
+    @property
+    def resolution(self) -> Resolution:
+        """What responses are made of."""
+        return Resolution(self.poles())
+
+    @property
+    def far(self) -> System | ClosedLoop:
+        """What the response is that of at high frequency."""
+        return self
 
     @cached_property
     def growing(self) -> tuple[str, ...]:
@@ -215,33 +224,21 @@ class ClosedLoop:
         values = self._eigen[0]
         largest = np.abs(values).max(initial=0.0)
         grows = (values.real > GROWS * largest) & (values.imag >= 0.0) & (np.abs(values) > RESTS * largest)
-        chosen = np.flatnonzero(grows)
         return tuple([
-            f"{words} at {abs(s) / (2.0 * np.pi):.4g} Hz, damping ratio {-100.0 * s.real / abs(s):.3g} %"
-            for s, words in zip(values[chosen], self._origins(chosen), strict=True)
+            f"{self.sources[i]} at {abs(values[i]) / (2.0 * np.pi):.4g} Hz, damping ratio "
+            f"{-100.0 * values[i].real / abs(values[i]):.3g} %" for i in np.flatnonzero(grows).tolist()
         ])  # fmt: skip
 
-    def _origins(self, chosen: NDArray[np.intp]) -> list[str]:
-        """The modes of the mechanism that eigenvectors are most like, each given once; the rest are controllers'."""
-        from scipy.optimize import linear_sum_assignment
-
-        system, space = self.plant.system, self._space[4]
-        modes = system.modes()
-        q = space.transform[: system.dof] @ self._eigen[1][: len(space.A), chosen]
-        share = np.abs(modes.shapes.conj().T @ system.M @ q) * modes.frequencies[:, None]
-        creeps = modes.damped_frequencies == 0.0
-        share[np.ix_(creeps, self._eigen[0][chosen].imag != 0.0)] *= CREEPING
-        largest = share.max(axis=0, initial=0.0)
-        share = np.divide(share, largest, out=np.zeros_like(share), where=largest > 0.0)
-        given = dict(zip(*linear_sum_assignment(-share.T), strict=True))
-        words = []
-        for i in range(len(chosen)):
-            mode = given.get(i)
-            if mode is None or not largest[i]:
-                words.append("controller")
-            else:
-                words.append(f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(modes.strongest()[mode])})")
-        return words
+    @cached_property
+    def sources(self) -> tuple[str, ...]:
+        """Where each pole comes from, in words: a mode of the mechanism, or the controller."""
+        modes = self.plant.system.modes()
+        strongest = modes.strongest()
+        return tuple([
+            "controller" if mode is None
+            else f"mode {mode + 1} ({modes.frequencies[mode]:.4g} Hz, {' '.join(strongest[mode])})"
+            for mode in sources(*self._eigen, self.plant._space.states)
+        ])  # fmt: skip
 
     @property
     def stable(self) -> bool:
@@ -282,7 +279,8 @@ class ClosedLoop:
         Parameters
         ----------
         frequencies : array-like, shape (n,), optional
-            Ascending frequencies [Hz]; default: those of the mechanism with open loops.
+            Ascending frequencies [Hz]; default: the band of the mechanism with open loops, resolving every resonance of
+            open and closed ones.
 
         Returns
         -------
@@ -294,8 +292,6 @@ class ClosedLoop:
         ResponseError
             If the loop is not stable.
         """
-        if frequencies is None:
-            frequencies = self.plant.isolation().frequencies
         return figures(self.plant.scene, self, frequencies)
 
     def margins(self, frequencies: ArrayLike | None = None) -> Margins:
@@ -334,6 +330,11 @@ class ClosedLoop:
 
         return sampled(self, rate, delay)
 
+    @property
+    def title(self) -> str:
+        """The law, and how it runs."""
+        return self.law.name
+
     def table(self) -> dict[str, Any]:
         """Return the table of the modes of the closed loop as arguments of ``mbsvib.tables.text`` and ``show``.
 
@@ -342,11 +343,10 @@ class ClosedLoop:
         dict
             Title, columns, rows and notes.
         """
-        origins = self._origins(self._vibrating)
-        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", words)
-                for i, (s, words) in enumerate(zip(self.vibrating, origins, strict=True))]  # fmt: skip
-        notes = [f"Grows: {words}." for words in self.growing]
-        return {"title": f"Closed loop of {self.plant.scene.model.name}: {self.law.name}",
+        rows = [(i + 1, f"{abs(s) / (2 * np.pi):.6g}", f"{-100 * s.real / abs(s):.4g}", self.sources[at])
+                for i, (s, at) in enumerate(zip(self.vibrating, self._vibrating.tolist(), strict=True))]  # fmt: skip
+        notes = [f"Unstable: {words}." for words in self.growing]
+        return {"title": f"Closed loop of {self.plant.scene.model.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
                             ("comes from", "left")],
                 "rows": rows, "notes": notes}  # fmt: skip

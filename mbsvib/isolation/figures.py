@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.isolation.asymptote import Asymptote, asymptote
+from mbsvib.isolation.mean_square import resolution
 from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
 from mbsvib.isolation.summed import response as summed
 from mbsvib.mechanism import GROUND
+from mbsvib.responses import extrema
 from mbsvib.system import System
 
 if TYPE_CHECKING:
@@ -28,12 +31,10 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
-POINTS = 400
+POINTS = 400  # evenly spaced ones of the default frequencies; beside them others follow the resonances
+THINNING = 3.0  # these are so many half-widths away, and so many times as far each
+SAME = 1e-10  # share of a frequency within which points are one
 BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
-UNDAMPED = 1e-12
-ZOOMS, ZOOM_POINTS = 4, 41
-FAR = 2.0  # roll-off is measured from so many times the cross-over on
-STRAIGHT, FALLING = 0.15, -0.75  # it is a line if no point is farther off than 3 dB, and falls by 15 dB/decade
 ACCELERATIONS = tuple(f"acceleration.{direction}" for direction in DIRECTIONS)
 DISPLACEMENTS = tuple(f"displacement.{direction}" for direction in DIRECTIONS)
 LOADS = tuple(f"load.{direction}" for direction in DIRECTIONS)
@@ -45,7 +46,8 @@ class Isolation:
 
     ``transmissibility`` (6, base directions, n) is acceleration over acceleration, ``compliance`` (6, 6, n)
     displacement against the base over wrench [m/N, rad/N, ...], both at ``scene.point``. Measures of all directions at
-    once take rotations times ``scene.length``.
+    once take rotations times ``scene.length``. Resonance, amplification and crossover are those of the band from the
+    first to the last frequency, whatever frequencies are between.
     """
 
     scene: Scene
@@ -88,12 +90,8 @@ class Isolation:
     @cached_property
     def _undamped(self) -> Array:
         """Frequencies [Hz] of undamped modes that the base excites."""
-        poles = self.linear.poles()
-        poles = poles[(poles.imag > 0.0) & (np.abs(poles.real) <= UNDAMPED * poles.imag)]
-        f = np.unique(poles.imag) / (2.0 * np.pi)
-        f = f[(f >= self.frequencies[0]) & (f <= self.frequencies[-1])]
-        grows = [self._index_at(x * (1.0 + np.array([1e-7, 1e-4]))) for x in f]
-        return np.asarray(f[[bool(near > 100.0 * beside) for near, beside in grows]] if len(f) else f)
+        poles = self.linear.poles() / (2.0 * np.pi)
+        return extrema.excited(self._index_at, poles, float(self.frequencies[0]), float(self.frequencies[-1]))
 
     def _index_at(self, frequencies: ArrayLike) -> Array:
         w = 2.0 * np.pi * np.asarray(frequencies, dtype=float)
@@ -104,19 +102,21 @@ class Isolation:
         return _frobenius(self._scaled(self.linear.frequency_response(w)[np.ix_(out, into)]))
 
     @cached_property
+    def _band(self) -> extrema.Band | None:
+        """The square of the index over the band; None if that is a single frequency."""
+        low, high = float(self.frequencies[0]), float(self.frequencies[-1])
+        poles, longest, period = resolution(self.linear)
+        ends = extrema.panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
+        return extrema.Band(lambda f: self._index_at(f) ** 2, ends) if high > low else None
+
+    @cached_property
     def _peak(self) -> tuple[float, float]:
         if len(self._undamped):
             return float(self._undamped[0]), float("inf")
-        f, at = self.frequencies, int(self.index.argmax())
-        low, high = f[max(at - 1, 0)], f[min(at + 1, len(f) - 1)]
-        best = float(f[at]), float(self.index[at])
-        for _ in range(ZOOMS if high > low else 0):
-            fine = np.linspace(low, high, ZOOM_POINTS)
-            values = self._index_at(fine)
-            at = int(values.argmax())
-            best = max(best, (float(fine[at]), float(values[at])), key=lambda pair: pair[1])
-            low, high = fine[max(at - 1, 0)], fine[min(at + 1, ZOOM_POINTS - 1)]
-        return best
+        if self._band is None:
+            return float(self.frequencies[0]), float(self.index[0])
+        where, square = self._band.highest(np.asarray)
+        return where, float(np.sqrt(square))
 
     @property
     def resonance(self) -> float:
@@ -130,42 +130,54 @@ class Isolation:
 
     @cached_property
     def crossover(self) -> float:
-        """Frequency [Hz] above which the index stays below 1, so that the body is isolated; infinite if never."""
-        above = np.flatnonzero(self.index >= 1.0)
-        if not len(above):
-            return float(self.frequencies[0])
-        last = int(above[-1])
-        if last + 1 == len(self.frequencies):
+        """Frequency [Hz] above which the index stays below 1, so that the body is isolated; the first frequency if it
+        is below 1 all over the band, infinite if it is not at the end.
+        """
+        if self.index[-1] >= 1.0:
             return float("inf")
-        from scipy.optimize import brentq
+        found = self._band.crossings(lambda square: square - 1.0) if self._band else np.zeros(0)
+        return float(found[-1] if len(found) else self.frequencies[0])
 
-        low, high = self.frequencies[last], self.frequencies[last + 1]
-        if self.index[last] == 1.0 or low == 0.0:
-            return float(low)
-        return float(brentq(lambda f: float(self._index_at([f])[0]) - 1.0, low, high, xtol=1e-13 * high, rtol=1e-13))
+    @property
+    def decade(self) -> float:
+        """Index a decade above the crossover; not a number where the band has no crossover."""
+        inside = self.frequencies[0] < self.crossover < np.inf
+        return float(self._index_at([10.0 * self.crossover])[0]) if inside else float("nan")
 
     @cached_property
-    def _line(self) -> tuple[float, float]:
-        """Slope and constant of log10 index over log10 frequency in the decade above the resonances, if it is one."""
-        f, start = self.frequencies, FAR * self.crossover
-        far = (f >= start) & (f <= 10.0 * start) & (self.index > 0.0)
-        if np.count_nonzero(far) < 3:
-            return float("nan"), float("nan")
-        x, y = np.log10(f[far]), np.log10(self.index[far])
-        slope, constant = np.polyfit(x, y, 1)
-        straight = np.abs(y - slope * x - constant).max() <= STRAIGHT and slope <= FALLING
-        return float(slope), float(constant if straight else "nan")
+    def _asymptote(self) -> Asymptote | None:
+        far = self._far
+        into = [far.inputs.index(name) for name in self.scene.inputs]
+        out = [far.outputs.index(name) for name in ACCELERATIONS]
+        left = self.scene.scale() / np.sqrt(len(into))
+        result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.moved))
+        # what a hold does at high frequency has ripples, and falls with the frequency
+        return result if result is None or not self.sampled or not result.order else None
+
+    @property
+    def _far(self) -> Linear:
+        """What has the response at high frequency."""
+        return self.linear if isinstance(self.linear, System) else self.linear.far
+
+    @property
+    def sampled(self) -> bool:
+        """Whether there are controllers on a computer."""
+        return self._far is not self.linear
 
     @property
     def roll_off(self) -> float:
-        """Slope [dB/decade] of the index in the decade from twice the cross-over, as far as the band goes."""
-        return 20.0 * self._line[0]
+        """Slope [dB/decade] of the index at high frequency, a multiple of 20; 0 where the index levels off."""
+        return 0.0 - 20.0 * self._asymptote.order if self._asymptote else float("nan")
 
     @property
-    def corner(self) -> float:
-        """Frequency [Hz] at which the straight line of the roll-off meets 1; not a number where it is no such line."""
-        slope, constant = self._line
-        return float(10.0 ** (-constant / slope))
+    def roll_off_from(self) -> float:
+        """Frequency [Hz] above which the index follows the slope of the roll-off."""
+        return self._asymptote.start / (2.0 * np.pi) if self._asymptote else float("nan")
+
+    @property
+    def plateau(self) -> float:
+        """The index at infinite frequency: 0 unless it levels off, as where masses of legs pass on vibration."""
+        return self._asymptote.size if self._asymptote and not self._asymptote.order else 0.0
 
     def under(
         self, spectra: Mapping[str, Any], correlation: ArrayLike | None = None,
@@ -261,7 +273,8 @@ def study(
         Length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
         centre.
     frequencies : array-like, shape (n,), optional
-        Ascending frequencies [Hz]; default: 400, from well below the lowest to well above the highest mode.
+        Ascending frequencies [Hz]; default: from well below the lowest to well above the highest mode,
+        resolving every resonance.
     directions : sequence of str, optional
         In which the base is shaken; default: all six, or x y z where weight does not turn with the base.
 
@@ -343,11 +356,30 @@ def checked(frequencies: ArrayLike) -> Array:
 
 
 def _default(linear: Linear) -> Array:
-    size = np.abs(linear.poles()) / (2.0 * np.pi)
+    """Frequencies [Hz] around all poles, of a closed loop also those of the mechanism with open loops."""
+    system = linear if isinstance(linear, System) else linear.plant.system
+    size = np.abs(system.poles()) / (2.0 * np.pi)
     size = size[size > 1e-9 * size.max(initial=0.0)]
     if not len(size):
         raise ResponseError("isolation: nothing vibrates, so that no band suggests itself; give frequencies [Hz].")
-    return np.geomspace(BELOW * size.min(), ABOVE * size.max(), POINTS)
+    low, high = BELOW * float(size.min()), ABOVE * float(size.max())
+    poles, _, period = resolution(linear)
+    poles = np.concatenate((system.poles(), poles)) / (2.0 * np.pi)
+    if period < np.inf:
+        count = int(high / period) + 1
+        poles = (poles[:, None] + 1j * period * np.arange(-count, count + 1)).reshape(-1)
+    even = np.geomspace(low, high, POINTS)
+    found = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
+    found = found[(found >= low) & (found <= high)]
+    return found[np.concatenate(([True], np.diff(found) > SAME * found[1:]))]
+
+
+def _around(poles: Complex, spacing: float) -> Array:
+    """Tops and half-power points of resonances, and points about them that thin out to an even spacing."""
+    half, centre = np.abs(poles.real)[:, None], np.abs(poles.imag)[:, None]
+    away = THINNING ** np.arange(np.ceil(-np.log(extrema.UNDAMPED) / np.log(THINNING)))
+    away = half * np.concatenate(([0.0], away, -away))
+    return (centre + away)[(half > extrema.UNDAMPED * centre) & (np.abs(away) <= spacing * centre)]
 
 
 def _frobenius(g: Complex) -> Array:

@@ -1,57 +1,61 @@
 """Mean squares of responses to noise: exact moments where white noise drives filters, integrals over frequency else.
 
-Integrals are exact to rounding as well: each panel is no longer than half the distance from its middle to the nearest
-pole, where Gauss' rule of eight points leaves an error of 1e-14 of the integrand.
+Integrals are exact to rounding as well: each panel is no longer than the distance from its middle to the nearest pole,
+where Gauss' rule of twelve points leaves an error of 1e-14 of the integrand.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.isolation.asymptote import direct as at_once
+from mbsvib.responses import extrema
+from mbsvib.system import System
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.isolation.closed_loop import ClosedLoop
     from mbsvib.isolation.noise import BaseNoise, Shaped
     from mbsvib.kinematics import Array
 
     Complex = NDArray[np.complex128]
+    Linear: TypeAlias = System | ClosedLoop
 
-POINTS = 8
-REACH = 0.5
-ON_AXIS = 1e-12  # damping ratio below which a mode is undamped
-GROWTH = 100.0
-# A feedthrough below this share of the response is rounding; noise through a larger one has no mean square.
-DIRECT = 1e-10
+POINTS = 12
 HIDDEN = 1e-9
 BATCH = 512
-LAST = 1e-12  # panels are not halved beyond this share of their frequency
 
 
-class Linear(Protocol):
-    """What mean squares are taken of: a system, or a closed loop."""
+class Resolution(NamedTuple):
+    """What responses are made of: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the largest
+    length of a panel on which the rest of them is a polynomial of the frequency.
+    """
 
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
+    poles: Complex
+    longest: float = np.inf
+    period: float = np.inf
 
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
 
-    def poles(self) -> Complex:
-        """Poles [1/s]."""
+def resolution(linear: Linear) -> Resolution:
+    """Return what the responses of a system or a closed loop are made of.
 
-    def frequency_response(self, omega: ArrayLike) -> Complex:
-        """G(i w), shape (outputs, inputs, n)."""
+    Parameters
+    ----------
+    linear : Linear
+        A system or a closed loop.
 
-    def state_space(self, realization: str = "modal") -> Any:
-        """First-order equations .A .B .C .D."""
+    Returns
+    -------
+    Resolution
+        Poles and panels.
+    """
+    return Resolution(linear.poles()) if isinstance(linear, System) else linear.resolution
 
 
 def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filters: Sequence[Shaped],
@@ -90,14 +94,13 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     n, k = len(a), len(fa)
     whole = np.zeros((n + k, n + k))
     whole[:n, :n], whole[:n, n:], whole[n:, n:] = a, b @ fc, fa
-    enters, leaves, direct = np.concatenate((b @ fd, fb)), np.concatenate((c, d @ fc), axis=1), d @ fd
+    enters, leaves = np.concatenate((b @ fd, fb)), np.concatenate((c, d @ fc), axis=1)
     root = np.sqrt([0.5 * f.level for f in filters])
     strength = root[:, None] * correlation * root
     balanced, (scale, _) = matrix_balance(whole, permute=False, separate=True)
     enters, leaves = enters / scale[:, None], leaves * scale
     result = _lyapunov(balanced, enters, leaves, strength)
-    size = _size(linear, into, out)
-    through = ((np.abs(direct) > DIRECT * size) & (root > 0.0)).any(axis=1)
+    through = (at_once(linear)[np.ix_(out, into)] @ fd @ np.diag(root) != 0.0).any(axis=1)
     result[through] = np.inf
     return result
 
@@ -131,19 +134,6 @@ def _lyapunov(a: Array, b: Array, c: Array, strength: Array) -> Array:
     return np.asarray(result)
 
 
-def _size(linear: Linear, into: list[int], out: list[int]) -> Array:
-    """The largest response (outputs, 1) near the poles, also to motions of the base that are not asked for: what an
-    output is to these by symmetry shows the rounding of what it is to others.
-    """
-    into = into + [i for i, name in enumerate(linear.inputs) if name.startswith("base.") and i not in into]
-    size = np.abs(linear.poles())
-    size = np.unique(size[size > 0.0])
-    if not len(size):
-        return np.ones((len(out), len(into)))
-    g = linear.frequency_response(1.0001 * size[np.linspace(0, len(size) - 1, min(len(size), 50)).astype(int)])
-    return np.asarray(np.abs(g[np.ix_(out, into)]).max(axis=2).max(axis=1, keepdims=True))
-
-
 def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: ArrayLike = ()) -> Array:
     """Return the ends of panels over a band, short enough for Gauss' rule.
 
@@ -171,26 +161,17 @@ def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: Ar
     low, high = band
     if not 0.0 <= low < high < np.inf:
         raise ResponseError(f"rms: band = ({low:g}, {high:g}) Hz; expected two ascending frequencies, from 0 Hz on.")
-    poles = np.concatenate((linear.poles(), noise.poles)) / (2.0 * np.pi)
-    still = np.abs(poles.real) <= ON_AXIS * np.abs(poles.imag)
-    for f in np.unique(poles.imag[still & (poles.imag > low) & (poles.imag < high)]):
-        near, beside = (_largest(linear, noise, f * (1.0 + step)) for step in (1e-7, 1e-4))
-        if near > GROWTH * beside:
-            raise ResponseError(f"rms: the mode at {f:.6g} Hz is not damped, and noise at its frequency drives it "
-                                f"without bound; give the mechanism damping, or a band without it.")  # fmt: skip
-    poles = poles[~still]
-    within = np.concatenate((noise.breaks, np.abs(poles), np.ravel(np.asarray(more, dtype=float))))
-    ends = np.unique(np.concatenate(([low, high], within[(within > low) & (within < high)])))
-    tables = len(noise.breaks) > 0
-    while True:
-        middle, length = 0.5 * (ends[1:] + ends[:-1]), np.diff(ends)
-        distance = np.abs(1j * middle[:, None] - poles).min(axis=1, initial=np.inf)
-        if tables:
-            distance = np.minimum(distance, middle)
-        long = (length > REACH * distance) & (length > LAST * middle)
-        if not long.any():
-            return np.asarray(ends)
-        ends = np.sort(np.concatenate((ends, middle[long])))
+    own, longest, period = resolution(linear)
+    poles = np.concatenate((own, noise.poles)) / (2.0 * np.pi)
+    grows = extrema.excited(lambda f: _largest(linear, noise, f), poles, low, high)
+    if len(grows):
+        raise ResponseError(f"rms: the mode at {grows[0]:.6g} Hz is not damped, and noise at its frequency drives it "
+                            f"without bound; give the mechanism damping, or a band without it.")  # fmt: skip
+    poles = poles[np.abs(poles.real) > extrema.UNDAMPED * np.abs(poles)]
+    marks = np.concatenate((noise.breaks, np.abs(poles), np.ravel(np.asarray(more, dtype=float))))
+    if len(noise.breaks):
+        poles = np.append(poles, 0.0)  # tables are powers of the frequency
+    return extrema.panels(poles, low, high, marks, longest, period)
 
 
 def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noise: BaseNoise, ends: Array,
@@ -238,6 +219,6 @@ def _density(g: Complex, s: Complex) -> Array:
     return np.asarray(((stack @ s) * stack.conj()).sum(axis=2).real.T)
 
 
-def _largest(linear: Linear, noise: BaseNoise, frequency: float) -> float:
+def _largest(linear: Linear, noise: BaseNoise, frequencies: Array) -> Array:
     into = [linear.inputs.index(f"base.{direction}") for direction in noise.directions]
-    return float(np.abs(linear.frequency_response([2.0 * np.pi * frequency])[:, into]).max(initial=0.0))
+    return np.asarray(np.abs(linear.frequency_response(2.0 * np.pi * frequencies)[:, into]).max(axis=(0, 1)))

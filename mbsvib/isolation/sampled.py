@@ -10,15 +10,18 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.closed_loop import ClosedLoop
+from mbsvib.isolation.mean_square import Resolution
+from mbsvib.isolation.participation import eigen
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.kinematics import Array
+    from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
 
-FORGOTTEN = np.finfo(float).eps ** 0.5  # what a delay forgets within a few samples
+TURN = 2.0  # angle [rad] by which delay and hold go round in a panel: twelve nodes of a panel leave nothing of that
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -49,7 +52,7 @@ class SampledLoop(ClosedLoop):
         from scipy.linalg import expm
 
         space = self.plant._space
-        y, u = self._ports()
+        y, u = self.ports
         n, m = len(space.A), len(u)
         period = 1.0 / self.rate
         whole = int(np.floor(self.delay / period + 1e-9))
@@ -87,18 +90,26 @@ class SampledLoop(ClosedLoop):
         return k, k @ (pc @ _resolved(pa, pb, z)), hold
 
     @cached_property
-    def _eigen(self) -> tuple[Complex, Complex]:
-        from scipy.linalg import eig, matrix_balance
-
+    def _eigen(self) -> tuple[Complex, Array]:
         a, b, c, d = self.discrete
         pa, pb, pc = self._mechanism
-        n, whole = len(self.plant._space.A), np.block([[pa + pb @ d @ pc, pb @ c], [b @ pc, a]])
-        balanced, (scale, _) = matrix_balance(whole, permute=False, separate=True)
-        z, vectors = eig(balanced)
-        kept = np.abs(z) > FORGOTTEN
-        values, vectors = np.log(z[kept]) * self.rate, (vectors * scale[:, None])[:n, kept]
-        order = np.lexsort((-values.imag, np.abs(values)))
-        return values[order], vectors[:, order]
+        return eigen(np.block([[pa + pb @ d @ pc, pb @ c], [b @ pc, a]]), self.rate)
+
+    @property
+    def title(self) -> str:
+        """The law, and how it runs."""
+        late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""
+        return f"{self.law.name} at {self.rate:g} Hz{late}"
+
+    @property
+    def resolution(self) -> Resolution:
+        """What responses are made of: sampling repeats poles, and what is late goes round without any."""
+        return Resolution(self.poles(), TURN / (2.0 * np.pi * (self.delay + 2.0 / self.rate)), self.rate)
+
+    @property
+    def far(self) -> System:
+        """The mechanism: a hold lets no high frequency through."""
+        return self.plant.system
 
     def state_space(self, realization: str = "modal") -> NoReturn:
         """Refuse: samples have no continuous equations.

@@ -103,17 +103,28 @@ class Vibration:
         """
         middle = octaves.centres() if centres is None else checked(centres)
         limits = octaves.edges(middle)
+        if self.band is not None:
+            limits = np.clip(limits, *self.band)
+        if limits[0] == limits[-1]:
+            return np.zeros((6, len(middle)))
         ends = panels(self.study.linear, self.noise, (float(limits[0]), float(limits[-1])), limits)
         parts = integrals(self.study.linear, self._inputs, ACCELERATIONS, self.noise, ends, power=-2)
-        if self.band is not None:
-            parts = parts * ((ends[:-1] >= self.band[0]) & (ends[1:] <= self.band[1]))
         total = np.concatenate((np.zeros((6, 1)), np.cumsum(parts, axis=1)), axis=1)
         return np.sqrt(np.maximum(np.diff(total[:, np.searchsorted(ends, limits)], axis=1), 0.0))
 
     @cached_property
     def criterion(self) -> str:
-        """The strictest vibration criterion, VC-A to VC-G, that x, y and z keep from 1 to 80 Hz; empty if none."""
-        return octaves.strictest(octaves.centres(), self.velocity()[:3])
+        """The strictest vibration criterion, VC-A to VC-G, that x, y and z keep from 1 to 80 Hz, as far as the band
+        goes; empty if none.
+        """
+        low, high = self.judged
+        return octaves.strictest(octaves.centres(), self.velocity()[:3]) if low < high else ""
+
+    @property
+    def judged(self) -> tuple[float, float]:
+        """First and last frequency [Hz] of what is held against the criteria."""
+        band = (octaves.LOWEST, octaves.HIGHEST) if self.band is None else self.band
+        return max(octaves.LOWEST, band[0]), min(octaves.HIGHEST, band[1])
 
     def table(self) -> dict[str, Any]:
         """Return the table of root mean squares as arguments of ``mbsvib.tables.text`` and ``show``.

@@ -26,11 +26,11 @@ def isolation_table(study: Isolation) -> dict[str, Any]:
     rows = [
         ("resonance", hertz(study.resonance)),
         ("amplification there", f"{study.amplification:.4g} ({decibel(study.amplification)})"),
-        ("isolates from (cross-over)", hertz(study.crossover)),
-        ("corner of the roll-off", hertz(study.corner) if np.isfinite(study.corner) else "none: the index levels off"),
-        ("roll-off", f"{study.roll_off:.1f} dB/decade" if np.isfinite(study.roll_off) else "not in this band"),
+        ("isolation starts at (crossover)", f"{'below ' if study.crossover == f[0] else ''}{hertz(study.crossover)}"),
+        ("index a decade above", f"{study.decade:.3g} ({decibel(study.decade)})" if study.decade > 0.0 else "-"),
+        ("roll-off", _roll_off(study)),
         (f"index at {f[-1]:.4g} Hz", f"{study.index[-1]:.3g} ({decibel(study.index[-1])})"),
-        (f"compliance at {f[0]:.4g} Hz, least and most", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
+        (f"compliance at {f[0]:.4g} Hz, minimum and maximum singular value", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
     ]
     if len(study._undamped):
         rows[1] = ("amplification there", "infinite: undamped")
@@ -53,8 +53,12 @@ def vibration_table(result: Vibration) -> dict[str, Any]:
     notes = [f"Base shaken along {' '.join(result.noise.directions)}, {band}."]
     if np.isinf(result.acceleration).any():
         notes.append("Infinite: noise of unlimited frequency comes through the mechanism's masses; give a band.")
-    kept = result.criterion
-    notes.append(f"Keeps {kept} from 1 to 80 Hz." if kept else f"Keeps no vibration criterion, not even {min(VC)}.")
+    (low, high), kept = result.judged, result.criterion
+    if low < high:
+        words = f"Keeps {kept}" if kept else f"Keeps no vibration criterion, not even {min(VC)},"
+        notes.append(f"{words} from {low:g} to {high:g} Hz.")
+    else:
+        notes.append("Vibration criteria are for 1 to 80 Hz, which is not in the band.")
     return {"title": f"Vibration of {result.study.name}", "columns": columns, "rows": rows, "notes": notes}
 
 
@@ -87,6 +91,16 @@ def _write(path: str | os.PathLike[str], names: Sequence[str], columns: Sequence
 
     lines = [",".join(names), *(",".join(map(repr, row)) for row in np.stack(columns, axis=1).tolist())]
     return write_whole(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))
+
+
+def _roll_off(study: Isolation) -> str:
+    if study.sampled and not study.plateau:
+        return "none: the controller is sampled"
+    if study.plateau:
+        return f"none: levels off at {study.plateau:.3g} ({decibel(study.plateau)})"
+    if not np.isfinite(study.roll_off):
+        return "too steep to be told from rounding"
+    return f"{study.roll_off:.0f} dB/decade above {hertz(study.roll_off_from)}"
 
 
 def hertz(value: float) -> str:

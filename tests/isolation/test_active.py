@@ -124,7 +124,7 @@ def test_unstable_loops_are_told_with_the_mode():
     assert not loop.stable
     with pytest.raises(mv.ResponseError, match=r"not stable with DVF: .*mode 6 \(159.* Hz, platform rz\)"):
         loop.isolation([1.0, 2.0])
-    assert "Grows: mode" in str(loop)
+    assert "Unstable: mode" in str(loop)
     assert "tell nothing" in str(loop.margins([1.0, 10.0]))
     assert "..." not in str(loop.margins([1.0, 10.0]))
 

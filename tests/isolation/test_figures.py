@@ -20,18 +20,10 @@ def test_one_axis_transmissibility_and_its_figures():
     assert np.allclose(result.index, exact, rtol=1e-13, atol=0)
     assert result.crossover == pytest.approx(FREQUENCY * math.sqrt(2), rel=1e-12)
     peak = (math.sqrt(math.sqrt(1 + 8 * RATIO**2) - 1)) / (2 * RATIO)
-    assert result.resonance == pytest.approx(FREQUENCY * peak, rel=1e-5)
+    assert result.resonance == pytest.approx(FREQUENCY * peak, rel=1e-11)
     r2 = (2 * RATIO * peak) ** 2
-    assert result.amplification == pytest.approx(math.sqrt((1 + r2) / ((1 - peak**2) ** 2 + r2)), rel=1e-9)
+    assert result.amplification == pytest.approx(math.sqrt((1 + r2) / ((1 - peak**2) ** 2 + r2)), rel=1e-13)
     assert result.compliance[2, 2, 0] == pytest.approx(1 / (MASS * OMEGA**2), rel=1e-13)
-
-
-def test_roll_off_and_corner_of_a_spring_without_damper():
-    result = isolation.study(one_axis(0.0), "payload", directions="z", frequencies=np.geomspace(100.0, 1e5, 50))
-    far = isolation.study(one_axis(1e-9), "payload", directions="z", frequencies=np.geomspace(4.9, 1e5, 3000))
-    assert result.crossover == 100.0
-    assert result.roll_off == pytest.approx(-40.0, abs=0.01)
-    assert far.corner == pytest.approx(FREQUENCY, rel=0.1)
 
 
 def test_undamped_resonance_is_infinite():
@@ -104,7 +96,8 @@ def test_relaxation_leg():
     k = k0 + k1 * c * s / (k1 + c * s)
     result = isolation.study(model, "payload", directions="z", frequencies=f)
     assert np.allclose(result.transmissibility[2, 0], k / (k + MASS * s**2), rtol=1e-11, atol=0)
-    assert result.roll_off == pytest.approx(-40.0, abs=1.5)
+    assert result.roll_off == -40.0  # the spring k0 + k1 is left
+    assert result.plateau == 0.0
 
 
 def test_weight_leaves_translations_of_the_base():

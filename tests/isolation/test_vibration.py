@@ -8,7 +8,7 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib.isolation import octaves
-from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, one_axis
+from tests.isolation.scenes import FREQUENCY, MASS, OMEGA, RATIO, active_strut, one_axis
 
 EVER = (0.0, 1e14)
 
@@ -140,6 +140,44 @@ def test_octaves_of_a_stiff_mount():
     assert "VC-C" in str(result)
 
 
+@pytest.mark.parametrize("band", [(5.3, 9.1), (1.0, 80.0), (2.0, 2.1), (0.2, 3.0), (75.0, 300.0)])
+def test_octaves_that_a_band_cuts(band):
+    """The velocity's density is constant: what is left of each third counts by its width."""
+    study = isolation.study(one_axis(frequency=1e7), "payload", directions="z", frequencies=[1.0])
+    result = study.under({"z": [(0.1, 1e-12), (400.0, 1.6e-5)]}, band=band)
+    ends = np.clip(octaves.edges(octaves.centres()), *band)
+    assert np.allclose(result.velocity()[2] ** 2, np.diff(ends) * 1e-10 / (2 * np.pi) ** 2, rtol=1e-9, atol=1e-30)
+    low, high = max(band[0], 1.0), min(band[1], 80.0)
+    assert f"from {low:g} to {high:g} Hz" in str(result)
+
+
+def test_criteria_of_a_band_that_they_are_not_for():
+    study = isolation.study(one_axis(), "payload", directions="z", frequencies=[1.0])
+    result = study.under({"z": 1e-12}, band=(100.0, 200.0))
+    assert not result.velocity().any()
+    assert result.criterion == ""
+    assert "not in the band" in str(result)
+
+
+def test_noise_through_small_masses_is_no_rounding():
+    """Legs of some micrograms carry 1e-8 of the floor's acceleration through at once."""
+    result = isolation.study(library.stewart(part_mass=1e-8), "platform", frequencies=[1.0])
+    assert result.under({"z": 1e-6}).acceleration[2] == math.inf
+    assert 1e-8 < result.plateau < 1e-7
+
+
+def test_rms_of_a_sampled_loop_far_above_its_rate():
+    """Poles repeat at multiples of the rate, and what is late goes round: against a fine even grid."""
+    plant = isolation.actuated(active_strut(damping=60.0), "payload", "leg", directions="z")
+    loop = plant.with_gains(isolation.velocity_feedback(plant, 900.0)).sampled(120.0, delay=0.004)
+    assert loop.stable
+    found = loop.isolation([1.0]).under({"z": 1e-4}, band=(1.0, 500.0))
+    f = np.linspace(1.0, 500.0, 20_001)
+    g = np.abs(loop.isolation(f).transmissibility[2, 0]) ** 2
+    exact = 1e-4 * (f[1] - f[0]) * (g.sum() - 0.5 * (g[0] + g[-1]))
+    assert found.acceleration[2] ** 2 == pytest.approx(exact, rel=1e-6)
+
+
 def test_criteria():
     assert isolation.vc_curve("VC-A", [1, 4, 8, 80]).tolist() == pytest.approx([400e-6, 100e-6, 50e-6, 50e-6])
     assert isolation.vc_curve("VC-B", [4, 8]).tolist() == pytest.approx([50e-6, 25e-6])
@@ -193,7 +231,8 @@ def test_other_mistakes():
 
 
 def test_csv(tmp_path):
-    result = isolation.study(library.stewart(), "platform").under({"x": [(1, 1e-6), (1e4, 1e-6)]})
+    study = isolation.study(library.stewart(), "platform")
+    result = study.under({"x": [(1, 1e-6), (1e4, 1e-6)]})
     lines = result.to_csv(tmp_path / "rms.csv").read_text().splitlines()
-    assert len(lines) == 401
+    assert len(lines) == 1 + len(study.frequencies)
     assert float(lines[-1].split(",")[7]) == pytest.approx(result.acceleration[0], rel=1e-12)

@@ -1,0 +1,157 @@
+"""The asymptote of a transmissibility at high frequency, from the Markov parameters of its equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.system import System
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mbsvib.isolation.mean_square import Linear
+    from mbsvib.kinematics import Array
+
+# A Markov parameter below this share of the terms that it is the sum of is rounding: sums over a hundred motions lose
+# two or three of sixteen digits.
+ROUNDING = 1e-12
+STEEPEST = 12  # orders that are looked at: a response that falls faster is rounding wherever the asymptote leads
+AFTER = 2  # parameters after the leading one that tell from where on it leads
+
+
+@dataclass(frozen=True, slots=True)
+class Asymptote:
+    """||T(i w)|| -> ``size`` / w^``order``, which leads above the angular frequency ``start`` [rad/s]."""
+
+    order: int
+    size: float
+    start: float
+
+
+def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, right: Array) -> Asymptote | None:
+    """Return the asymptote of the Frobenius norm of left x T x right.
+
+    T(s) = H0 + H1 / s + H2 / s^2 + ...
+
+    Parameters
+    ----------
+    linear : Linear
+        A system or a closed loop.
+    into, out : list of int
+        Numbers of inputs and outputs.
+    left, right : array, shape (outputs,), (inputs,)
+        Weights.
+
+    Returns
+    -------
+    Asymptote or None
+        None where T is 0, or falls with more than the twelfth power of the frequency.
+    """
+    unit = float(np.abs(linear.poles()).max(initial=0.0)) or 1.0  # [1/s], so that powers stay of one size
+    if isinstance(linear, System) and not linear.massless:
+        parameters = _second_order(linear, into, out, unit)
+    else:
+        parameters = _first_order(linear, into, out, unit)
+    sizes: list[float] = []
+    order = 0
+    for k, found in zip(range(STEEPEST + AFTER + 1), parameters, strict=False):
+        size = float(np.linalg.norm(left[:, None] * found * right))
+        if sizes or size > 0.0:
+            order = order if sizes else k
+            sizes.append(size)
+        if len(sizes) > AFTER or (k == STEEPEST and not sizes):
+            break
+    if not sizes:
+        return None
+    start = max([(size / sizes[0]) ** (1.0 / j) for j, size in enumerate(sizes[1:], 1)]) or 1.0
+    return Asymptote(order, sizes[0] * unit**order, start * unit)
+
+
+def direct(linear: Linear) -> Array:
+    """Return what outputs see of inputs at once, H0, with zeros where it is rounding.
+
+    Parameters
+    ----------
+    linear : Linear
+        A system or a closed loop.
+
+    Returns
+    -------
+    array, shape (outputs, inputs)
+        D of the first-order equations.
+    """
+    if isinstance(linear, System):
+        value, terms = _direct(linear)
+    else:
+        (plant, terms), (y, u) = _direct(linear.plant.system), linear.ports
+        value = linear.state_space().D
+        back = np.linalg.inv(np.eye(len(u)) - linear.law.D @ plant[np.ix_(y, u)]) @ linear.law.D
+        terms = terms + terms[:, u] @ np.abs(back) @ terms[y]
+    return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
+
+
+def _direct(system: System) -> tuple[Array, Array]:
+    """D + Ca M^-1 B, and the sum of the sizes of its terms as far as their rounding goes."""
+    if not system.massless:
+        inverse = np.linalg.inv(system.M)
+        bound = np.abs(inverse) @ np.abs(system.M) @ np.abs(inverse) @ np.abs(system.B)
+        return system.D + system.Ca @ (inverse @ system.B), np.abs(system.D) + np.abs(system.Ca) @ bound
+    space, m = system.state_space(), system.dof
+    rate = np.abs(space.transform[m:]) @ np.abs(space.B)
+    terms = np.abs(system.D) + np.abs(system.Ca) @ rate
+    if space.through is not None:
+        terms += np.abs(system.Cv) @ np.abs(space.through[m:])
+    return space.D, terms
+
+
+def _second_order(system: System, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
+    """Markov parameters, zeros where they are rounding, of M q'' + C q' + K q = B u, in units of time.
+
+    q(s) = sum of x_k / s^(k + 2), M x_0 = B u, M x_k = -C x_(k-1) - K x_(k-2). Terms with as many dampers are kept
+    together, so that those of weak dampers are not taken for the rounding of springs.
+    """
+    inverse = np.linalg.inv(system.M)
+    size = np.abs(inverse)
+    rounding = size @ np.abs(system.M) @ size
+    rates = [system.C / unit, system.K / unit**2]
+    rows = [system.Ca[out], system.Cv[out] / unit, system.Cq[out] / unit**2]
+    b = system.B[:, into]
+    none = np.zeros_like(b), np.zeros_like(b)
+    yield direct(system)[np.ix_(out, into)]
+    # by the number of dampers: motions, and how far rounding goes in them, in parts of ROUNDING
+    motions: list[dict[int, tuple[Array, Array]]] = [{}, {0: (inverse @ b, rounding @ np.abs(b))}]
+    while True:
+        before, last = motions[-2:]
+        following = {}
+        for count in {count + 1 for count in last} | set(before):
+            motion, error = np.zeros_like(b), np.zeros_like(b)
+            for rate, part in zip(rates, (last.get(count - 1, none), before.get(count, none)), strict=True):
+                motion = motion - inverse @ (rate @ part[0])
+                error = error + rounding @ (np.abs(rate) @ np.abs(part[0])) + size @ (np.abs(rate) @ part[1])
+            following[count] = motion, error
+        motions = [before, last, following]
+        total = np.zeros((len(out), len(into)))
+        for count in {count for part in motions for count in part}:
+            parts = [part.get(count, none) for part in reversed(motions)]
+            value = np.sum([row @ part[0] for row, part in zip(rows, parts, strict=True)], axis=0)
+            error = np.sum([np.abs(row) @ part[1] for row, part in zip(rows, parts, strict=True)], axis=0)
+            total += np.where(np.abs(value) > ROUNDING * error, value, 0.0)
+        yield total
+        motions = motions[1:]
+
+
+def _first_order(linear: Linear, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
+    """Markov parameters D, C B, C A B, ..., zeros where they are rounding, in units of time."""
+    from scipy.linalg import matrix_balance
+
+    space = linear.state_space("physical" if isinstance(linear, System) else "modal")
+    a, (scale, _) = matrix_balance(space.A / unit, permute=False, separate=True)
+    power, c = space.B[:, into] / scale[:, None] / unit, space.C[out] * scale
+    yield direct(linear)[np.ix_(out, into)]
+    while True:
+        found, size = c @ power, np.linalg.norm(c, axis=1)[:, None] * np.linalg.norm(power, axis=0)
+        yield np.where(np.abs(found) > ROUNDING * size, found, 0.0)
+        power = a @ power

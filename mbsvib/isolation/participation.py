@@ -1,0 +1,102 @@
+"""Where the poles of a closed loop come from: how far modes of the mechanism and states of controllers take part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array
+
+    Complex = NDArray[np.complex128]
+
+FORGOTTEN = np.finfo(float).eps ** 0.5  # what a delay forgets within a few samples
+ALIKE = 1e-6  # poles that differ by less than this share have one space of eigenvectors, in which any basis is as good
+
+LEAST = 0.1  # participation of the mechanism in what comes from one of its modes
+
+
+def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
+    """Return the poles of x' = A x, or of x+ = A x at a rate, and the participation of states in them.
+
+    p_ik = |v_ik w_ik| / sum over i, with the right and left eigenvectors v_k and w_k, w_k^H v_k = 1: the diagonal of
+    the projection on the eigenvectors, which does not depend on units
+
+    Parameters
+    ----------
+    a : array, shape (n, n)
+        The matrix.
+    rate : float, optional
+        Samples a second [Hz].
+
+    Returns
+    -------
+    poles : array, shape (poles,)
+        In ascending magnitude [1/s], without those that are forgotten within a few samples.
+    participation : array, shape (n, poles)
+        Columns have the sum 1.
+
+    Source: I. J. Perez-Arriaga, G. C. Verghese and F. C. Schweppe, IEEE Trans. Power Appar. Syst. 101 (1982) 3117.
+    """
+    from scipy.linalg import eig, matrix_balance
+
+    values, left, right = eig(matrix_balance(a, permute=False)[0], left=True)
+    if rate is not None:
+        kept = np.abs(values) > FORGOTTEN
+        values, left, right = np.log(values[kept]) * rate, left[:, kept], right[:, kept]
+    order = np.lexsort((-values.imag, np.abs(values)))
+    values, left, right = values[order], left[:, order], right[:, order]
+    share = np.empty(left.shape)
+    todo = np.ones(len(values), dtype=bool)
+    for k in range(len(values)):
+        if todo[k]:
+            same = np.flatnonzero(todo & (np.abs(values - values[k]) <= ALIKE * np.abs(values[k])))
+            v, w = right[:, same], left[:, same]
+            projection = np.abs(np.einsum("ij,ji->i", v, np.linalg.pinv(w.conj().T @ v) @ w.conj().T))
+            share[:, same] = (projection / (projection.sum() or 1.0))[:, None]
+            todo[same] = False
+    return values, share
+
+
+def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list[int | None]:
+    """Return the mode of the mechanism, from 0, that each pole comes from, None where that is a controller.
+
+    Poles that vibrate are shared out among the modes so that these take part most, all together: no two of them come
+    from one mode.
+
+    Parameters
+    ----------
+    poles : array, shape (poles,)
+        Poles [1/s].
+    participation : array, shape (states, poles)
+        How far states take part; those of the mechanism are the first.
+    states : sequence of str
+        Names of these: "mode1", "mode1'", ...
+
+    Returns
+    -------
+    list of int or None
+        One for each pole.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    number = np.array([int(name.strip("modelrig'")) - 1 for name in states], dtype=int)
+    count = int(number.max(initial=-1)) + 1
+    rest = participation[len(number) :]
+    table = np.zeros((count, len(poles)))
+    np.add.at(table, number, participation[: len(number)])
+    largest = table.argmax(axis=0) if count else np.zeros(len(poles), dtype=int)
+    found: list[int | None] = [
+        int(mode) if count and table[mode, k] > rest[:, k].sum() else None for k, mode in enumerate(largest)
+    ]
+    waves = np.flatnonzero(poles.imag > 0.0)
+    row, column = linear_sum_assignment(-table[:, waves])
+    chosen = dict(zip(waves[column].tolist(), row.tolist(), strict=True))
+    for k in waves.tolist():
+        found[k] = chosen.get(k) if table[:, k].sum() >= LEAST else None
+    return found
