@@ -10,6 +10,7 @@ import numpy as np
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.summed import response
 from mbsvib.parts import Spring
+from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ PARALLEL = 1e-9
 SAME = 1e-6  # a pole and a zero this near to each other are a mode that the pair does not see
 LIGHT = 1e-3  # damping ratio of the highest mode
 ROUNDING = 1e-8  # share of the response by which a real part may be negative
+# Frequencies that are looked at, in parts of the lowest and highest pole; poles below a share of that are at rest.
+LOWEST, HIGHEST, AT_REST = 1e-3, 1e3, 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,10 +181,17 @@ def _damped(system: System) -> System:
 
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:
     """Whether the force times the rate that belongs to the sensor is never negative, or never positive."""
-    omega = system.frequency_grid(system.inputs[i], system.outputs[j])
-    g = response(system, omega, system.outputs[j : j + 1], system.inputs[i : i + 1])[0, 0]
-    # displacement, velocity, acceleration: to a velocity; a force in the leg is integrated, as by force feedback
-    power = -1 if force else 1 - order
-    rate = g * (1j * omega) ** power
-    floor = ROUNDING * np.abs(rate)
-    return bool((rate.real >= -floor).all() or (rate.real <= floor).all())
+    poles = system.poles()
+    size = np.abs(poles[np.abs(poles) > AT_REST * np.abs(poles).max(initial=0.0)])
+    ends = panels(poles, LOWEST * float(size.min(initial=1.0)), HIGHEST * float(size.max(initial=1.0)))
+
+    def rate(omega: Array) -> Complex:
+        g = response(system, omega, system.outputs[j : j + 1], system.inputs[i : i + 1])[0, 0]
+        # displacement, velocity, acceleration: to a velocity; a force in the leg is integrated, as by force feedback
+        return np.asarray(g * (1j * omega) ** (-1 if force else 1 - order))
+
+    band = Band(rate, ends)
+    tops = [rate(band.maxima(lambda g, sign=sign: sign * g.real)[0]) for sign in (1.0, -1.0)]  # type: ignore[misc]
+    both = np.concatenate((*tops, rate(ends), band.nodes.reshape(-1)))
+    floor = ROUNDING * np.abs(both)
+    return bool((both.real >= -floor).all() or (both.real <= floor).all())

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.errors import ResponseError
 from mbsvib.isolation.figures import checked
+from mbsvib.responses.extrema import Band, panels
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.isolation.closed_loop import ClosedLoop
@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
-POINTS, AROUND, SHARPEST = 1000, 31, 1e-6
-ZOOMS, ZOOM = 5, 17
-JUMP = 1e-3
-FLAT = 0.01  # what changes less towards 0 or infinity, and is real, is a limit: margins there need no crossing
+# Frequencies that are looked at, in parts of the lowest and highest pole; poles below a share of that are at rest.
+LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
+# At both ends a loop is at its limits, which are real, or on the way to 0 or infinity.
+REAL = 1e-3
+# A loop that brings back less, or more than the inverse, limits no gain, and rounding decides on its signs.
+NONE = 1e-6
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -72,7 +74,7 @@ class Margins:
         rows.append(("all at once", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "", f"{self.modulus:.3g}"))
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
-        notes = [f"Nearest to instability at {self.frequency:.4g} Hz."] if self.stable else [
+        notes = [f"Critical frequency: {self.frequency:.4g} Hz."] if self.stable else [
             "The closed loop is not stable: margins tell nothing."]  # fmt: skip
         headers = ("actuator", "gain may be times", "phase [deg]", "delay [ms]", "modulus")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
@@ -92,105 +94,64 @@ def margins(loop: ClosedLoop, frequencies: ArrayLike | None = None) -> Margins:
     loop : ClosedLoop
         The mechanism and its controllers.
     frequencies : array-like, shape (n,), optional
-        Where to look [Hz]; between neighbours margins are followed to rounding.
+        The first and the last are those of the band [Hz] that is looked at; default: all frequencies, of a sampled loop
+        up to half its rate.
 
     Returns
     -------
     Margins
         Of all loops, and of each.
 
+    Raises
+    ------
+    ResponseError
+        If frequencies do not ascend, or are fewer than two.
+
     Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for all at once.
     """
-    f = _grid(loop) if frequencies is None else checked(frequencies)
-
-    def least(hertz: Array) -> Array:
-        return np.asarray(np.linalg.svd(_difference(loop, hertz), compute_uv=False)[:, -1])
-
-    modulus, frequency = _lowest(least, f, least(f))
-    # the loop that is left of one actuator when all others are closed: 1 + L = 1 / S
-    whole = np.asarray(1.0 / np.diagonal(np.linalg.inv(_difference(loop, f)), axis1=1, axis2=2) - 1.0, dtype=complex)
-    found = []
-    for i in range(len(loop.actuators)):
-
-        def own(hertz: Array, i: int = i) -> Complex:
-            return np.asarray(1.0 / np.linalg.inv(_difference(loop, hertz))[:, i, i] - 1.0)
-
-        found.append(_single(own, f, whole[:, i]))
-    lower, gain, phase, delay, each = np.array(found).T
-    return Margins(loop.law.name, loop.actuators, modulus, frequency, lower, gain, phase, delay, each, loop.stable)
-
-
-def _difference(loop: ClosedLoop, hertz: Array) -> Complex:
-    return np.asarray(np.eye(len(loop.actuators)) - loop.returned(2.0 * np.pi * hertz))
+    poles, longest, period = loop.resolution
+    if frequencies is None:
+        size = np.abs(np.concatenate((poles, loop.plant.system.poles()))) / (2.0 * np.pi)
+        low, high = LOWEST * float(size[size > AT_REST * size.max()].min()), HIGHEST * float(size.max())
+        high = min(high, 0.5 * period)
+    else:
+        f = checked(frequencies)
+        low, high = float(f[0]), float(f[-1])
+        if low == high:
+            raise ResponseError(f"margins: frequencies: only {low:g} Hz; expected the first and the last of a band.")
+    ends = panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
+    # 1 / (1 - K G) has the poles of the closed loop and no others, however many loops are opened
+    band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
+    frequency, largest = band.highest(lambda s: np.asarray(np.linalg.svd(s, compute_uv=False)[:, 0]))
+    limits = _sensitivity(loop, ends[[0, -1]])[: 2 if frequencies is None else 0]
+    each = [_single(band, limits[:, i, i], i) for i in range(len(loop.actuators))]
+    lower, gain, phase, delay, modulus = np.array(each).T
+    return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
+                   loop.stable)  # fmt: skip
 
 
-def _single(own: Callable[[Array], Complex], f: Array, values: Complex) -> tuple[float, float, float, float, float]:
-    """Gain down and up, phase [deg], delay [s] and modulus of one loop, -1 being critical."""
-    if not values.any():
-        return 0.0, float("inf"), float("inf"), float("inf"), 1.0
-    real, _ = _crossings(own, f, values, lambda loop: loop.imag, lambda loop: loop.real < 0.0)
-    limits = [end for end, inner in _ends(f, values) if abs(end - inner.real) <= FLAT * abs(end)]
-    real = np.concatenate((real, limits))
-    factors = -1.0 / real.real[real.real < 0.0]
-    unit, at = _crossings(own, f, values, lambda loop: np.abs(loop) - 1.0,
-                          lambda loop: np.abs(loop) < np.inf)  # fmt: skip
-    turn = np.angle(-unit)
-    late = np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * at)
-    modulus = _lowest(lambda hertz: np.abs(1.0 + own(hertz)), f, np.abs(1.0 + values))[0]
+def _sensitivity(loop: ClosedLoop, hertz: Array) -> Complex:
+    return np.asarray(np.linalg.inv(np.eye(len(loop.actuators)) - loop.returned(2.0 * np.pi * hertz)))
+
+
+def _single(band: Band, limits: Complex, i: int) -> tuple[float, float, float, float, float]:
+    """Gain down and up, phase [deg], delay [s] and modulus of the loop that is left of one actuator when all others are
+    closed: L = 1 / S - 1, -1 being critical.
+    """
+
+    def tells(s: Complex) -> NDArray[np.bool_]:
+        return np.asarray(np.minimum(np.abs(s), np.abs(s - 1.0)) > NONE)
+
+    s = band.response(band.crossings(lambda s: np.where(tells(s[:, i, i]), s[:, i, i].imag, np.nan)))[:, i, i]
+    s = np.concatenate((s, limits))
+    s = s[tells(s)]
+    s = s[np.abs(s.imag) <= REAL * np.minimum(np.abs(s), np.abs(s - 1.0))].real
+    factors = s / (s - 1.0)
+    factors = factors[factors > 0.0]
+    unit = band.crossings(lambda s: s[:, i, i].real - 0.5)
+    turn = np.angle(1.0 - 1.0 / band.response(unit)[:, i, i])
+    late = np.mod(turn, 2.0 * np.pi) / (2.0 * np.pi * unit)
+    largest = band.highest(lambda s: np.abs(s[:, i, i]) ** 2)[1]
     return (float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors >= 1.0].min(initial=np.inf)),
-            float(np.degrees(np.abs(turn).min(initial=np.inf))), float(late.min(initial=np.inf)), modulus)  # fmt: skip
-
-
-def _ends(f: Array, values: Complex) -> list[tuple[complex, complex]]:
-    """Values at both ends, each with that an octave further in."""
-    inner = np.searchsorted(f, (2.0 * f[0], 0.5 * f[-1]))
-    return list(zip(values[[0, -1]].tolist(), values[np.minimum(inner, len(f) - 1)].tolist(), strict=True))
-
-
-def _crossings(
-    own: Callable[[Array], Complex], f: Array, values: Complex, sign: Callable[[Complex], Array],
-    near: Callable[[Complex], NDArray[np.bool_]],
-) -> tuple[Complex, Array]:  # fmt: skip
-    """Values of a loop, and frequencies [Hz], where a sign changes near some values."""
-    at = np.flatnonzero(((sign(values[1:]) >= 0.0) != (sign(values[:-1]) >= 0.0)) & near(values[1:]))
-    if not len(at):
-        return np.zeros(0, dtype=complex), np.zeros(0)
-    ends = f[at], f[at + 1]
-    share, index = np.linspace(0.0, 1.0, ZOOM), np.arange(len(at))
-    for _ in range(ZOOMS):
-        fine = ends[0][:, None] + (ends[1] - ends[0])[:, None] * share
-        inner = own(fine.reshape(-1)).reshape(fine.shape)
-        side = sign(inner) >= 0.0
-        after = np.maximum((side != side[:, :1]).argmax(axis=1), 1)
-        ends, both = (fine[index, after - 1], fine[index, after]), (inner[index, after - 1], inner[index, after])
-    low, high = sign(both[0]), sign(both[1])
-    # where a loop jumps through infinity its sign changes without a crossing
-    crosses = (low != high) & (np.abs(both[1] - both[0]) <= JUMP * np.abs(both[1]))
-    part = np.divide(low, low - high, out=np.zeros_like(low), where=crosses)
-    return (both[0] + part * (both[1] - both[0]))[crosses], (ends[0] + part * (ends[1] - ends[0]))[crosses]
-
-
-def _lowest(what: Callable[[Array], Array], f: Array, values: Array) -> tuple[float, float]:
-    """The least value and its frequency [Hz]."""
-    at = int(values.argmin())
-    best = float(values[at]), float(f[at])
-    low, high = f[max(at - 1, 0)], f[min(at + 1, len(f) - 1)]
-    for _ in range(ZOOMS if high > low else 0):
-        fine = np.linspace(low, high, ZOOM)
-        inner = what(fine)
-        at = int(inner.argmin())
-        best = min(best, (float(inner[at]), float(fine[at])))
-        low, high = fine[max(at - 1, 0)], fine[min(at + 1, ZOOM - 1)]
-    return best
-
-
-def _grid(loop: ClosedLoop) -> Array:
-    """Frequencies [Hz] that resolve every resonance of mechanism and closed loop."""
-    poles = np.concatenate((loop.poles(), loop.plant.system.poles())) / (2.0 * np.pi)
-    poles = poles[(poles.imag >= 0.0) & (np.abs(poles) > 1e-9 * np.abs(poles).max())]
-    size, width = np.abs(poles), np.maximum(np.abs(poles.real), SHARPEST * np.abs(poles))
-    around = np.geomspace(0.01, 30.0, AROUND)
-    near = np.concatenate((size[:, None] - width[:, None] * around, size[:, None] + width[:, None] * around))
-    low, high = 1e-3 * size.min(), 1e2 * size.max()
-    whole = np.concatenate((np.geomspace(low, high, POINTS), near.reshape(-1)))
-    return np.unique(whole[(whole >= low) & (whole <= high)])
+            float(np.degrees(np.abs(turn).min(initial=np.inf))), float(late.min(initial=np.inf)),
+            largest**-0.5)  # fmt: skip

@@ -15,6 +15,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from mbsvib.errors import ResponseError
 from mbsvib.reachable import chosen
+from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.matrices import in_parts
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 from mbsvib.sensitivities.solutions import solutions
@@ -22,7 +23,7 @@ from mbsvib.sensitivities.states import changed, states
 from mbsvib.sensitivities.variables import variables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -34,13 +35,9 @@ if TYPE_CHECKING:
     Ports = str | Sequence[str] | None
 
 BLOCK = 4_000_000
-# A response beyond this times the fastest eigenvalue is that at infinity; heights that differ by less are the same.
-FAR, ROUNDING = 1e6, 1e-9
-# A peak is looked for next to every sample of the grid that reaches this share of the highest.
-NEAR = 0.5
-GOLDEN = 0.5 * (3.0 - 5.0**0.5)
-# Golden sections until brackets are a thousandth of a peak's width; heights are then known to the share CLOSE.
-SECTIONS, CLOSE, FEW = 15, 1e-4, 6
+# The response has its peaks below this times the fastest eigenvalue, and is that at infinity from there; heights that
+# differ by less are the same.
+LAST, FAR, ROUNDING = 1e3, 1e6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -132,18 +129,15 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
     """
     i, o = _ports(system, inputs, outputs)
 
-    def sigma(w: Array) -> Array:
-        return np.asarray(np.linalg.svd(_response(system, i, o, w), compute_uv=False)[:, 0])
-
     values = system.poles()
     if (worst := _not_decaying(system)) is not None:
         raise ResponseError(f"Hinf norm of '{system.name}': mode {worst} does not decay, so that its peak is infinite. "
                             f"Give it damping, or ask system.reachable(inputs, outputs) for its norm.")  # fmt: skip
     named = [system.inputs[k] for k in i], [system.outputs[k] for k in o]
-    w = np.concatenate(([0.0], system.frequency_grid(*named)))
-    found = sigma(w)
-    far = float(sigma(np.array([FAR * np.abs(values).max()]))[0])
-    omega, value = _highest(sigma, w, found)
+    fastest = float(np.abs(values).max())
+    band = Band(lambda w: _response(system, i, o, w), panels(values, 0.0, LAST * fastest))
+    omega, value = band.highest(_largest)
+    far = float(_largest(band.response(np.array([FAR * fastest])))[0])
     if far > value * (1.0 + ROUNDING):
         raise ResponseError(
             f"Hinf norm of '{system.name}': the response is highest at infinite frequency ({far:.4g}, against "
@@ -162,36 +156,8 @@ def _response(system: System, i: list[int], o: list[int], w: Array) -> Complex:
                       + system.D[np.ix_(o, i)])  # fmt: skip
 
 
-def _highest(sigma: Callable[[Array], Array], w: Array, found: Array) -> tuple[float, float]:
-    """Frequency and height of the highest peak: golden sections about all high samples at once, then parabolas."""
-    top = int(np.argmax(found))
-    inner = np.flatnonzero(found >= NEAR * found[top])
-    low, high = w[np.maximum(inner - 1, 0)], w[np.minimum(inner + 1, len(w) - 1)]
-    for _ in range(SECTIONS):
-        a, b = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
-        fa, fb = np.split(sigma(np.concatenate((a, b))), 2)
-        left = fa > fb
-        high, low = np.where(left, b, high), np.where(left, low, a)
-    middle, height = 0.5 * (low + high), np.maximum(fa, fb)
-    best = float(w[top]), float(found[top])
-    tops = np.flatnonzero(height >= height.max() * (1.0 - CLOSE))
-    for k in tops[np.unique(middle[tops].round(9), return_index=True)[1]][:FEW]:
-        here = _polished(sigma, float(middle[k]), float(high[k] - low[k]))
-        best = here if here[1] > best[1] else best
-    return best
-
-
-def _polished(sigma: Callable[[Array], Array], omega: float, step: float) -> tuple[float, float]:
-    """Newton's way to the top, with differences over a bracket that is small against the peak's width."""
-    for _ in range(4):
-        value = sigma(np.abs(omega + step * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])))
-        first = (value[0] - 8.0 * value[1] + 8.0 * value[3] - value[4]) / (12.0 * step)
-        second = (-value[0] + 16.0 * value[1] - 30.0 * value[2] + 16.0 * value[3] - value[4]) / (12.0 * step**2)
-        move = -first / second if second < 0.0 else 0.0
-        if not abs(move) <= 2.0 * step:
-            break
-        omega += float(move)
-    return abs(omega), float(sigma(np.array([abs(omega)]))[0])
+def _largest(g: Complex) -> Array:
+    return np.asarray(np.linalg.svd(g, compute_uv=False)[:, 0])
 
 
 def _ports(system: System, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:

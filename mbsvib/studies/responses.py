@@ -9,7 +9,8 @@ import numpy as np
 
 from mbsvib import _checks as check
 from mbsvib.errors import ResponseError, nearest
-from mbsvib.responses.frequency_grid import placed, span
+from mbsvib.responses import extrema
+from mbsvib.responses.frequency_grid import span
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.quantities import Dual, Leaf
 
@@ -26,13 +27,9 @@ if TYPE_CHECKING:
     Names = str | Iterable[str] | None
     Band = tuple[float, float]
 
-ZOOMS, ZOOM_POINTS = 4, 33
 SEEDS = 24  # points spread over a band, beside those at the modes
-PER_DECADE = 30  # even spacing in search of peaks; beside it points follow the poles
 LOWER = 0.1  # local maxima below this share of the largest wait until the others have come down
-UNDAMPED = 1e-12
-# Gauss' rule of so many points on panels no longer than this share of the distance to the nearest pole
-POINTS, REACH = 8, 0.5
+POINTS = 12  # of Gauss' rule on panels no longer than the distance to the nearest pole: an error of 1e-14
 BEYOND = 8.0  # times the highest pole or break-point: from there to infinity in one panel over 1/f
 TAIL_POINTS = 16
 
@@ -102,26 +99,12 @@ class Peak(Largest):
             If an undamped mode in the band is excited.
         """
         system = place.system
-        low, high = self._band(system)
+        low, high = (2.0 * np.pi * f for f in self._band(system))
         poles = system.poles()
-        _refuse_undamped(system, poles, 2.0 * np.pi * low, 2.0 * np.pi * high,
-                         lambda w: self.ports.magnitude(system, w), self.label)  # fmt: skip
-        count = max(2, round(PER_DECADE * np.log10(high / low)) + 1)
-        w = 2.0 * np.pi * placed(poles, poles, low, high, count)
-        size = self.ports.magnitude(system, w)
-        wide = np.concatenate(([-np.inf], size, [-np.inf]))
-        at = np.flatnonzero((size >= wide[:-2]) & (size >= wide[2:]) & (size >= LOWER * size.max()))
-        left, right = w[np.maximum(at - 1, 0)], w[np.minimum(at + 1, len(w) - 1)]
-        top, value = w[at], size[at]
-        share = np.linspace(0.0, 1.0, ZOOM_POINTS)
-        for _ in range(ZOOMS):
-            fine = left[:, None] + (right - left)[:, None] * share
-            found = self.ports.magnitude(system, fine.reshape(-1)).reshape(fine.shape)
-            best, row = found.argmax(axis=1), np.arange(len(at))
-            better = found[row, best] > value
-            top, value = np.where(better, fine[row, best], top), np.maximum(value, found[row, best])
-            left, right = fine[row, np.maximum(best - 1, 0)], fine[row, np.minimum(best + 1, ZOOM_POINTS - 1)]
-        return top, value
+        _refuse_undamped(system, poles, low, high, lambda w: self.ports.magnitude(system, w), self.label)
+        band = extrema.Band(lambda w: self.ports.magnitude(system, w) ** 2, extrema.panels(poles, low, high))
+        where, square = band.maxima(np.asarray, LOWER**2)
+        return where, np.sqrt(square)
 
     def _band(self, system: System) -> Band:
         return self.band or span(system.poles(), None, None)
@@ -196,7 +179,7 @@ def _nodes(system: System, ports: Ports, noise: BaseNoise, band: Band | None) ->
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
         raise ResponseError(f"rms: '{system.name}' is not stable, so that its vibration grows without bound.")
-    still = np.abs(poles.real) <= UNDAMPED * np.abs(poles)
+    still = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
     tail = band is None and noise.unbounded
     places = np.concatenate((noise.breaks, np.abs(poles)))
     if band is None:
@@ -212,8 +195,8 @@ def _nodes(system: System, ports: Ports, noise: BaseNoise, band: Band | None) ->
         if near > 10.0 * beside:
             raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
                                 f"or give a band that starts above 0 Hz.")  # fmt: skip
-    first = float(noise.breaks[0]) if len(noise.breaks) else np.inf
-    ends = _panels(places[(places > low) & (places < high)], poles[~still], low, high, first)
+    # tables are powers of the frequency
+    ends = extrema.panels(np.append(poles[~still], [0.0] * bool(len(noise.breaks))), low, high, places)
     node, weight = np.polynomial.legendre.leggauss(POINTS)
     half = 0.5 * np.diff(ends)
     f = ((0.5 * (ends[1:] + ends[:-1]))[:, None] + half[:, None] * node).reshape(-1)
@@ -229,30 +212,13 @@ def _nodes(system: System, ports: Ports, noise: BaseNoise, band: Band | None) ->
     return f, w
 
 
-def _panels(within: Array, poles: Complex, low: float, high: float, tables: float) -> Array:
-    """Ends of panels; ``tables`` start there, and are powers of the frequency."""
-    ends = np.unique(np.concatenate(([low, high], within)))
-    while True:
-        middle, length = 0.5 * (ends[1:] + ends[:-1]), np.diff(ends)
-        distance = np.abs(1j * middle[:, None] - poles).min(axis=1, initial=np.inf)
-        distance = np.where(middle > tables, np.minimum(distance, middle), distance)
-        long = (length > REACH * distance) & (length > UNDAMPED * middle)
-        if not long.any():
-            return ends
-        ends = np.sort(np.concatenate((ends, middle[long])))
-
-
 def _refuse_undamped(system: System, poles: Complex, low: float, high: float, size: Any, what: str) -> None:
     """Refuse undamped modes in a band that are excited: there the response has no bound."""
-    still = np.unique(np.abs(poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)]))
-    still = still[(still >= low) & (still <= high) & (still > 0.0)]
-    if len(still):
-        near, beside = size(still * (1.0 + 1e-7)), size(still * (1.0 + 1e-4))
-        excited = np.flatnonzero(near > 100.0 * beside)
-        if len(excited):
-            raise ResponseError(f"{what}: the mode of '{system.name}' at {still[excited[0]] / (2.0 * np.pi):.6g} Hz is "
-                                f"not damped, and is excited without bound; give the mechanism damping, or a band "
-                                f"without it.")  # fmt: skip
+    grows = extrema.excited(size, poles, low, high)
+    if len(grows):
+        raise ResponseError(f"{what}: the mode of '{system.name}' at {grows[0] / (2.0 * np.pi):.6g} Hz is not "
+                            f"damped, and is excited without bound; give the mechanism damping, or a band without "
+                            f"it.")  # fmt: skip
 
 
 def _names(given: Any, field: str) -> list[str] | None:

@@ -4,8 +4,9 @@ import control
 import numpy as np
 import pytest
 
+import mbsvib as mv
 from mbsvib import isolation, library
-from tests.isolation.scenes import OMEGA, active_strut, one_axis
+from tests.isolation.scenes import OMEGA, active_strut, one_axis, two_masses
 
 
 def plant():
@@ -77,3 +78,51 @@ def test_delay_margin_is_where_a_sampled_loop_becomes_unstable():
     for factor, sign in ((0.98, True), (1.02, False)):
         # a hold is late by half a sample
         assert loop.sampled(rate, factor * late - 0.5 / rate).stable is sign
+
+
+def test_gain_margin_of_a_sampled_loop_is_at_half_the_rate():
+    """Far above all modes the loop turns by 180 degrees at half the rate, and there alone."""
+    p = plant()
+    loop = p.with_gains(isolation.velocity_feedback(p, 2000.0)).sampled(1e4)
+    got = loop.margins()
+    assert 100 < got.gain[0] < 200
+    for factor, sign in ((0.9999, True), (1.0001, False)):
+        assert p.with_gains(isolation.velocity_feedback(p, 2000.0 * factor * got.gain[0])).sampled(1e4).stable is sign
+    assert got.modulus == pytest.approx(1 - 1 / got.gain[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_gain_margins_of_random_loops_are_where_poles_reach_the_axis(seed):
+    """Two actuators with light dampers from 1e-6 on, each loop by itself while the other is closed."""
+    rng = np.random.default_rng(seed)
+    p = isolation.actuated(two_masses(c1=10 ** rng.uniform(-6, 0), c2=10 ** rng.uniform(-6, 0)), "payload",
+                           directions="z")  # fmt: skip
+    corner, gain = 10 ** rng.uniform(1.5, 3.5, 2), 10 ** rng.uniform(0, 2.5, 2)
+    turn = np.diag(gain) * (1 + 0.2 * rng.normal(size=(2, 2)))
+
+    def closed(factors):
+        law = control.ss(-np.diag(corner), np.diag(corner), -np.diag(factors) @ turn, np.zeros((2, 2)))
+        return p.with_gains(isolation.controller(law, ["lower.rate", "upper.rate"],
+                                                 ["lower.actuator", "upper.actuator"]))  # fmt: skip
+
+    loop = closed([1, 1])
+    if not loop.stable:
+        assert max(loop.poles().real) > 0
+        return
+    got = loop.margins()
+    for i in range(2):
+        largest = got.gain[i] if np.isfinite(got.gain[i]) else 1e5
+        for factor in np.geomspace(1, 0.9999 * largest, 30):
+            assert closed(np.where(np.arange(2) == i, factor, 1.0)).stable, factor
+        if np.isfinite(got.gain[i]):
+            assert not closed(np.where(np.arange(2) == i, 1.0001 * largest, 1.0)).stable
+
+
+def test_a_band_of_two_frequencies_is_enough():
+    p = plant()
+    loop = p.with_gains(isolation.velocity_feedback(p, 2000.0))
+    whole, band = loop.margins(), loop.margins([1.0, 1e4])
+    assert band.phase == pytest.approx(whole.phase, rel=1e-12)
+    assert band.delay == pytest.approx(whole.delay, rel=1e-12)
+    with pytest.raises(mv.ResponseError, match="the first and the last of a band"):
+        loop.margins([3.0])
