@@ -15,6 +15,7 @@ from mbsvib.equilibrium.couplers import point_of, terms, travelled
 from mbsvib.equilibrium.joints import displacement, opening
 from mbsvib.equilibrium.rotations import exponential
 from mbsvib.kinematics import relative_motion, twists
+from mbsvib.length import length_of
 from mbsvib.parts import Bushing
 from mbsvib.topology import FLOATS, span
 
@@ -113,12 +114,14 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = (), near: Array | 
 
 
 def size_of(model: Model) -> float:
-    """Return the size [m] of a mechanism as described, between the outermost of its points; 1 m if it is one point."""
+    """Return the size [m] of a mechanism as described: the root mean square distance from their mean of the centres of
+    mass, the points of joints and bushings, and the ends of springs; 1 m if all are one point.
+    """
     points = [body.position for body in model.bodies.values()]
     points += [joint.point for joint in model.joints.values() if joint.point is not None]
     for spring in model.springs.values():
         points += [spring.position] if isinstance(spring, Bushing) else [spring.start, spring.end]
-    return float(np.ptp(np.array(points), axis=0).max()) or 1.0 if points else 1.0
+    return length_of(np.array(points).reshape(-1, 3))
 
 
 def along_tree(at: Stance, q: Array) -> Pose:

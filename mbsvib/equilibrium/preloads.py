@@ -47,7 +47,7 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
     Returns
     -------
     Model
-        The model in the same pose, with the smallest preloads that hold it (moments divided by its size).
+        The model in the same pose, with the preloads of least norm that hold it (moments divided by its size).
 
     Raises
     ------

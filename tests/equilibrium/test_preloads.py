@@ -7,7 +7,8 @@ import mbsvib as mv
 from tests.equilibrium.test_moved import four_bar
 from tests.equilibrium.test_search import G, check, pendulum, reloaded
 from tests.support.lagrangian import Lagrangian
-from tests.support.random_models import planar, spatial
+from tests.support.random_models import planar, rotation, spatial
+from tests.support.restated import restated
 
 
 def in_balance(model):
@@ -38,6 +39,50 @@ def test_the_smallest_of_many_preloads_is_taken():
     expected = np.linalg.pinv(balance) @ (8 * 9.81 * np.array([1.0, 0.1, 0.05]))
     assert force == pytest.approx(expected, rel=1e-12)
     assert all(held.springs[f"leg.{name}"].preload[3:] == (0, 0, 0) for name in "abcd")
+
+
+def mounted(seed):
+    """A box on three mounts in any directions."""
+    rng = np.random.default_rng(seed)
+    model = mv.Model("box", gravity=(1.0, -3.0, -9.81))
+    model.add_body("box", 8.0, (1, 1, 1), (0.1, 0.05, 1.0))
+    for k in range(3):
+        model.add_bushing(f"mount{k}", "ground", "box", rng.normal(size=3) * (2.0, 1.0, 0.3), 1e4 * rng.random(6),
+                          orientation=rotation(rng))  # fmt: skip
+    return model
+
+
+def in_world(model):
+    """Forces and moments of all bushings (n, 2, 3)."""
+    return np.array([np.reshape(spring.preload, (2, 3)) @ np.array(spring.orientation).T
+                     for spring in model.springs.values()])  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_moments_count_over_the_distance_of_all_points_from_their_mean(seed):
+    """Least sum of |force|^2 + |moment / L|^2, L the root mean square distance."""
+    model = mounted(seed)
+    body = model.bodies["box"]
+    points = np.array([spring.position for spring in model.springs.values()])
+    every = np.concatenate((points, [body.position]))
+    length = np.sqrt(np.square(every - every.mean(axis=0)).sum() / 4)
+    balance = np.concatenate([np.block([[np.eye(3), np.zeros((3, 3))], [np.cross(arm, -np.eye(3)), length * np.eye(3)]])
+                              for arm in points - body.position], axis=1)  # fmt: skip
+    expected = np.linalg.pinv(balance) @ [*(-8.0 * np.array(model.gravity)), 0, 0, 0]
+    expected = expected.reshape(3, 2, 3) * np.array([[1.0], [length]])
+    found = in_world(model.equilibrium(preload=True))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_preloads_turn_with_the_scene(seed):
+    """As frequencies depend on them, these stay the same."""
+    model, by = mounted(seed), rotation(np.random.default_rng(seed))
+    found, other = (each.equilibrium(preload=True) for each in (model, restated(model, by, (3.0, -5.0, 2.0))))
+    expected = in_world(found)
+    np.testing.assert_allclose(in_world(other) @ by, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    frequencies = [each.linearize().modes().frequencies for each in (found, other)]
+    np.testing.assert_allclose(*frequencies, rtol=1e-12)
 
 
 @pytest.mark.parametrize("full", [False, True])
