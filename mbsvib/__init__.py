@@ -14,6 +14,7 @@ from mbsvib.errors import (
     NearSingularWarning,
     ResponseError,
     SingularPoseError,
+    UndeterminedForceWarning,
 )
 from mbsvib.model import Model
 
@@ -45,6 +46,7 @@ __all__ = [
     "SingularPoseError",
     "StateSpace",
     "System",
+    "UndeterminedForceWarning",
     "__version__",
     "from_dh",
     "isolation",

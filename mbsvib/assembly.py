@@ -18,6 +18,7 @@ from mbsvib._memory import keep_freed_memory
 from mbsvib.gram import gram, product
 from mbsvib.inertia import check_mass, spatial_inertia
 from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, table, twists
+from mbsvib.loads.self_stress import warn
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.loops import Cuts, Reduction, reduce
 from mbsvib.mobility import check_mobility
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from mbsvib.inertia import SpatialInertia
     from mbsvib.kinematics import Array
     from mbsvib.loads.felt import Felt
+    from mbsvib.loads.self_stress import Undetermined
     from mbsvib.loads.wrenches import Applied
     from mbsvib.model import Model
     from mbsvib.parts import Body, Bushing, Spring
@@ -158,6 +160,11 @@ def linearize(
     SingularPoseError
         If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
 
+    Warns
+    -----
+    UndeterminedForceWarning
+        If an output is a force in joints that redundant constraints leave open.
+
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
     origin = a_model(model, "linearize")
@@ -171,13 +178,19 @@ def linearize(
         if wants_sparse(model, method, independent, cut, values):
             from mbsvib import sparse
 
-            return sparse.linearize(model, cut)
+            large = sparse.linearize(model, cut)
+            warn(model.name, large.undetermined)
+            return large
     if values is not None:
         from mbsvib.batch import linearize_batch
 
-        return linearize_batch(model, values, independent, cut)
+        batch = linearize_batch(model, values, independent, cut)
+        warn(model.name, batch.nominal.provenance.undetermined)
+        return batch
     keep_freed_memory(len(model.joints))
-    return system(model, scene(model, cut), independent, origin._snapshot())
+    result = system(model, scene(model, cut), independent, origin._snapshot())
+    warn(model.name, result.provenance.undetermined)
+    return result
 
 
 def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
@@ -278,10 +291,11 @@ def system(
         statics = load(scene, relative, reduction, found, model.name, checked, phi)
         said = model if origin is None else origin
         parts += (*said._falling, *said.loads.values())
+    undetermined: tuple[Undetermined, ...] = () if statics is None else statics.undetermined
     if scene.port.wrench_outputs:
         from mbsvib.loads.joint_forces import joint_force_rows
 
-        joint_force_rows(model, scene, relative, reduction, found, statics)
+        undetermined = joint_force_rows(model, scene, relative, reduction, found, statics)
     if model._rotors:
         from mbsvib.spin.terms import with_spin
 
@@ -306,6 +320,7 @@ def system(
         provenance=Provenance(
             scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
             ports=(*model.inputs.values(), *model.outputs.values()), origin=origin, planar=planar,
+            undetermined=undetermined,
         ),
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.loads.self_stress import Undetermined
     from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
     from mbsvib.massless.separation import Separation
@@ -34,7 +35,8 @@ class Provenance:
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
     without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
     inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
-    ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose.
+    ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose; ``undetermined`` is what
+    redundant constraints leave open of forces in joints, as far as these were asked for.
     """
 
     topology: Topology
@@ -49,6 +51,7 @@ class Provenance:
     origin: Model | None = None
     planar: bool = False
     settled: bool = False
+    undetermined: tuple[Undetermined, ...] = ()
 
 
 @dataclass(frozen=True, repr=False, eq=False)

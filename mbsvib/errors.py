@@ -56,6 +56,10 @@ class AccuracyWarning(UserWarning):
     """A result whose estimated error is larger than what was asked for."""
 
 
+class UndeterminedForceWarning(UserWarning):
+    """Outputs that are forces in joints which the model leaves open, as its constraints are redundant."""
+
+
 class LeftOutWarning(UserWarning):
     """Elements of a file that was read for which a model has no place, and that it does without."""
 

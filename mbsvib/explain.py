@@ -47,6 +47,9 @@ def explain(system: System) -> str:
         from mbsvib.loads.explain import explain_loads
 
         lines += ["loads", *explain_loads(system)]
+    if system.provenance.undetermined:
+        lines.append("forces in joints")
+        lines += [text for forces in system.provenance.undetermined for text in forces.explained()]
     if system.gyroscopic is not None or system.circulatory is not None:
         lines += ["symmetry", *_unsymmetric(system)]
     found = doubts(system)

@@ -191,6 +191,9 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
         act on the body, world axes; moments about its centre of mass, on the ground about the origin. Outputs are
         changes against the given pose.
 
+        Where constraints are redundant the model does not determine all forces in joints (``linearize`` warns of
+        outputs that depend on it). They are then those of least norm in each pose, see ``System.reactions``.
+
         Parameters
         ----------
         name : str
@@ -313,6 +316,11 @@ class Model(LoadedMechanism, ReducedMechanism, CoupledMechanism, RelaxingMechani
             value that is refused.
         SingularPoseError
             If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
+
+        Warns
+        -----
+        UndeterminedForceWarning
+            If an output is a force in joints that redundant constraints leave open: it is one of many that would do.
         """
         from mbsvib.assembly import linearize
 

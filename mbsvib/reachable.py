@@ -155,6 +155,9 @@ def _part(system: System, kept: Index, inputs: list[int], outputs: list[int], go
         matrix = whole[:, reduction.independent] if reduction.matrix is None else reduction.matrix
         came = replace(came, reduction=replace(reduction, independent=reduction.independent[kept],
                                                matrix=matrix[:, kept]))  # fmt: skip
+    shown = {system.outputs[k] for k in outputs}
+    undetermined = tuple([replace(forces, outputs=tuple([name for name in forces.outputs if name in shown]))
+                          for forces in came.undetermined])  # fmt: skip
     return replace(
         system, coordinates=tuple(system.coordinates[k] for k in kept),
         coordinate_units=tuple(system.coordinate_units[k] for k in kept),
@@ -167,7 +170,7 @@ def _part(system: System, kept: Index, inputs: list[int], outputs: list[int], go
         body_motion=np.ascontiguousarray(system.body_motion[:, :, kept]),
         gyroscopic=_block(system.gyroscopic, square), circulatory=_block(system.circulatory, square),
         massless=0 if null is None else null.shape[1], null_inertia=null,
-        provenance=replace(came, dropped=gone),
+        provenance=replace(came, dropped=gone, undetermined=undetermined),
     )  # fmt: skip
 
 

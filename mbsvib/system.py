@@ -312,7 +312,14 @@ class System(Sensitive, Equations):
         """Wrench in each joint at the pose, {joint: (6,)}: force [N] and moment [N m] on its second body at its point.
 
         World axes; its first body takes the opposite. A rod (distance joint) has its point at its end, a joint without
-        position at the centre of mass of its second body. Zeros where nothing loads the mechanism.
+        position at the centre of mass of its second body (on ground: its first). Zeros where nothing loads the
+        mechanism.
+
+        Where constraints are redundant many such wrenches would hold the bodies; of all these it is the one of least
+        norm, the least sum over the joints of |force|^2 + |moment / L|^2, with L the root mean square distance of the
+        joints' points from their mean. Joints of loops that have joints or couplers in common count together.
+        ``explain()`` names them. Frame, order, names, cut and units make no difference, and flexible joints, all with
+        stiffness k along and k L^2 about what they lock, would carry the same.
         """
         from mbsvib.loads.statics import joint_wrenches
 

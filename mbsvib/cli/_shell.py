@@ -10,7 +10,14 @@ import typer
 from typer.core import TyperGroup
 
 from mbsvib import tables
-from mbsvib.errors import AccuracyWarning, LeftOutWarning, MbsvibError, NearSingularWarning, ResponseError
+from mbsvib.errors import (
+    AccuracyWarning,
+    LeftOutWarning,
+    MbsvibError,
+    NearSingularWarning,
+    ResponseError,
+    UndeterminedForceWarning,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,7 +43,7 @@ class Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command; an error that mbsvib raises on purpose ends it with a message and a status."""
         with warnings.catch_warnings():
-            for category in (NearSingularWarning, AccuracyWarning, LeftOutWarning):
+            for category in (NearSingularWarning, AccuracyWarning, LeftOutWarning, UndeterminedForceWarning):
                 warnings.simplefilter("always", category)
             warnings.showwarning = _show_warning
             try:

@@ -17,7 +17,7 @@ SHOWN = 12
 
 
 def explain_loads(system: System) -> list[str]:
-    """Return what loads a system, how well it balances, and how the forces in redundant joints were chosen.
+    """Return what loads a system, how well it balances, and what it does to stiffness.
 
     Parameters
     ----------
@@ -41,9 +41,6 @@ def explain_loads(system: System) -> list[str]:
         if names:
             lines.append(f"  {what}: {_listed(names)}")
     lines.append(f"  balance: {statics.imbalance:.1e} of the forces is left over (allowed {BALANCE:g})")
-    for joints in statics.spread:
-        lines.append(f"  forces in the loops closed by {_listed(joints)} are redundant: those of least norm were "
-                     f"taken, moments divided by the size of the loop; stiffness does not depend on it")  # fmt: skip
     lines += _stiffness(system)
     if system.circulatory is not None:
         lines.append("  follower loads or torques make K unsymmetric")

@@ -4,11 +4,14 @@ What a motion adds to the wrenches of springs, loads, inputs and inertia goes th
 a loaded scene the forces of the pose count as well: those of joints and bushings turn with their first body, those of
 lines with the line, and the arms of all of them change with the pose. Outputs are components in the joint's axes, as
 its first body (a rod: the rod) carries them: a load that stays fixed in the world is seen to turn.
+
+What redundant constraints leave open is of least norm in every pose, w . D^2 S = 0. As the pose changes, so do the
+states S of self-stress and the length in D: S . D^2 dw = -w . (D^2 dS + d(D^2) S).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.assembly import Scene
-    from mbsvib.kinematics import Array, Triplets
+    from mbsvib.kinematics import Array, Index, Triplets
+    from mbsvib.loads.reactions import Carriers, Reactions
+    from mbsvib.loads.self_stress import SelfStress, Undetermined
     from mbsvib.loads.statics import Statics
     from mbsvib.loops import Reduction
     from mbsvib.model import Model
@@ -44,7 +49,7 @@ class _Motion:
 def joint_force_rows(
     model: Model, scene: Scene, relative: Triplets, reduction: Reduction, found: Mapping[str, Any],
     statics: Statics | None,
-) -> None:  # fmt: skip
+) -> tuple[Undetermined, ...]:  # fmt: skip
     """Fill in the rows of outputs that are forces in joints, or all forces on a body or the ground.
 
     Parameters
@@ -61,6 +66,11 @@ def joint_force_rows(
         Its matrices; rows of Cq, Cv, Ca and D are changed in place.
     statics : Statics or None
         The forces at the pose, if anything loads it.
+
+    Returns
+    -------
+    tuple of Undetermined
+        Which of these outputs redundant constraints leave open.
     """
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
     ways = carriers(scene.topology, position)
@@ -80,7 +90,7 @@ def joint_force_rows(
     if scene.shared is not None:
         more = shared_wrenches(scene, relative, reduction, position)
         elastic, damping, inertia, base = (a + b for a, b in zip((elastic, damping, inertia, base), more, strict=True))
-    change = _Change(scene, relative, reduction, statics, motion) if statics is not None else None
+    change = _Change(statics, motion, ways) if statics is not None else None
     if change is not None:
         elastic = elastic + change.on_bodies
     gyroscopic = np.zeros_like(inertia)
@@ -90,16 +100,35 @@ def joint_force_rows(
     parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia, "D": sources + base}
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
         carried_by = {key: to_joints(part) for key, part in parts.items()}
-        if change is not None:
-            carried_by["Cq"] = carried_by["Cq"] + change.moments
+        if statics is not None and change is not None:
+            carried_by["Cq"] = _in_every_pose(carried_by["Cq"] + change.moments, to_joints, statics, change)
+    asked = {}
     for row, kind, place, wrench in scene.port.wrench_outputs:
         if kind == "joint":
             axes = np.array(scene.topology.joints[place].axes)
             pull = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
+            asked[list(model.outputs)[row]] = (place, pull)
             for key, part in carried_by.items():
                 found[key][row] = pull @ part[:, place]
         else:
             _sum(found, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
+    names = [joint.name for joint in scene.topology.joints]
+    return tuple([stress.undetermined(names, asked) for stress in to_joints.stress])
+
+
+def _in_every_pose(changed: Array, to_joints: Reactions, statics: Statics, change: _Change) -> Array:
+    """Changes of the wrenches in joints (6, joints, m) by which these stay those of least norm as the pose changes."""
+    for stress in to_joints.stress:
+        at, weight = stress.joints, stress.weight[..., None]
+        rest, longer = statics.joints[:, at, None], change.of_moments(stress)
+        missing = np.empty((stress.states.shape[2], changed.shape[2]))
+        for k, state in enumerate(stress.states.transpose(2, 0, 1)):
+            follows = change.of(at, state)
+            turned = (to_joints(follows.on_bodies) + follows.moments)[:, at]
+            work = np.sum(rest[3:, :, 0] * state[3:])
+            missing[k] = (weight * rest * turned).sum(axis=(0, 1)) + work * longer
+        changed = stress.least(changed, missing)
+    return changed
 
 
 def _sum(
@@ -186,9 +215,8 @@ class _Change:
     gravity and loads, moments about the origin.
     """
 
-    def __init__(
-        self, scene: Scene, relative: Triplets, reduction: Reduction, statics: Statics, motion: _Motion
-    ) -> None:
+    def __init__(self, statics: Statics, motion: _Motion, ways: Carriers) -> None:
+        self._given = statics, motion, ways
         pairs, applied = statics.pairs, statics.applied
         a, b = pairs.arms(motion.position)
         turned_a, turned_b = motion.turn[:, pairs.first], motion.turn[:, pairs.second]
@@ -211,7 +239,8 @@ class _Change:
         arms = a[..., None], b[..., None]
         shifted = crossed_product(turned_a, arms[0])
         gap[:, lines] = 0.0
-        shifted += gap  # the point on the second body, against the first
+        gap[:, len(applied.names) :][:, ways.carrier == ways.first] = 0.0
+        shifted += gap  # the joint's point, mostly on the second body, against the first
         on_second = torque + crossed_product(crossed_product(turned_b, arms[1]), f) + crossed_product(arms[1], force)
         on_first = torque + crossed_product(shifted, f) + crossed_product(arms[0], force)
         first, second = pairs.incidence(motion.position.shape[1] - 1)
@@ -224,6 +253,22 @@ class _Change:
         moment = torque + crossed_product(moved, f) + crossed_product(points, force)
         self.of_loads = np.concatenate((force[:, loads].sum(axis=1), moment[:, loads].sum(axis=1)))
         self.of_loads[3:] += crossed_product(motion.shift, applied.weight[..., None]).sum(axis=1)
+
+    def of(self, joints: Index, state: Array) -> _Change:
+        """Return the same for a state of self-stress (6, j) in some joints alone."""
+        statics, motion, ways = self._given
+        count = len(statics.applied.names)
+        force, torque = np.zeros((2, *statics.pairs.force.shape))
+        force[:, count + joints], torque[:, count + joints] = state[:3], state[3:]
+        return _Change(replace(statics, pairs=replace(statics.pairs, force=force, torque=torque)), motion, ways)
+
+    def of_moments(self, stress: SelfStress) -> Array:
+        """Return how the weight 1 / L^2 of moments changes, (m,)."""
+        _, motion, ways = self._given
+        body, point = ways.carrier[stress.joints], ways.point[:, stress.joints]
+        moved = motion.at(body, point - motion.position[:, body])
+        apart = point - point.mean(axis=1, keepdims=True)
+        return np.asarray(-2.0 / (len(body) * stress.length**4) * np.einsum("cj,cjm->m", apart, moved))
 
     @staticmethod
     def _two(twisted: Array, statics: Statics, motion: _Motion) -> None:

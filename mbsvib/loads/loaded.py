@@ -68,10 +68,11 @@ def load(
     carried = to_joints.closed(known.tree)[:, :, 0]
     wrench = np.concatenate((known.pairs, carried), axis=1)
     pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
+    names = [joint.name for joint in scene.topology.joints]
     statics = Statics(
         applied, carried, pairs, known.ways.position, felt, residual, size, known.owners,
-        tuple([group.joints for group in reduction.groups if group.surplus]),
-    )  # fmt: skip
+        tuple([stress.undetermined(names, {}) for stress in to_joints.stress]),
+    )
     if scene.shared is not None:
         relative = relative_motion(scene.coordinates, felt.rows)
     moved = reduction.apply_exactly(relative.dense(relative.shape[0] - len(felt.rows.first), relative.shape[0]))

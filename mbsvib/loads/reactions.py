@@ -5,8 +5,9 @@ act there too. With Phi the locked rows of the cut joints and B' the motion of t
 
     Phi^T lambda = -B'^T W
 
-in the coordinates that depend on the loops. Where constraints are redundant many lambda hold the bodies, and the one of
-least norm is taken (moments divided by the size of the loop); the second-order terms are the same with all of them.
+in the coordinates that depend on the loops. Where constraints are redundant many lambda hold the bodies; of all the
+wrenches in joints that they bring those of least norm are taken (``self_stress``). The second-order terms are the same
+with all of them.
 """
 
 from __future__ import annotations
@@ -17,11 +18,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.loads.self_stress import of_loops
 from mbsvib.mobility import crossed_product
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.kinematics import Array, Index, Rows, Twists
+    from mbsvib.loads.self_stress import SelfStress
     from mbsvib.loops import Cuts, Reduction
     from mbsvib.parts import Joint
     from mbsvib.topology import Topology
@@ -32,9 +37,9 @@ class Carriers:
     """What topology and geometry say of the forces in joints.
 
     ``point`` (3, joints) [m] are the joints' points, as their second bodies carry them, ``start`` as their first do
-    (another one only in rods), ``first`` and ``second`` (joints,) their bodies; ``behind`` (bodies + 1, joints) holds
-    +1 or -1 where a joint of the tree lies between ground and the body; ``position`` (3, bodies + 1) are the centres of
-    mass, ``joint_of`` (n,) the joint of each coordinate.
+    (another one only in rods), ``first`` and ``second`` (joints,) their bodies, ``carrier`` (joints,) the one that the
+    point moves with; ``behind`` (bodies + 1, joints) holds +1 or -1 where a joint of the tree lies between ground and
+    the body; ``position`` (3, bodies + 1) are the centres of mass, ``joint_of`` (n,) the joint of each coordinate.
     """
 
     topology: Topology
@@ -43,6 +48,7 @@ class Carriers:
     start: Array
     first: Index
     second: Index
+    carrier: Index
     behind: Array
     joint_of: Index
 
@@ -101,7 +107,8 @@ class Carriers:
 class Reactions:
     """The way from body wrenches to joint wrenches: by ``carriers``, and in loops by the locked rows ``phi``.
 
-    ``loops`` (6 joints, locked rows) are the wrenches in all joints that one unit of each multiplier brings.
+    ``loops`` (6 joints, locked rows) are the wrenches in all joints that one unit of each multiplier brings, ``stress``
+    what redundant constraints leave open.
     """
 
     carriers: Carriers
@@ -110,6 +117,7 @@ class Reactions:
     reduction: Reduction
     phi: Array
     loops: Array
+    stress: tuple[SelfStress, ...]
 
     def __call__(self, wrench: Array) -> Array:
         """Return the wrenches in the joints that balance wrenches on the bodies.
@@ -131,10 +139,18 @@ class Reactions:
         """Return the wrenches in all joints for those of the open tree, both (6, joints, columns)."""
         if not self.loops.shape[1]:
             return tree
-        return tree + (self.loops @ self.multipliers(tree)).reshape(tree.shape)
+        return self.least(tree + (self.loops @ self.multipliers(tree)).reshape(tree.shape))
+
+    def least(self, wrench: Array) -> Array:
+        """Return the wrenches of least norm that do the same in all joints, both (6, joints, columns)."""
+        for stress in self.stress:
+            wrench = stress.least(wrench)
+        return wrench
 
     def multipliers(self, tree: Array) -> Array:
-        """Return lambda (locked rows, columns) for the wrenches in the joints of the open tree (6, joints, columns)."""
+        """Return lambda (locked rows, columns) for wrenches in the joints of the open tree (6, joints, columns); any
+        that will do where constraints are redundant.
+        """
         assert self.cuts is not None
         twist, at = np.concatenate((self.coordinates.linear, self.coordinates.angular)), self.carriers.joint_of
         # what the open tree's joints lack along their own free directions; of floating bodies, last, nothing depends
@@ -193,11 +209,12 @@ def carriers(topology: Topology, position: Array) -> Carriers:
     for k, joint in enumerate(topology.joints):
         if joint.kind == "distance" and joint.position is not None:
             start[:, k] = joint.position
+    carrier = np.array([carrier_of(joint, number) for joint in topology.joints], dtype=np.intp)
     joint_of: list[int] = []
     for k in sorted(branch.joint for branch in topology.branches if branch.joint != FLOATS):
         joint_of += [k] * len(topology.joints[k].freedom)
     joint_of += [FLOATS] * (6 * len(topology.floating))
-    return Carriers(topology, position, point, start, first, second, behind, np.array(joint_of, dtype=np.intp))
+    return Carriers(topology, position, point, start, first, second, carrier, behind, np.array(joint_of, dtype=np.intp))
 
 
 def reactions(
@@ -226,9 +243,16 @@ def reactions(
     Reactions
         To be called with wrenches on the bodies.
     """
-    return Reactions(
-        carriers, coordinates, cuts, reduction, phi, carriers.of_locked(cuts) if loops is None else loops
-    )
+    loops = carriers.of_locked(cuts) if loops is None else loops
+    stress = of_loops(carriers, cuts, reduction, phi, loops)
+    return Reactions(carriers, coordinates, cuts, reduction, phi, loops, tuple(stress))
+
+
+def carrier_of(joint: Joint, number: Mapping[str, int]) -> int:
+    """Return the body that a joint's point moves with: its second, but where the point is a centre of mass that ground
+    has not.
+    """
+    return number[joint.first if joint.point is None and joint.second == "ground" else joint.second]
 
 
 def place(joint: Joint, number: dict[str, int], position: Array) -> Array | tuple[float, float, float]:

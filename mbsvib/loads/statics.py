@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.pairs import Pairs
+    from mbsvib.loads.self_stress import Undetermined
     from mbsvib.loads.wrenches import Applied
     from mbsvib.loops import Reduction
     from mbsvib.system import System
@@ -39,8 +40,8 @@ class Statics:
 
     ``pairs`` are the applied forces, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
     ``residual`` (m,) is what is left over along each coordinate, ``size`` (m,) that of the forces that should cancel.
-    ``owners`` own rows of geometric stiffness: all pairs, then all bodies; ``spread`` names the joints among which
-    redundant constraints leave the forces undetermined.
+    ``owners`` own rows of geometric stiffness: all pairs, then all bodies; ``undetermined`` is what redundant
+    constraints leave open of the forces in joints.
     """
 
     applied: Applied
@@ -51,7 +52,7 @@ class Statics:
     residual: Array
     size: Array
     owners: tuple[str, ...]
-    spread: tuple[tuple[str, ...], ...]
+    undetermined: tuple[Undetermined, ...]
 
     @property
     def imbalance(self) -> float:

@@ -18,6 +18,7 @@ from mbsvib.sparse.cuts import short_span
 from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.self_stress import regions
 from mbsvib.sparse.system import SparseSystem
 from mbsvib.sparse.tableau import build
 from mbsvib.sparse.tree import tree
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from mbsvib.elements import Elements
     from mbsvib.inertia import SpatialInertia
     from mbsvib.kinematics import Array, Index
+    from mbsvib.loads.self_stress import Undetermined
     from mbsvib.model import Model
     from mbsvib.ports import Ports
     from mbsvib.sparse.constraints import Constraints
@@ -88,13 +90,14 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     names = (*model.springs, *(() if shared is None else shared.names))
     port = ports(model, bodies, number)
     loading: tuple[str, ...] = ()
+    undetermined: tuple[Undetermined, ...] = ()
     found = None
+    shared_by = regions(topology, structure, closure, number, [k for _, kind, k, _ in port.wrench_outputs
+                                                               if kind == "joint"])  # fmt: skip
     if is_loaded(model):
         from mbsvib.sparse.loads import geometric
-        from mbsvib.sparse.release import Release
 
-        least = Release(structure, place, closure).least if port.wrench_outputs else None
-        found = geometric(model, topology, structure, place, closure, number, least)
+        found = geometric(model, topology, structure, place, closure, number, dict.fromkeys(shared_by.values()))
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
     loop_rows = closure.over_unknowns(structure, place)
@@ -110,8 +113,9 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
         from mbsvib.sparse.forces import Acting
 
         sums = Acting(topology, structure, place, closure, number, springs, elastic, inertia, factor, port,
-                      seen[: len(port.force_inputs)], shared, found)  # fmt: skip
+                      seen[: len(port.force_inputs)], shared, found, shared_by)  # fmt: skip
         more, straight = sums.outputs()
+        undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
         through = through + straight
     return SparseSystem(
@@ -121,7 +125,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
         structure=structure, constraints=closure, layout=place,
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
-        model=snapshot(model), loading=loading,
+        model=snapshot(model), loading=loading, undetermined=undetermined,
     )  # fmt: skip
 
 

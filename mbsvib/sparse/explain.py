@@ -89,9 +89,7 @@ def _forces(system: SparseSystem) -> list[str]:
         return []
     what = counted(len(asked), "output")
     lines = [f"  {what} by virtual work, rows as long as what they sum: {listed([output.name for output in asked])}"]
-    if system.redundant and any(output.element in system.model.joints for output in asked):
-        lines.append("    redundant constraints share forces in joints so that their squares add up to the least")
-    return lines
+    return [*lines, *(text for forces in system.undetermined for text in forces.explained())]
 
 
 def _skipped(system: SparseSystem) -> list[str]:

@@ -2,8 +2,8 @@
 
 A force in a joint is the work that all else does, inertia included, in a motion in which the joint gives way along it:
 all that hangs behind moves as one body, and where loops cross the joint their coordinates follow so that no other
-constraint is broken. Where constraints are redundant none gives way alone; the motion then breaks them as little as can
-be, which makes the forces those of least norm, as on the dense path. All forces on a body are its change of momentum.
+constraint is broken. Where constraints are redundant none gives way alone; the other joints of the loops then give way
+as well, so that forces are those of least norm. All forces on a body are its change of momentum.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.kinematics import Rows
+from mbsvib.loads.reactions import carrier_of
 from mbsvib.loads.reactions import place as place_of
 from mbsvib.sparse.release import Release
 from mbsvib.sparse.rows import relative_rows
@@ -28,11 +30,13 @@ if TYPE_CHECKING:
     from mbsvib.composite import Composite, Shared
     from mbsvib.elements import Elements
     from mbsvib.inertia import SpatialInertia
-    from mbsvib.kinematics import Array, Index, Rows
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.loads.self_stress import Undetermined
     from mbsvib.ports import Ports
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
+    from mbsvib.sparse.self_stress import Region
     from mbsvib.sparse.tree import Tree
     from mbsvib.topology import Topology
 
@@ -40,13 +44,15 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class Virtual:
     """A motion of the bodies: those that are ``moved`` (bodies + 1,), 1 or -1 times, follow a twist (``linear``,
-    ``angular``) of one rigid body about ``point``, and the tree adds ``follows`` (size,), if anything does follow.
+    ``angular``) of one rigid body about ``point``, and the tree adds ``follows`` (size,), if anything does follow. The
+    joint ``opens``, if it is one that gives way.
     """
 
     moved: Array
     linear: Array
     angular: Array
     point: Array
+    opens: int | None = None
     follows: Array | None = None
 
     def full(self, rows: Rows) -> Array:
@@ -64,12 +70,71 @@ class Virtual:
         whole = np.concatenate((turned, np.broadcast_to(self.angular, turned.shape)), axis=1)
         return np.asarray(whole * self.moved[: len(position), None])
 
+    def at(self, body: Index, point: Array) -> Array:
+        """Return the rigid part of displacements of points (3, n) of bodies, (3, n)."""
+        return np.asarray(self.moved[body] * (self.linear[:, None] + np.cross(self.angular, point.T - self.point).T))
+
+    @property
+    def turns(self) -> Array:
+        """The rigid part of the rotations of bodies and ground, (bodies + 1, 3)."""
+        return np.outer(self.moved, self.angular)
+
+    def opened(self, joints: int) -> Array:
+        """Return the rotations by which joints give way, (3, joints)."""
+        result = np.zeros((3, joints))
+        if self.opens is not None:
+            result[:, self.opens] = self.angular
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class Yielding:
+    """A motion in which ``joints`` (j,) of a region give way by ``gap`` (6, j), as ``displacements`` (bodies + 1, 6) of
+    the bodies and the ground at ``centre`` (bodies + 1, 3).
+    """
+
+    displacements: Array
+    centre: Array
+    joints: Index
+    gap: Array
+    follows: None = None
+
+    def along(self, rows: Rows) -> Array:
+        """Return the relative displacements along rows, (rows,)."""
+        shift = self.at(rows.second, rows.point) - self.at(rows.first, rows.point)
+        turn = self.turns[rows.second] - self.turns[rows.first]
+        return np.asarray((shift * rows.force).sum(axis=0) + (turn.T * rows.moment).sum(axis=0))
+
+    def of_bodies(self, position: Array) -> Array:
+        """Return the displacements (bodies, 6) at centres of mass (bodies, 3)."""
+        return self.displacements[: len(position)]
+
+    def at(self, body: Index, point: Array) -> Array:
+        """Return the displacements of points (3, n) of bodies, (3, n)."""
+        own = self.displacements[body]
+        return np.asarray((own[:, :3] + np.cross(own[:, 3:], point.T - self.centre[body])).T)
+
+    @property
+    def turns(self) -> Array:
+        """The rotations of bodies and ground, (bodies + 1, 3)."""
+        return self.displacements[:, 3:]
+
+    def opened(self, joints: int) -> Array:
+        """Return the rotations by which joints give way, (3, joints)."""
+        result = np.zeros((3, joints))
+        result[:, self.joints] = self.gap[3:]
+        return result
+
+
+Motion = Virtual | Yielding
+
 
 @dataclass(frozen=True)
 class Acting:
     """All that acts on the bodies, in numbers: ``springs`` with their ``elastic`` rows over the unknowns, ``inertia``
-    with its ``factor``, ``port`` with the rows that its inputs have (``pushed``), what more bodies have ``shared``, and
-    the forces ``found`` at the pose, if there are any.
+    with its ``factor``, ``port`` with the rows that its inputs have (``pushed``), what more bodies have ``shared``, the
+    forces ``found`` at the pose, if there are any, and the ``regions`` in which redundant constraints share forces, by
+    joint.
     """
 
     topology: Topology
@@ -85,6 +150,7 @@ class Acting:
     pushed: csr_matrix
     shared: Shared | None
     found: Geometric | None
+    regions: Mapping[int, Region]
 
     @cached_property
     def release(self) -> Release:
@@ -115,6 +181,16 @@ class Acting:
             found.append(csr_matrix((value, (row_of.astype(int), column.astype(int))), shape=shape))
         return (found[0], found[1], found[2]), through
 
+    def undetermined(self, names: tuple[str, ...]) -> tuple[Undetermined, ...]:
+        """Return what redundant constraints leave open of the outputs with these ``names``."""
+        outputs: dict[Region, list[str]] = {region: [] for region in self.regions.values()}
+        for row, kind, number, wrench in self.port.wrench_outputs:
+            if kind == "joint" and number in self.regions:
+                region, step = self.regions[number], self._step(number, wrench)
+                if region.is_open(step, region.split(step)[0]):
+                    outputs[region].append(names[row])
+        return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
+
     def _sum(self, body: int, wrench: Array) -> tuple[dict[int, Array], Array]:
         """All forces on a body, its change of momentum; on the ground, what the bodies lack of theirs."""
         n = len(self.tree.parent)
@@ -131,25 +207,55 @@ class Acting:
 
     def _in_joint(self, number: int, wrench: Array) -> tuple[dict[int, Array], Array]:
         """The force with which a joint pulls its first body to its second."""
-        motion = self._giving_way(number, wrench)
         lines = {0: np.zeros(self.place.size), 1: np.zeros(self.place.size)}
+        region = self.regions.get(number)
+        if region is None:
+            motion: Motion = self._giving_way(number, wrench)
+        else:
+            step = self._step(number, wrench)
+            held = region.split(step)[0]
+            motion = self._yielding(region, step)
+            if self._turning is not None and region.is_open(step, held):
+                lines[0] += self._in_every_pose(region, held)
         for rows, along, stiffness, damping in self._elastic(motion):
             for derivative, value in ((0, stiffness), (1, damping)):
                 lines[derivative] -= rows.T @ (value * along)
         if self._turning is not None:
-            lines[0] += self._turning.of_joint(motion, number)
+            lines[0] += self._turning.of_joints(motion)
         lines[2], through = self._of_inertia(motion)
         forces = self.port.force_inputs
         push = motion.along(self.port.rows)[: len(forces)]
         through[forces] += push if motion.follows is None else push + self.pushed @ motion.follows
         return lines, through
 
+    def _step(self, number: int, wrench: Array) -> Array:
+        """A step (6, j) of one joint's gap along its axes, among the joints of its region."""
+        region, axes = self.regions[number], np.array(self.topology.joints[number].axes)
+        result = np.zeros((6, len(region.joints)))
+        result[:, region.joints.searchsorted(number)] = *(axes @ wrench[:3]), *(axes @ wrench[3:])
+        return result
+
+    def _yielding(self, region: Region, step: Array) -> Yielding:
+        """The motion in which the joints of a region give way by the part of a step that its bodies can do."""
+        held, motion = region.split(step)
+        centre = np.concatenate((self.tree.position, np.zeros((1, 3))))
+        return Yielding(region.displacements(motion, centre), centre, region.joints, step - region.scale**2 * held)
+
+    def _in_every_pose(self, region: Region, held: Array) -> Array:
+        """What keeps forces of least norm as the pose, and with it a state of self-stress, changes; a row (size,)."""
+        assert self.found is not None
+        rest = self.found.joints[:, region.joints]
+        motion = self._yielding(region, region.scale**2 * rest)
+        state = Turning(self.tree, self.place, self.found.of_joints(region.joints, held))
+        work = float((rest[3:] * held[3:]).sum())
+        return self._longer(region) * work - state.of_joints(motion)
+
     def _giving_way(self, number: int, wrench: Array) -> Virtual:
         """The motion of a joint's second body against its first, and of all that has to follow."""
         joint, rows = self.topology.joints[number], self.closure.rows
         centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
         axes, point = np.array(joint.axes), np.array(place_of(joint, dict(self.number), centre), dtype=float)
-        motion = Virtual(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point)
+        motion = Virtual(np.zeros(centre.shape[1]), axes @ wrench[:3], axes @ wrench[3:], point, number)
         couplers, target = self.closure.couplers, np.zeros(len(self.closure.names))
         locked = target[: len(rows.first)]
         if number in self._hung:
@@ -167,7 +273,7 @@ class Acting:
             np.add.at(target, len(locked) + row, share * gap)
         return replace(motion, follows=self.release.unknowns(target)) if target.any() else motion
 
-    def _elastic(self, motion: Virtual) -> Iterator[tuple[csr_matrix, Array, Array, Array]]:
+    def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, Array, Array]]:
         """Elastic rows, how far a motion goes along them, stiffness and damping."""
         follows = motion.follows
         along = motion.along(self.springs.rows)
@@ -179,7 +285,7 @@ class Acting:
             yield (self._blended, along if follows is None else along + self._blended @ follows, blend.stiffness,
                    blend.damping)  # fmt: skip
 
-    def _of_inertia(self, motion: Virtual) -> tuple[Array, Array]:
+    def _of_inertia(self, motion: Motion) -> tuple[Array, Array]:
         """What inertia does in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""
         moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])[:, 0]
         if self.shared is not None and self.shared.mass is not None:
@@ -190,6 +296,14 @@ class Acting:
         for column, carried in self._base:
             through[column] = -(moved @ carried)
         return -(self.factor.T @ moved), through
+
+    def _longer(self, region: Region) -> Array:
+        """How the weight 1 / L^2 of moments in a region changes with the pose, a row (size,)."""
+        apart = region.point - region.point.mean(axis=1, keepdims=True)
+        carrier = np.array([carrier_of(self.topology.joints[k], self.number) for k in region.joints.tolist()])
+        ground = np.full(len(carrier), len(self.tree.parent))
+        rows = relative_rows(self.tree, self.place, Rows(ground, carrier, region.point, apart, np.zeros_like(apart)))
+        return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
 
     @cached_property
     def _turning(self) -> Turning | None:
@@ -237,6 +351,6 @@ class Acting:
         return enter, enter + np.array(size[:n], dtype=np.intp)
 
 
-def _rigidly(composite: Composite, motion: Virtual) -> Array:
+def _rigidly(composite: Composite, motion: Motion) -> Array:
     """How far the rigid part of a motion goes along composite rows."""
     return composite.of((motion.along(composite.rows) * composite.rides)[:, None])[:, 0]

@@ -8,7 +8,7 @@ of the dense path; as rows they hold rotations of bodies and joint coordinates, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +18,8 @@ from mbsvib.kinematics import Rows
 from mbsvib.loads.felt import felt
 from mbsvib.loads.geometric import SQUARES, SUMS, ZERO_FORM
 from mbsvib.loads.pairs import Pairs
+from mbsvib.loads.reactions import carrier_of, skew
 from mbsvib.loads.reactions import place as place_of
-from mbsvib.loads.reactions import skew
 from mbsvib.loads.statics import BALANCE, LEAST, who
 from mbsvib.loads.wrenches import applied
 from mbsvib.mobility import crossed_product
@@ -27,7 +27,7 @@ from mbsvib.sparse.rows import relative_rows
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from scipy.sparse import csr_matrix
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mbsvib.model import Model
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.self_stress import Region
     from mbsvib.sparse.tree import Tree
     from mbsvib.topology import Topology
 
@@ -45,7 +46,8 @@ if TYPE_CHECKING:
 class Geometric:
     """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,); ``owner`` (n,) are
     numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies; ``pairs`` are
-    all forces, those of ``applied`` and then those in joints, and ``feels`` what they feel.
+    all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the bodies that their points move
+    with, and ``feels`` what they feel.
     """
 
     rows: csr_matrix
@@ -54,13 +56,21 @@ class Geometric:
     names: tuple[str, ...]
     joints: Array
     pairs: Pairs
+    carrier: Index
     feels: Felt
     applied: Applied
+
+    def of_joints(self, joints: Index, wrench: Array) -> Geometric:
+        """Return the same with wrenches (6, j) in some joints alone."""
+        force, torque = np.zeros((2, *self.pairs.force.shape))
+        count = len(self.applied.names)
+        force[:, count + joints], torque[:, count + joints] = wrench[:3], wrench[3:]
+        return replace(self, pairs=replace(self.pairs, force=force, torque=torque))
 
 
 def geometric(
     model: Model, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int],
-    least: Callable[[Array], Array] | None = None,
+    regions: Iterable[Region] = (),
 ) -> Geometric:  # fmt: skip
     """Return the geometric stiffness of a loaded mechanism.
 
@@ -78,8 +88,8 @@ def geometric(
         Locked rows of the cut joints.
     number : mapping
         Number of each body, ground included.
-    least : callable, optional
-        What makes multipliers of all locked rows those of least norm; default: redundant rows hold nothing.
+    regions : iterable of Region
+        Where redundant constraints are to share forces, so that they are of least norm; elsewhere they hold nothing.
 
     Returns
     -------
@@ -99,7 +109,7 @@ def geometric(
     sizes[0] += np.sqrt(np.square(acting.weight).sum(axis=0))
     behind, size = _behind(tree, wrench, sizes)
     reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])
-    cut = _closed(tree, closure, behind, size, (model.name, topology), least, reach)
+    cut = _closed(tree, closure, behind, size, (model.name, topology), reach)
     if cut is not None:
         wrench = wrench + _on_bodies(cut, position)[0]
         behind = _behind(tree, wrench, sizes)[0]
@@ -124,6 +134,8 @@ def geometric(
             here = np.concatenate((here, closure.couplers.joint))
         moment = cut.torque + crossed_product(cut.end - point[:, here], cut.force)
         np.add.at(carried.T, here, np.concatenate((cut.force, moment)).T)
+    for region in regions:
+        carried[:, region.joints] = region.least(carried[:, region.joints])
     for k, joint in enumerate(joints):
         if joint.kind == "distance" and joint.position is not None:
             start[:, k] = joint.position
@@ -132,7 +144,9 @@ def geometric(
     coupled = {name.rpartition(".")[0] for coupler in model._couplers.values() for name, _ in coupler.terms}
     feels = felt(acting, joints, number, coupled)
     rows, stiffness, owner = _rows(every, feels, tree, place, position, n)
-    return Geometric(rows, stiffness, owner, names, carried, every, feels, acting)
+    moved_with = [carrier_of(joint, number) for joint in joints]
+    carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
+    return Geometric(rows, stiffness, owner, names, carried, every, carrier, feels, acting)
 
 
 def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
@@ -171,9 +185,8 @@ def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
 
 
 def _closed(
-    tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology],
-    least: Callable[[Array], Array] | None, reach: float,
-) -> Pairs | None:  # fmt: skip
+    tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology], reach: float
+) -> Pairs | None:
     """Forces in the cut joints that bring all into balance, row by row; refused where they do not."""
     motion, carried = tree.motion.T, tree.carried
     lacks = np.einsum("ck,ck->k", motion, behind[:, carried])
@@ -190,8 +203,6 @@ def _closed(
     _check(-rest, limit + held, tree, said)
     every, whole = closure.rows, np.zeros(len(closure.names))
     whole[closure.kept] = value
-    if least is not None:
-        whole = least(whole)
     if closure.couplers is not None:  # in joints of the tree they act as parts of these
         coupler, share = closure.couplers.measured
         whole = np.concatenate((whole[: len(every.first)], share * whole[len(every.first) + coupler]))

@@ -1,7 +1,6 @@
 """Release: motions of the tree in which cut joints give way by given amounts, and nothing else does.
 
-Where constraints are redundant some of these motions do not exist; the nearest in the sense of least squares is taken,
-rotations times the size of the loop. Forces found by its work are those of least norm that hold the mechanism.
+Where constraints are redundant some of these motions do not exist (``self_stress`` tells which do).
 """
 
 from __future__ import annotations
@@ -88,27 +87,11 @@ class Release:
         result[x] = factor.solve(-(twists @ q))
         return result
 
-    def least(self, value: Array) -> Array:
-        """Return the multipliers of least norm that do the same as given ones, both (locked rows,)."""
-        result = value.copy()
-        for k, group in enumerate(self._closure.groups):
-            if group.rank < len(group.rows):
-                solve, scale, column_scale = self._solver(k, group)
-                row, column, entry = self._entries.of(group.rows)
-                q = column_scale * solve(value[group.rows] / scale)
-                moved = np.bincount(row, entry * q[np.searchsorted(group.columns, column)], len(group.rows))
-                result[group.rows] = scale**2 * moved
-        return result
-
     def _solver(self, k: int, group: LoopGroup) -> tuple[Callable[[Array], Array], Array, Array]:
         if k not in self._solvers:
             closure, tree = self._closure, self._tree
             shape = (len(group.rows), len(group.columns))
             small, length = shape[0] * shape[1] <= WHOLE, group.length
-            if not small:  # that of the largest loop; forces of least norm are those of the dense path with that of all
-                cut = group.rows[group.rows < len(closure.rows.first)]
-                points = np.concatenate((closure.rows.point[:, cut], tree.point[:, group.columns]), axis=1)
-                length = float((points.max(axis=1) - points.min(axis=1)).max()) or 1.0
             rows = row_scale(closure.rows, closure.couplers, group.rows, length)
             column_scale = np.where(tree.turns[group.columns], 1.0, length)
             row, column, value = self._entries.of(group.rows)

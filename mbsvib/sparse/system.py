@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
+    from mbsvib.loads.self_stress import Undetermined
     from mbsvib.model import Model
     from mbsvib.reachable import Dropped
     from mbsvib.sparse.constraints import Constraints
@@ -43,7 +44,8 @@ class SparseSystem:
     W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
     ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
-    ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness.
+    ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
+    redundant constraints leave open of the forces in joints that are outputs.
     """
 
     name: str
@@ -71,6 +73,7 @@ class SparseSystem:
     model: Model = field(repr=False)
     dropped: Dropped | None = None
     loading: tuple[str, ...] = ()
+    undetermined: tuple[Undetermined, ...] = ()
 
     @property
     def dof(self) -> int:

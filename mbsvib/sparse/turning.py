@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array
-    from mbsvib.sparse.forces import Virtual
+    from mbsvib.sparse.forces import Motion
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.tree import Tree
@@ -47,15 +47,13 @@ class Turning:
     def _arms(self) -> tuple[Array, Array]:
         return self.found.pairs.arms(np.concatenate((self.tree.position, np.zeros((1, 3)))).T)
 
-    def of_joint(self, motion: Virtual, joint: int) -> Array:
-        """Return the work of what a motion changes, less what the axes of a joint carry along, (size,).
+    def of_joints(self, motion: Motion) -> Array:
+        """Return the work of what a motion changes, less what the axes of joints carry along, (size,).
 
         Parameters
         ----------
-        motion : Virtual
-            The motion in which the joint gives way.
-        joint : int
-            Its number.
+        motion : Virtual or Yielding
+            The motion in which joints give way.
 
         Returns
         -------
@@ -71,7 +69,7 @@ class Turning:
         solid[: applied.loads] = solid[lines] = 0.0
         apart = turn_b - turn_a
         twisting = apart.copy()
-        twisting[:, len(applied.names) + joint] -= motion.angular
+        twisting[:, len(applied.names) :] -= motion.opened(count - len(applied.names))
         half = 0.5 * cross(t, twisting)
         self._two(half, twisting)
         lever = cross(f, turn_a)
@@ -82,6 +80,7 @@ class Turning:
         on_a = solid * (cross(f, gap) + cross(t, apart) - half) - cross(arm_a, lever)
         on_a[:, lines] += cross(along[:, lines], on_gap[:, lines])
         on_b = solid * half + cross(arm_b, cross(f, turn_b))
+        on_gap[:, self.found.carrier == pairs.first] = 0.0
         result: Array = self._gaps.T @ on_gap.T.reshape(-1)
         turns = np.zeros((len(self.tree.parent) + 1, 3))
         np.add.at(turns, pairs.first, on_a.T)
@@ -90,13 +89,11 @@ class Turning:
         result[column[column >= 0]] += turns[:-1][column >= 0]
         return result
 
-    def _virtual(self, motion: Virtual, along: Array) -> tuple[Array, Array, Array]:
+    def _virtual(self, motion: Motion, along: Array) -> tuple[Array, Array, Array]:
         """Rotations of first and second and the gap between start and end of each force in a motion, (3, pairs)."""
         pairs = self.found.pairs
-        turns = np.outer(motion.moved, motion.angular)
-        at_a, at_b = (motion.moved[body] * (motion.linear[:, None] + np.cross(motion.angular, at.T - motion.point).T)
-                      for body, at in ((pairs.first, pairs.start), (pairs.second, pairs.end)))  # fmt: skip
-        gap: Array = at_b - at_a
+        turns = motion.turns
+        gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.start)
         if motion.follows is not None:
             column = self.place.displacement[:, 3:]
             more = np.where(column >= 0, motion.follows[column], 0.0)

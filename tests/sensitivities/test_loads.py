@@ -11,6 +11,8 @@ from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import stiffened
 from tests.support.random_models import planar, seeds, spatial
 
+# redundant constraints are welcome here: what they leave open is compared as well
+pytestmark = pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @settings(max_examples=8, deadline=None)
@@ -108,6 +110,11 @@ def test_forces_that_constraints_do_not_tell_stay_beside():
     expected = of_variants(system, "door.mass")
     assert found.Ca[0] == pytest.approx(expected["Ca"], abs=1e-9)
     assert found.D[0] == pytest.approx(expected["D"], abs=1e-9)
+    # of least norm: 1/2 + (z - (z1 + z2) / 2) / 2h
+    share = system.D[0, 0] / 0.85
+    assert abs(share) == pytest.approx(1.0, rel=1e-13)
+    for name, slope in (("lower", 0.1), ("upper", -0.6)):
+        assert system.matrix_derivatives(f"{name}.position.z").D[0] * share == pytest.approx(slope, rel=1e-9)
 
 
 def test_forces_beside_parameters_that_are_differenced():

@@ -70,3 +70,17 @@ def stiffened(seed, bodies=3, loops=0, **words):
     model = loaded(seed, bodies, loops, **words)
     return model.with_values({name: 1e6 * (1 + k % 7) for k, name in enumerate(model.parameters)
                               if name.startswith("bush") and ".stiffness." in name})  # fmt: skip
+
+
+def held(model, seed=0):
+    """A mechanism as it is, under gravity and loads, which preloads of bushings bring into balance."""
+    rng = np.random.default_rng(seed)
+    model.gravity = (1.0, -2.0, -9.81)
+    for k, (name, body) in enumerate(model.bodies.items()):
+        at = np.array(body.position)
+        model.add_load(f"load{k}", name, 100 * rng.normal(size=3), position=at + rng.normal(size=3))
+        model.add_bushing(f"bush{k}", "ground", name, at, 1e5 * rng.random(6), orientation=rotation(rng))
+    for name, wrench in zip(list(model.bodies), wrench_needed(model), strict=True):
+        if wrench.any():
+            model.add_bushing(f"{name}.hold", "ground", name, model.bodies[name].position, preload=wrench)
+    return model

@@ -1,0 +1,327 @@
+"""Self-stress of many bodies: loops with redundant constraints, and their wrenches of least norm.
+
+A unit step e of the gap in one joint splits into two parts: D^2 w, where the wrenches w in all joints hold each other,
+and what bodies can do, the gaps of a motion u. The wrenches of least norm (``loads/self_stress.py``) do no work on the
+former, so that u tells their part along e. With A the rows that joints lock and couplers tie over the displacements of
+the bodies, and B the wrenches of these rows,
+
+    [[B^T D^2 B, A], [A^T, 0]] [x; u] = [B^T e; 0],    w = B x.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from mbsvib.couplers.rows import measure
+from mbsvib.errors import ModelError
+from mbsvib.explain import listed
+from mbsvib.length import length_of
+from mbsvib.loads.reactions import place as place_of
+from mbsvib.loads.reactions import skew
+from mbsvib.loads.self_stress import DETERMINED, Undetermined, self_stress
+from mbsvib.loops import pivoted_qr
+from mbsvib.sparse.constraints import WHOLE
+from mbsvib.sparse.release import CONVERGED, DELTA, STEPS
+from mbsvib.sparse.rows import paths
+from mbsvib.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.kinematics import Array, Index
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.tree import Tree
+    from mbsvib.topology import Topology
+
+    Split = Callable[[Array], tuple[Array, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Loops with redundant constraints that have joints or couplers in common: their ``joints`` (j,) with ``point``
+    (3, j) and length L [m], and the ``bodies`` (b,) that hang on joints of the tree among them.
+
+    ``gap`` (6 j, 6 b) is what joints see of the displacements of these bodies, ``rows`` (6 j, n) are the wrenches of
+    all that joints lock and couplers tie, ``rank`` of whose n rows are independent; in both lengths are measured in L,
+    and ``rows`` are of unit length. All other bodies stand, or go along with the body that they hang on: ``owner``
+    (bodies + 1,) is its number among ``bodies``, -1 for none.
+    """
+
+    names: tuple[str, ...]
+    joints: Index
+    point: Array
+    length: float
+    bodies: Index
+    gap: csr_matrix
+    rows: csr_matrix
+    rank: int
+    owner: Index
+
+    @cached_property
+    def scale(self) -> Array:
+        """D (6, 1): 1 for forces, 1 / L for moments."""
+        return np.repeat((1.0, 1.0 / self.length), 3)[:, None]
+
+    def split(self, step: Array) -> tuple[Array, Array]:
+        """Return what self-stress and motion make of a step of the gaps.
+
+        Parameters
+        ----------
+        step : array, shape (6, j)
+            How far joints give way [m, rad].
+
+        Returns
+        -------
+        wrench : array, shape (6, j)
+            The wrenches w that hold each other, D^2 w the part of the step on which they do work.
+        motion : array, shape (b, 6)
+            Displacements of the bodies with the rest of the step as gaps, of what joints lock.
+        """
+        wrench, motion = self._solve((step / self.scale).T.reshape(-1))
+        return wrench.reshape(-1, 6).T / self.scale, motion.reshape(-1, 6) * self.scale[:, 0]
+
+    def least(self, wrench: Array) -> Array:
+        """Return the wrenches (6, j) of least norm that do the same as given ones."""
+        return np.asarray(wrench - self.split(self.scale**2 * wrench)[0])
+
+    def displacements(self, motion: Array, position: Array) -> Array:
+        """Return the displacements (bodies + 1, 6) of all bodies and the ground at ``position`` (bodies + 1, 3), for
+        those of the region's bodies (b, 6).
+        """
+        result = np.zeros((len(self.owner), 6))
+        moves = np.flatnonzero(self.owner >= 0)
+        own = self.owner[moves]
+        result[moves] = motion[own]
+        result[moves, :3] += np.cross(motion[own, 3:], position[moves] - position[self.bodies[own]])
+        return result
+
+    def is_open(self, step: Array, wrench: Array) -> bool:
+        """Tell whether redundant constraints leave open what does work on a step, of which ``split`` made a wrench."""
+        return bool(np.linalg.norm(wrench * self.scale) > DETERMINED * np.linalg.norm(step / self.scale))
+
+    def undetermined(self, outputs: tuple[str, ...]) -> Undetermined:
+        """Return the joints that self-stress goes through, with the outputs that depend on it."""
+        some = np.cos(np.arange(6.0 * len(self.joints))).reshape(-1, 6).T  # no structure of a mechanism
+        size = np.linalg.norm(self.split(some * self.scale)[0] * self.scale, axis=0)
+        names = tuple(self.names[k] for k in self.joints[size > DETERMINED * size.max(initial=0.0)].tolist())
+        return Undetermined(names, self.length, outputs)
+
+    @cached_property
+    def _solve(self) -> Split:
+        matrix = self.rows.T @ self.gap
+        small = matrix.shape[0] * matrix.shape[1] <= WHOLE
+        return _of_small(self, matrix.toarray()) if small else _of_large(self, matrix)
+
+
+def _of_small(region: Region, matrix: Array) -> Split:
+    """By a pivoted QR of known rank, whose last columns are the combinations of rows that load no body."""
+    qr, order, tau = pivoted_qr(matrix)
+    count, rank = len(matrix), region.rank
+    basis = np.zeros((count, count))
+    basis[:, : len(tau)] = qr[:, : len(tau)]
+    basis = lapack.dorgqr(basis, tau)[0]
+    stress = self_stress(region.joints, region.point, _in_joints(region, region.rows @ basis[:, rank:]))
+    states = np.zeros((6 * len(region.joints), 0))
+    if stress is not None:
+        states = (stress.states * region.scale[..., None]).transpose(1, 0, 2).reshape(len(states), -1)
+
+    def solve(step: Array) -> tuple[Array, Array]:
+        held = states @ (states.T @ step)
+        motion = np.zeros(matrix.shape[1])
+        along = basis[:, :rank].T @ (region.rows.T @ (step - held))
+        if rank:
+            motion[order[:rank]] = blas.dtrsm(1.0, qr[:rank, :rank], along[:, None])[:, 0]
+        return held, motion
+
+    return solve
+
+
+def _in_joints(region: Region, flat: Array) -> Array:
+    """Wrenches (6, j, n) out of weighted ones (6 j, n)."""
+    return np.asarray(flat.reshape(len(region.joints), 6, -1).transpose(1, 0, 2) / region.scale[..., None])
+
+
+def _of_large(region: Region, matrix: csr_matrix) -> Split:
+    """By a regularised sparse system, again for what is left until nothing changes."""
+    from scipy.sparse import bmat, eye
+    from scipy.sparse.linalg import splu
+
+    n, m = matrix.shape
+    equations = bmat([[region.rows.T @ region.rows, matrix], [matrix.T, None]], format="csc")
+    shift = bmat([[DELTA * eye(n), None], [None, -DELTA * eye(m)]], format="csc")
+    lu = splu(equations + shift)
+
+    def solve(step: Array) -> tuple[Array, Array]:
+        right = np.concatenate((region.rows.T @ step, np.zeros(m)))
+        solution = np.zeros(n + m)
+        size = CONVERGED * float(np.abs(right).max(initial=0.0))
+        for _ in range(STEPS):
+            more = lu.solve(right - equations @ solution)
+            solution += more
+            if max(np.abs(region.rows @ more[:n]).max(), np.abs(matrix @ more[n:]).max()) <= size:
+                return region.rows @ solution[:n], solution[n:]
+        names = listed([region.names[k] for k in region.joints.tolist()])
+        raise ModelError(
+            f"forces in the joints {names} are not determined to many digits: the constraints nearly depend on each "
+            f"other. Leave these outputs out, or use method='dense'.",
+            element=region.names[region.joints[0]], field="method",
+        )  # fmt: skip
+
+    return solve
+
+
+def regions(
+    topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], asked: Iterable[int]
+) -> dict[int, Region]:
+    """Return the loops with redundant constraints that asked joints are in.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree and the cut joints.
+    tree : Tree
+        The tree's arrays.
+    closure : Constraints
+        Locked rows of the cut joints and rank decisions.
+    number : mapping
+        Number of each body, ground included.
+    asked : iterable of int
+        Numbers of joints.
+
+    Returns
+    -------
+    dict of int to Region
+        By asked joint; none for joints that no redundant constraint concerns.
+    """
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    if not any(group.surplus for group in closure.groups):
+        return {}
+    loop, joint = _through(topology, tree, closure)
+    loops = int(loop.max()) + 1
+    shape = (loops + len(topology.joints),) * 2
+    graph = csr_matrix((np.ones(len(loop), dtype=bool), (loop, loops + joint)), shape=shape)
+    label = connected_components(graph, directed=False)[1]
+    surplus = np.zeros(len(label), dtype=np.intp)
+    for group in closure.groups:
+        surplus[label[closure.loop[group.rows[0]]]] += group.surplus
+    of_part: dict[int, Region] = {}
+    result = {}
+    for k in asked:
+        part = int(label[loops + k])
+        if surplus[part] and part not in of_part:
+            within = np.flatnonzero(label[:loops] == part), np.flatnonzero(label[loops:] == part)
+            of_part[part] = _region(topology, tree, closure, number, within, int(surplus[part]))
+        if surplus[part]:
+            result[k] = of_part[part]
+    return result
+
+
+def _through(topology: Topology, tree: Tree, closure: Constraints) -> tuple[Index, Index]:
+    """Pairs of a loop, first those of cut joints and then those of couplers, and a joint that is in it."""
+    on = np.full(len(tree.parent) + 1, FLOATS)
+    for branch in topology.branches:
+        on[branch.body] = branch.joint
+    loop, where = np.unique(closure.loop[: len(closure.rows.first)], return_index=True)
+    first, second = closure.rows.first[where], closure.rows.second[where]
+    loops, joints = [loop], [np.array(topology.cut, dtype=np.intp)[loop]]
+    if closure.couplers is not None:
+        terms = closure.couplers.terms
+        inside, coupler = terms.column >= 0, len(topology.cut) + terms.row
+        loops += [coupler[inside], coupler[~inside]]
+        joints += [on[tree.carried[terms.column[inside]]], closure.couplers.joint]
+        first, second = (np.concatenate((ends, more)) for ends, more in (
+            (first, terms.measured.first), (second, terms.measured.second)))  # fmt: skip
+        loop = np.concatenate((loop, coupler[~inside]))
+    pair, body, _, _ = paths(tree, first, second, None)
+    both = np.concatenate((*loops, loop[pair])), np.concatenate((*joints, on[body]))
+    hung = both[1] != FLOATS
+    return both[0][hung], both[1][hung]
+
+
+def _region(
+    topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], within: tuple[Index, Index],
+    surplus: int,
+) -> Region:  # fmt: skip
+    loops, joints = within
+    parts = [topology.joints[k] for k in joints.tolist()]
+    position = np.concatenate((tree.position, np.zeros((1, 3))))
+    point = np.array([place_of(part, dict(number), position.T) for part in parts])
+    index_of = {k: i for i, k in enumerate(joints.tolist())}
+    bodies = np.array([branch.body for branch in topology.branches if branch.joint in index_of], dtype=np.intp)
+    own = {body: i for i, body in enumerate(bodies.tolist())}
+    owner = [-1] * len(position)
+    for body in tree.outward.tolist():
+        owner[body] = own.get(body, owner[tree.parent[body]])
+    length, of = length_of(point), np.array(owner)
+    locked = [(i, six) for i, part in enumerate(parts) for _, six in part.locked]
+    entries = [(i, row, six) for row, (i, six) in enumerate(locked)]
+    entries += _of_couplers(topology, tree, closure, index_of, loops[loops >= len(topology.cut)], len(locked))
+    ends = np.array([(number[part.first], number[part.second]) for part in parts]).T
+    rows = _rows(entries, len(parts), length)
+    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, length, bodies,
+                  _gaps(point, of[ends], position[bodies], length), rows, rows.shape[1] - surplus, of)  # fmt: skip
+
+
+def _of_couplers(
+    topology: Topology, tree: Tree, closure: Constraints, index_of: Mapping[int, int], loops: Index, first: int
+) -> list[tuple[int, int, Any]]:
+    """What couplers do to joints: the joint's number in its region, the row from ``first`` on, and the wrench."""
+    if closure.couplers is None:
+        return []
+    terms, measured = closure.couplers.terms, closure.couplers.terms.measured
+    row = {int(loop) - len(topology.cut): first + k for k, loop in enumerate(loops)}
+    known = {joint.name: (k, joint) for k, joint in enumerate(topology.joints)}
+    cut = iter(zip(closure.couplers.joint.tolist(), *measured.force, *measured.moment, strict=True))
+    result = []
+    for coupler, value, column in zip(terms.row.tolist(), terms.value.tolist(), terms.column.tolist(), strict=True):
+        if column >= 0:
+            name, _, direction = tree.names[column].rpartition(".")
+            k, joint = known[name]
+            six = np.concatenate(measure(joint, direction)[:2])
+        else:
+            k, *rest = next(cut)
+            six = np.array(rest)
+        if coupler in row:
+            result.append((index_of[k], row[coupler], value * six))
+    return result
+
+
+def _rows(entries: list[tuple[int, int, Any]], joints: int, length: float) -> csr_matrix:
+    """Wrenches (6 joints, n) in units of the length, each row's of unit length."""
+    from scipy.sparse import csr_matrix, diags
+
+    joint, row = np.array([entry[:2] for entry in entries], dtype=np.intp).T
+    six = np.array([entry[2] for entry in entries]) * np.repeat((1.0, 1.0 / length), 3)
+    where, direction = np.nonzero(six)
+    wrenches = csr_matrix((six[where, direction], (6 * joint[where] + direction, row[where])),
+                          shape=(6 * joints, int(row.max()) + 1))  # fmt: skip
+    return (wrenches @ diags(1.0 / np.sqrt(np.asarray(wrenches.power(2).sum(axis=0))[0]))).tocsr()
+
+
+def _gaps(point: Array, ends: Index, position: Array, length: float) -> csr_matrix:
+    """What joints at points (j, 3) see of the displacements of bodies at positions (b, 3), (6 j, 6 b) in units of the
+    length; ``ends`` (2, j) are the numbers of their first and second bodies, -1 where these stand.
+    """
+    from scipy.sparse import csr_matrix
+
+    row, column, value = [], [], []
+    for end, sign in zip(ends, (-1.0, 1.0), strict=True):
+        moves = np.flatnonzero(end >= 0)
+        arm = (point[moves] - position[end[moves]]) / length
+        block = np.tile(np.eye(6), (len(moves), 1, 1))
+        block[:, :3, 3:] = -skew(arm.T).transpose(2, 0, 1)
+        which, i, j = np.nonzero(block)
+        row.append(6 * moves[which] + i)
+        column.append(6 * end[moves[which]] + j)
+        value.append(sign * block[which, i, j])
+    shape = (6 * len(point), 6 * len(position))
+    return csr_matrix((np.concatenate(value), (np.concatenate(row), np.concatenate(column))), shape=shape)
