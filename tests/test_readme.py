@@ -124,8 +124,10 @@ def test_the_commands_work(names, folder, monkeypatch):
 
 def test_the_set_up_is_one_command_each():
     assert [text for text in blocks("bash") if "pip" in text] == [
-        "pip install uv && uv run mbsvib demo\n", "pip install uv && uv run pytest\n",
+        "pip install uv && uv run --no-dev mbsvib demo\n", "pip install uv && uv run pytest\n",
     ]  # fmt: skip
+    # without the development group, which is six times as large
+    assert re.findall(r"uv run (?!--no-dev |pytest)\S+", README) == []
 
 
 def test_pictures_and_links_are_there_and_small():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,13 @@ import typer
 from mbsvib.cli import _shell as shell
 
 FOLDER = Path("mbsvib-demo")
+# (extra, what it is for, the command that needs it)
+EXTRAS = (
+    ("report", "a page for any browser, the modes in motion", "report stewart"),
+    ("video", "a mode as MP4 (.gif needs no extra)", "animate stewart -f mode.mp4"),
+    ("fmu", "a functional mock-up unit, FMI 2.0 or 3.0", "export stewart -o stewart.fmu"),
+    ("hdf5", "matrices and state space as HDF5", "export stewart -o stewart.h5"),
+)
 
 
 def demo(
@@ -53,4 +61,16 @@ def demo(
     shell.say("")
     place = shell.shown(folder)
     tables.show(shell.console(), f"Written to {place}", [("file", "left"), ("what is in it", "left")], files)
-    shell.say(f"Next: mbsvib modes {Path(place) / 'stewart.yaml'}")
+    example = str(Path(place) / "stewart.yaml")
+    shell.say("Next: " + _line("", f"modes {example}") + "\n")
+    rows = [(words, _line(extra, command)) for extra, words, command in EXTRAS]
+    tables.show(shell.console(), "What needs an extra", [("what", "left"), ("command", "left")], rows)
+
+
+def _line(extra: str, command: str) -> str:
+    """Return what to type for a command that needs an extra, or none: by uv where uv has run this one."""
+    if "UV" in os.environ:
+        needed = f"--extra {extra} " if extra else ""
+        return f"uv run --no-dev {needed}mbsvib {command}"
+    needed = f'pip install "mbsvib[{extra}]" && ' if extra else ""
+    return f"{needed}mbsvib {command}"

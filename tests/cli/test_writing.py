@@ -1,12 +1,16 @@
 """Commands that write files."""
 
 import json
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import mbsvib as mv
 import mbsvib_export as mx
+from mbsvib.cli._demo import EXTRAS
 
 PNG = b"\x89PNG"
 
@@ -73,7 +77,7 @@ def test_demo_leaves_a_folder_that_it_names(run, tmp_path):
     assert "Written to mbsvib-demo" in result.stdout
     folder = tmp_path / "mbsvib-demo"
     names = {path.name for path in folder.iterdir()}
-    table = result.stdout.split("Written to mbsvib-demo")[1]
+    table = result.stdout.split("Written to mbsvib-demo")[1].split("Next: ")[0]
     assert names == {line.split()[0] for line in table.splitlines() if line.startswith("  ")} - {"file"}
     for name in ("bode-force.png", "bode-base.png", "step.png", "modes.png"):
         assert (folder / name).read_bytes().startswith(PNG)
@@ -87,9 +91,18 @@ def test_demo_leaves_a_folder_that_it_names(run, tmp_path):
     assert run("modes mbsvib-demo/stewart.yaml").stdout == str(system.modes()) + "\n"
 
 
-def test_demo_into_another_folder(run, tmp_path):
+@pytest.mark.parametrize("by_uv", [False, True])
+def test_demo_into_another_folder(run, tmp_path, monkeypatch, by_uv):
+    """Commands are told as whoever runs it has to type them, with the extras that they need."""
+    monkeypatch.setenv("UV", "uv") if by_uv else monkeypatch.delenv("UV", raising=False)
+    for name in ("bode", "step", "modes"):
+        monkeypatch.setattr(f"mbsvib.plots.{name}", lambda *_: Figure())
     result = run("demo -o there/below")
     assert result.exit_code == 0
+    begin = "uv run --no-dev mbsvib" if by_uv else "mbsvib"
+    assert f"Next: {begin} modes there/below/stewart.yaml\n" in result.stdout
+    extra = "uv run --no-dev --extra report mbsvib" if by_uv else 'pip install "mbsvib[report]" && mbsvib'
+    assert f"{extra} report stewart" in result.stdout
     assert "Written to there/below" in result.stdout
     assert (tmp_path / "there" / "below" / "modes.csv").exists()
     assert not (tmp_path / "mbsvib-demo").exists()
@@ -141,3 +154,8 @@ def test_the_mechanism_and_its_modes_are_drawn(run, tmp_path):
     refused = run("animate slider.yaml -m 2")
     assert "from 1 to 1" in refused.stderr
     assert run("animate slider.yaml -f mode.avi").exit_code == 2
+
+
+def test_extras_that_the_demo_names_are_those_of_the_package():
+    project = tomllib.loads((Path(mv.__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {extra for extra, _, _ in EXTRAS} <= set(project["optional-dependencies"])
