@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas
 
+from mbsvib.gram import product as weighted
 from mbsvib.loops import pivoted_qr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from mbsvib.system import System
 
     Array = NDArray[np.float64]
 
@@ -49,6 +52,26 @@ def free_motions(*parts: Array) -> Array:
     if 0 < rank < m:
         free[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
     return column[:, None] * free
+
+
+def unbraked(system: System, rigid: Array) -> Array:
+    """Return those of rigid-body motions (m, r) that no damper resists, (m, f); none where a damper pushes."""
+    if (system.damping < 0.0).any():
+        return rigid[:, :0]
+    if (system.stiffness >= 0.0).all():
+        free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
+        return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
+    # loads hold and push: only what they are in sum tells the motions, and so does what dampers are in them
+    moved, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
+    return rigid @ null_pair(weighted(moved, system.damping), weighted(most, system.damping))[0]
+
+
+def largest(rows: Array, motions: Array) -> Array:
+    """Return the largest relative displacements (n, k) that motions (m, k) could give, were each in every coordinate
+    what it is in one: the rounding of motions that another one is taken out of is relative to these.
+    """
+    column = _scales(np.abs(rows))[1]
+    return np.asarray(np.abs(rows) @ (column[:, None] * np.abs(motions / column[:, None]).max(axis=0, initial=0.0)))
 
 
 def unmoved(rows: Array, motions: Array) -> Array:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.free_motions import completed, free_motions, product
+from mbsvib.free_motions import completed, product, unbraked
 from mbsvib.gram import product as weighted
 from mbsvib.modes.strong_damping import forces, improved
 
@@ -166,10 +166,8 @@ def _split_rigid(system: System, basis: Undamped, gamma: Array) -> tuple[Array, 
     r, w = basis.rigid, system.inertia_factor
     if r == 0:
         return basis.shapes, gamma, 0
-    shapes, acts = basis.shapes.copy(), (system.stiffness != 0.0) | (system.damping != 0.0)
-    free = free_motions(system.elastic_rows[acts])
-    if free.shape[1] > r or (system.damping < 0.0).any():
-        free = free[:, :0]
+    shapes = basis.shapes.copy()
+    free = unbraked(system, shapes[:, :r])
     shapes[:, :r], count = completed(w, free, shapes[:, :r]), free.shape[1]
     # each of the others by dampers of its own, the strongest last
     moved = product(system.elastic_rows, shapes[:, :r])

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.free_motions import RANK, completed, free_motions, null_pair, orthonormal, product, sizes
+from mbsvib.free_motions import RANK, completed, free_motions, largest, null_pair, orthonormal, product, sizes, unbraked
 from mbsvib.gram import gram
 from mbsvib.gram import product as weighted
 from mbsvib.loops import pivoted_qr
@@ -99,8 +99,8 @@ def energy_state(system: System, rtol: float) -> EnergyState:
     square, back = found.square, _back(system, basis)
     stiffness, damping = _in_basis(system, basis, found, free)
     scale = np.sqrt(np.abs(square))
-    sizes = (scale[scale > 0.0].min(initial=np.inf), np.abs(damping[:p, :p]).max(initial=0.0))
-    scale[scale == 0.0] = next((size for size in sizes if 0.0 < size < np.inf), 1.0)
+    speeds = (scale[scale > 0.0].min(initial=np.inf), np.abs(damping[:p, :p]).max(initial=0.0))
+    scale[scale == 0.0] = next((speed for speed in speeds if 0.0 < speed < np.inf), 1.0)
     coupling = stiffness.copy()
     coupling[np.arange(p), np.arange(p)] -= square
     a, force = _first_order(stiffness, damping, scale, n1)
@@ -132,11 +132,6 @@ def _stiff_rows(system: System) -> Array:
     return system.elastic_rows[system.stiffness != 0.0]
 
 
-def _resisting_rows(system: System) -> Array:
-    """Relative displacements at springs and dampers."""
-    return system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)]
-
-
 def _basis(system: System, rtol: float) -> tuple[Array, Undamped, int]:
     """Columns Phi (M-orthonormal, stiffness diagonal), then massless ones; the undamped modes, rigid-body modes first;
     and the number of these that no damper resists, which come before the others.
@@ -150,17 +145,15 @@ def _basis(system: System, rtol: float) -> tuple[Array, Undamped, int]:
         M=gram(w), K=weighted(rows, system.stiffness), provenance=system.provenance,
     )  # fmt: skip
     found = undamped(part, rtol, null=null)
-    basis, count = turn @ found.shapes, 0
-    if found.rigid and _resists(system):
-        free = free_motions(_resisting_rows(system))
-        basis[:, : found.rigid] = completed(system.inertia_factor, free, basis[:, : found.rigid])
-        count = free.shape[1]
-    return np.concatenate((basis, loose), axis=1), found, count
+    basis = turn @ found.shapes
+    free = unbraked(system, basis[:, : found.rigid])
+    basis[:, : found.rigid] = completed(system.inertia_factor, free, basis[:, : found.rigid])
+    return np.concatenate((basis, loose), axis=1), found, free.shape[1]
 
 
-def _separated(system: System) -> tuple[Array, Array, Array | None]:
+def _separated(system: System) -> tuple[Array, Array, Array]:
     """Motions that dampers do not tie to massless ones (m, p), massless ones of unit damping (m, n1), and the
-    rigid-body modes among the former, in these (p, r); None where stiffness is not a sum of squares.
+    rigid-body modes among the former, in these (p, r).
     """
     loose = system.null_inertia
     assert loose is not None
@@ -170,10 +163,8 @@ def _separated(system: System) -> tuple[Array, Array, Array | None]:
     tied = np.linalg.solve(felt @ loose / size[:, None] / size, felt[:, others] / size[:, None]) / size[:, None]
     turn = -loose @ tied
     turn[others, np.arange(len(others))] += 1.0
-    null = None
-    if _resists(system):
-        rigid = free_motions(_stiff_rows(system), felt)
-        null = orthonormal(system.inertia_factor @ turn, rigid[others] - loose[others] @ rigid[own])
+    rigid = free_motions(_stiff_rows(system), felt)
+    null = orthonormal(system.inertia_factor @ turn, rigid[others] - loose[others] @ rigid[own])
     even = 0.5 * (felt @ loose + (felt @ loose).T)
     try:  # of unit damping, where dampers and not spin hold them
         loose = np.linalg.solve(np.linalg.cholesky(even), loose.T).T
@@ -228,9 +219,8 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
 
 def _terms(system: System, basis: Array, value: Array, other: Array | None) -> Array:
     """Sum of the sizes of all terms of D^T diag(value) D and another part, of which only the largest is known."""
+    result = weighted(largest(system.elastic_rows, basis), np.abs(value))
     size = np.abs(basis)
-    rows = np.abs(system.elastic_rows) @ size
-    result = (rows.T * np.abs(value)) @ rows
     return result if other is None else result + float((size.T @ np.abs(other) @ size).max(initial=0.0))
 
 

@@ -136,7 +136,7 @@ def undamped(system: System, rtol: float, clean: bool = True, null: Array | None
     clean : bool
         Whether the shapes have to be as good as the frequencies, as responses ask for; frequencies need less.
     null : array, shape (m, r), optional
-        The rigid-body modes, M-orthonormal, where they are known; they stay as they are.
+        Motions that no row with stiffness feels, M-orthonormal, where they are known.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def undamped(system: System, rtol: float, clean: bool = True, null: Array | None
         if result is not None:
             return _with_loops(result, system)
     result = refined(scene, shapes, "products", rtol)
-    if null is None and scene.sign is not None and np.count_nonzero(result.errors >= NONE):
+    if scene.sign is not None and np.count_nonzero(result.errors >= NONE):
         none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # what loads add and take away again
         scene.null = result.shapes[:, none]
         result = refined(scene, result.shapes, "products", rtol)
@@ -339,4 +339,6 @@ def _without_rigid(scene: _Scene, shapes: Array) -> Array:
     flexible = shapes[:, kept]
     for _ in range(2):  # once more takes out what the first time left by rounding
         flexible = flexible - null @ (null.T @ (scene.mass @ flexible))
+    # where loads add and take away, some of them were hardly told from rigid-body modes, and lose most of their length
+    flexible = flexible if scene.sign is None else orthonormal(scene.w, flexible)
     return np.concatenate((null, flexible), axis=1)
