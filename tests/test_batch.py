@@ -14,6 +14,7 @@ import mbsvib.batch.assembly
 from mbsvib import library
 from tests.support.compare import elastic_size
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds
+from tests.support.sizes import examples
 
 MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 WORDS = {"negative": st.booleans(), "damped": st.booleans()}
@@ -118,6 +119,7 @@ def assert_all_the_same(model, batch, systems):
             assert all((getattr(one, key) == getattr(batch, key)[i]).all() for key in MATRICES)
 
 
+@examples(20, slow=40)
 @given(ANY, seeds())
 def test_every_kind_of_parameter(model, seed):
     """All at once: whatever a model is made of."""
@@ -125,6 +127,7 @@ def test_every_kind_of_parameter(model, seed):
     check(model, other_values(model, rng, some_names(model, rng), 3), 3)
 
 
+@examples(12, slow=40)
 @pytest.mark.parametrize("fields", [("mass", "inertia"), ("stiffness", "damping"), ("position",), ("orientation",),
                                     ("start", "end"), ("pitch",), ("mass",), ("damping",)], ids="-".join)  # fmt: skip
 @given(model=ANY, seed=seeds())

@@ -14,6 +14,7 @@ from mbsvib.batch.response import few_frequencies
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, linearized
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds
+from tests.support.sizes import examples
 from tests.test_batch import other_values, some_names
 
 WORDS = {"negative": st.booleans(), "damped": st.booleans()}
@@ -80,6 +81,7 @@ def test_modes_solve_their_equations(model, seed):
             assert np.abs(modes.shapes.T @ system.M @ modes.shapes - np.eye(batch.dof)).max() < 1e-8
 
 
+@examples(12, slow=40)
 @pytest.mark.parametrize("rtol", [1e-10, 1e-13])
 @given(model=st.one_of(open_trees(damped=st.booleans()), planar_loops()), seed=seeds())
 def test_errors_of_modes_are_honest(rtol, model, seed):
@@ -92,6 +94,7 @@ def test_errors_of_modes_are_honest(rtol, model, seed):
         assert (modes.errors[i] < 1e-6).all() or not batch.damping.any()
 
 
+@examples(15, slow=40)
 @given(ANY, seeds(), st.integers(1, 30))
 def test_frequency_response_is_that_of_each_variant(model, seed, count):
     """By one solution for each frequency, or by the sums of each variant: whatever is less work."""
@@ -103,6 +106,7 @@ def test_frequency_response_is_that_of_each_variant(model, seed, count):
         assert_same_response(each, system.frequency_response(omega), rtol=1e-8)
 
 
+@examples(12, slow=40)
 @given(st.one_of(open_trees(damped=st.booleans()), closed_loops(), planar_loops()), seeds())
 def test_frequency_response_against_the_reference(model, seed):
     batch, values = some_batch(model, seed, ("mass", "stiffness"), 2)
@@ -135,6 +139,7 @@ def test_poles_are_refused_by_the_index_of_the_variant():
         batch.frequency_response([np.nan])
 
 
+@examples(15, slow=40)
 @given(open_trees(), seeds())
 def test_time_response_and_state_space(model, seed):
     batch, _ = some_batch(model, seed)
@@ -207,6 +212,7 @@ def test_what_inertia_does_not_reach_stays_small_far_above_the_modes():
     np.testing.assert_allclose(found[:, 1, 0], -(w**2) * exact, rtol=1e-11)
 
 
+@examples(12, slow=40)
 @pytest.mark.parametrize("factor", [1.0, 30.0, 1e3, 1e5, 1e7])
 @given(model=open_trees(), seed=seeds())
 def test_dampers_of_any_strength(factor, model, seed):

@@ -13,6 +13,8 @@ from mbsvib.cli._app import app
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
+SLOW = {"isolation", "seeing"}
+RUN = [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else ()) for page in PAGES]
 
 
 def _runner():
@@ -25,7 +27,7 @@ def _runner():
 RUNNER = _runner()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
 def test_pages_print_what_they_show_and_draw_their_pictures(page, tmp_path):
     mpl.use("agg")
     text = page.read_text(encoding="utf-8")

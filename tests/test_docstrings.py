@@ -11,8 +11,6 @@ import pkgutil
 import re
 from importlib import import_module
 
-import pytest
-
 import mbsvib
 import mbsvib_export
 
@@ -99,45 +97,47 @@ def test_something_is_looked_at():
     assert any(name.startswith("mbsvib_export.") for name in SURFACE)
 
 
-@pytest.mark.parametrize("name", ITEMS)
-def test_summary_is_one_sentence(name):
-    text = inspect.getdoc(ITEMS[name])
-    assert text, "no docstring"
-    summary = text.split("\n\n")[0]
-    assert summary.rstrip().endswith("."), summary
-    assert summary[0].isupper() or not summary[0].isalpha() or "=" in summary, summary
+def test_summary_is_one_sentence():
+    """A capital letter or an equation at its beginning, a full stop at its end."""
+    wrong = []
+    for name, item in ITEMS.items():
+        summary = (inspect.getdoc(item) or "").split("\n\n")[0]
+        begins = summary[:1].isupper() or not summary[:1].isalpha() or "=" in summary
+        if not (summary.rstrip().endswith(".") and begins):
+            wrong.append((name, summary))
+    assert not wrong
 
 
-@pytest.mark.parametrize("name", SURFACE)
-def test_every_argument_is_listed_with_its_type(name):
-    function = FUNCTIONS[name]
-    listed = entries(sections(inspect.getdoc(function)).get("Parameters", ""))
-    assert list(listed) == names(function)
-    assert not [n for n, kind in listed.items() if not kind and not n.startswith("*")]
+def test_every_argument_is_listed_with_its_type():
+    for name in SURFACE:
+        function = FUNCTIONS[name]
+        listed = entries(sections(inspect.getdoc(function)).get("Parameters", ""))
+        assert list(listed) == names(function), name
+        assert not [n for n, kind in listed.items() if not kind and not n.startswith("*")], name
 
 
-@pytest.mark.parametrize("name", SURFACE)
-def test_what_is_returned_is_said(name):
-    function = FUNCTIONS[name]
-    returned = inspect.signature(function).return_annotation
-    assert returned is not inspect.Signature.empty
-    if returned not in (None, "None") and own_arguments(function):
-        assert sections(inspect.getdoc(function)).get("Returns", "").strip()
+def test_what_is_returned_is_said():
+    for name in SURFACE:
+        function = FUNCTIONS[name]
+        returned = inspect.signature(function).return_annotation
+        assert returned is not inspect.Signature.empty, name
+        if returned not in (None, "None") and own_arguments(function):
+            assert sections(inspect.getdoc(function)).get("Returns", "").strip(), name
 
 
-@pytest.mark.parametrize("name", SURFACE)
-def test_what_is_raised_is_said(name):
-    function = FUNCTIONS[name]
-    tree = ast.parse(inspect.cleandoc("\n" + inspect.getsource(function)))
-    if any(isinstance(node, ast.Raise) and node.exc is not None for node in ast.walk(tree)):
-        assert entries(sections(inspect.getdoc(function)).get("Raises", "")), "raises, and does not say what"
+def test_what_is_raised_is_said():
+    for name in SURFACE:
+        function = FUNCTIONS[name]
+        tree = ast.parse(inspect.cleandoc("\n" + inspect.getsource(function)))
+        if any(isinstance(node, ast.Raise) and node.exc is not None for node in ast.walk(tree)):
+            assert entries(sections(inspect.getdoc(function)).get("Raises", "")), f"{name} does not say what it raises"
 
 
-@pytest.mark.parametrize("name", SHARED)
-def test_lists_of_shared_functions_are_whole(name):
-    function = FUNCTIONS[name]
-    found = sections(inspect.getdoc(function))
-    if "Parameters" in found:
-        assert list(entries(found["Parameters"])) == names(function)
-    if "Parameters" in found and inspect.signature(function).return_annotation not in (None, "None"):
-        assert found.get("Returns", "").strip()
+def test_lists_of_shared_functions_are_whole():
+    for name in SHARED:
+        function = FUNCTIONS[name]
+        found = sections(inspect.getdoc(function))
+        if "Parameters" in found:
+            assert list(entries(found["Parameters"])) == names(function), name
+            if inspect.signature(function).return_annotation not in (None, "None"):
+                assert found.get("Returns", "").strip(), name

@@ -8,6 +8,8 @@ import matplotlib as mpl
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+SLOW = {"active_damping_by_units", "linkage_under_gravity", "stewart_geometry", "stewart_passive_design"}
+RUN = [pytest.param(path, marks=pytest.mark.slow if path.stem in SLOW else ()) for path in EXAMPLES]
 
 
 @pytest.fixture
@@ -22,7 +24,7 @@ def figures(monkeypatch):
     plt.close("all")
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
 def test_example_runs_and_draws(path, figures):
     runpy.run_path(str(path), run_name="__main__")
     assert figures

@@ -10,11 +10,13 @@ import mbsvib as mv
 from tests.support.compare import linearized
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds, spatial
+from tests.support.sizes import examples
 
 ANY = st.one_of(open_trees(), open_trees(floating=st.just(True)), closed_loops(), planar_loops())
 FAR = st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4)))
 
 
+@examples(15, slow=40)
 @given(st.one_of(ANY, FAR))
 def test_displacements_of_the_bodies(model):
     """Every body's displacement per unit coordinate, near the origin and 10 km away from it."""
@@ -27,6 +29,7 @@ def test_displacements_of_the_bodies(model):
         assert_allclose(moved[name], expected, rtol=0, atol=2e-13 * max(1.0, np.abs(exact).max(initial=0)))
 
 
+@examples(20, slow=40)
 @given(st.one_of(ANY, FAR), seeds())
 def test_displacements_meet_every_constraint(model, seed):
     system, reference = linearized(model), Exact(model)

@@ -22,9 +22,11 @@ from tests.support.random_models import (
     seeds,
     turned,
 )
+from tests.support.sizes import examples
 from tests.test_topology import four_bar
 
 
+@examples(20, slow=40)
 @given(st.one_of(closed_loops(), planar_loops(), planar_loops(offset=st.just(1e4))))
 def test_rank_and_redundant_rows(model):
     system, reference = linearized(model), Exact(model)
@@ -50,6 +52,7 @@ def test_redundant_rows_of_a_plane_are_those_out_of_it():
     assert set(system.redundant) == {f"{cut}.z", f"{cut}.rx", f"{cut}.ry"}
 
 
+@examples(15, slow=40)
 @given(st.one_of(closed_loops(), planar_loops()), seeds())
 def test_any_independent_coordinates_may_be_pinned(model, seed):
     """The same motion in other coordinates; those asked for are among the minimal ones."""

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import mbsvib as mv
 from tests.support.compare import linearized
 from tests.support.random_models import open_trees, planar_loops
+from tests.support.sizes import examples
 
 OMEGA = np.array([0.3, 17.0, 240.0, 5e3])
 INERTIA = (0.1, 0.12, 0.15)
@@ -201,6 +202,7 @@ def together(one, other):
     return model
 
 
+@examples(20, slow=40)
 @given(open_trees(), st.one_of(open_trees(), planar_loops()))
 def test_random_mechanisms_side_by_side(one, other):
     model = together(one, other)

@@ -15,6 +15,7 @@ from tests.support.arm import arm
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, frequencies, linearized
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops
+from tests.support.sizes import examples
 
 ANY = st.one_of(
     open_trees(damped=st.booleans()), open_trees(floating=st.just(True), damped=st.booleans()),
@@ -28,6 +29,7 @@ def response(ss, omega):
     return np.stack([ss.C @ np.linalg.solve(1j * w * np.eye(n) - ss.A, ss.B) + ss.D for w in omega], axis=2)
 
 
+@examples(15, slow=40)
 @BOTH
 @given(model=ANY)
 def test_frequency_response(realization, model):

@@ -24,18 +24,21 @@ from tests.support.random_models import (
     swapped,
     turned,
 )
+from tests.support.sizes import examples
 
 WORDS = {"negative": st.booleans(), "damped": st.booleans()}
 ANY = st.one_of(open_trees(**WORDS), open_trees(floating=st.just(True)), closed_loops(**WORDS), planar_loops())
 GROUNDED = st.one_of(open_trees(), closed_loops(), planar_loops())
 
 
+@examples(20, slow=40)
 @given(ANY)
 def test_all_matrices(model):
     """M, C, K, B, Cq, Cv, Ca and D: base motion, relative ports and force outputs included."""
     assert_same_matrices(linearized(model), Exact(model))
 
 
+@examples(15, slow=40)
 @given(st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4))))
 def test_all_matrices_ten_kilometres_away(model):
     """The data are doubles, exact where they are: distances between them lose nothing."""

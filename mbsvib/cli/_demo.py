@@ -15,7 +15,7 @@ FOLDER = Path("mbsvib-demo")
 EXTRAS = (
     ("report", "a page for any browser, the modes in motion", "report stewart"),
     ("video", "a mode as MP4 (.gif needs no extra)", "animate stewart -f mode.mp4"),
-    ("fmu", "a functional mock-up unit, FMI 2.0 or 3.0", "export stewart -o stewart.fmu"),
+    ("fmu", "a functional mock-up unit where no C compiler is", "export stewart -o stewart.fmu"),
     ("hdf5", "matrices and state space as HDF5", "export stewart -o stewart.h5"),
 )
 

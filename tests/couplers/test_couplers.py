@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -10,6 +10,7 @@ import mbsvib as mv
 from tests.support.compare import assert_same_eigenvalues, assert_same_matrices, linearized
 from tests.support.exact import Exact
 from tests.support.random_models import planar, seeds, spatial
+from tests.support.sizes import examples
 
 
 def shafts(count, slide=False):
@@ -141,7 +142,7 @@ def test_a_gear_that_a_loop_implies_in_one_pose_only_is_refused():
             model.linearize(cut=[cut])
 
 
-@settings(max_examples=40)
+@examples(15, slow=40)
 @given(seeds(), st.integers(3, 5), st.integers(1, 2))
 def test_cut_where_one_likes(seed, bodies, loops):
     """Coordinates of cut joints are coupled as those of the tree: every cut gives the same eigenvalues."""
@@ -160,7 +161,7 @@ def test_cut_where_one_likes(seed, bodies, loops):
         assert_same_eigenvalues(other.modes().eigenvalues, system.modes().eigenvalues, 1e-9)
 
 
-@settings(max_examples=60)
+@examples(20, slow=60)
 @given(seeds(), st.integers(2, 4), st.integers(0, 2), st.integers(1, 2))
 def test_same_matrices_as_in_fifty_digits(seed, bodies, loops, couplers):
     kinds = ("cylindrical", "universal", "spherical", "planar", "screw", "revolute", "free", "point_on_line")

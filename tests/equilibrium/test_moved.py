@@ -10,6 +10,7 @@ from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.rotations import exponential
 from tests.support.lagrangian import Lagrangian
 from tests.support.random_models import KINDS, add_random_body, add_random_joint, planar, seeds, spatial
+from tests.support.sizes import examples, few
 
 
 def pose_of(model, before):
@@ -88,6 +89,7 @@ def test_two_steps_of_one_joint_are_one(kind):
     assert np.allclose(back.bodies["far"].position, model.bodies["far"].position, rtol=0, atol=1e-14)
 
 
+@examples(15, slow=40)
 @given(seeds())
 def test_random_trees_against_the_exact_constraints(seed):
     kinds = tuple(kind for kind in KINDS if kind != "custom")
@@ -101,7 +103,7 @@ def without_springs(model):
     return model
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", few(range(8), 4))
 def test_planar_loops_in_space_stay_closed(seed):
     model = without_springs(planar(seed, bodies=4, loops=1, ports=False))
     system = model.linearize()
@@ -190,7 +192,7 @@ def test_a_spring_gets_its_tension_and_a_relaxed_one_does_not():
     assert model.springs["k"].end == (1.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", few(range(6), 3))
 def test_springs_and_bushings_follow_their_finite_law(seed):
     """A free body that is moved anywhere: forces and tangents of the model there are those of the exact law."""
     rng = np.random.default_rng(seed)
@@ -249,7 +251,7 @@ def test_floating_bodies_move_by_their_own_coordinates():
     assert np.allclose(there.bodies["bird"].orientation, exponential(np.array([0.0, 0.0, 0.5])), rtol=0, atol=1e-16)
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", few(range(10), 5))
 def test_spatial_loops_stay_closed(seed):
     kinds = ("cylindrical", "universal", "spherical", "planar", "screw", "revolute", "distance", "point_on_line")
     model = without_springs(spatial(seed, bodies=4, loops=1, kinds=kinds, ports=False))

@@ -13,6 +13,7 @@ import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib_export import SignalNames
 from tests.export.plants import slider
+from tests.support.sizes import examples
 
 PRINTABLE = st.text(min_size=1).filter(str.isprintable)
 TRICKY = st.text(".:~-[]$0123456789ABCDEFabcdefsystem2E", min_size=1, max_size=8)
@@ -21,7 +22,7 @@ NAMES = st.one_of(TRICKY, PRINTABLE)
 SAID = NAMES.filter(lambda name: name == name.strip() and name != "P")  # "P" is the plant itself
 
 
-@settings(deadline=None)
+@examples(12, slow=40)
 @given(NAMES)
 @example("-")
 @example("~system")

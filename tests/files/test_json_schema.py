@@ -6,7 +6,7 @@ from inspect import Parameter
 
 import jsonschema
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 import mbsvib as mv
 from mbsvib._checks import DIRECTIONS
@@ -18,6 +18,7 @@ from mbsvib.parts.joint import KINDS
 from mbsvib.parts.ports import QUANTITIES
 from tests.files.models import models
 from tests.files.test_saving import READABLE
+from tests.support.sizes import examples
 
 KINDS_OF_PARTS = [kind for kinds in SECTIONS.values() for kind in kinds]
 VALID = jsonschema.Draft202012Validator(schema())
@@ -85,7 +86,7 @@ def test_library_models_are_valid(name, tmp_path):
     VALID.validate(content(save(model, tmp_path / "model.yaml").read_text("utf-8")))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(15, slow=40)
 @given(model=models())
 def test_random_models_are_valid(tmp_path_factory, model):
     path = save(model, tmp_path_factory.mktemp("valid") / "model.json")

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import mbsvib as mv
@@ -14,6 +14,7 @@ import mbsvib.files
 from mbsvib.files import load
 from mbsvib.files.words import SECTIONS
 from tests.files.models import sections
+from tests.support.sizes import examples
 
 BODY = "bodies:\n  p: {mass: 1, inertia: [1, 1, 1]}\n"
 
@@ -185,8 +186,8 @@ known_words = {
 }  # fmt: skip
 
 
+@examples(100, slow=400)
 @given(st.data())
-@settings(max_examples=400, deadline=None)
 def test_no_value_makes_any_other_error(tmp_path_factory, data):
     section = data.draw(st.sampled_from(sorted(known_words)))
     word = data.draw(st.sampled_from(sorted(known_words[section])))

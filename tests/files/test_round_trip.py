@@ -15,6 +15,7 @@ from mbsvib.files.text import json_text, yaml_text
 from mbsvib.files.yaml_text import read_yaml
 from mbsvib.library import models as library_models
 from tests.files.models import models, sections
+from tests.support.sizes import examples
 
 SUFFIXES = ("yaml", "yml", "json")
 
@@ -26,8 +27,8 @@ def bits(value):
     return tuple(map(bits, value)) if isinstance(value, tuple) else value
 
 
+@examples(15, slow=60)
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=60, deadline=None)
 @given(model=models())
 def test_random_model(tmp_path_factory, suffix, model):
     path = tmp_path_factory.mktemp("round") / f"model.{suffix}"

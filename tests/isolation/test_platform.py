@@ -206,6 +206,7 @@ def test_gradients_against_models_built_anew():
             assert np.allclose(slope[:, i], central, rtol=1e-6, atol=1e-9 * np.abs(a).max() / value), name
 
 
+@pytest.mark.slow
 def test_eight_variables_in_few_systems():
     model = library.stewart(leg_stiffness=2e6, ports="none")
     goal = isolation.passive(model, "platform", length=0.1)

@@ -8,6 +8,7 @@ from mbsvib.parts.joint import KINDS as JOINTS
 from tests.support.lagrangian import projected
 from tests.support.loaded_models import loaded
 from tests.support.random_models import KINDS
+from tests.support.sizes import few
 
 SCENES = {
     "trees": {"bodies": 4},
@@ -40,7 +41,7 @@ def off(model, system):
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", few(range(8), 3))
 def test_stiffness_of_random_mechanisms(scene, seed):
     model, system = linearized(seed, **SCENES[scene])
     if system is None or not system.dof:
@@ -50,16 +51,17 @@ def test_stiffness_of_random_mechanisms(scene, seed):
 
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.parametrize("kind", [*JOINTS, "custom"])
-def test_every_kind_of_joint(kind, loops):
+@pytest.mark.parametrize("seeds", few([range(2), range(2, 6)], 1))
+def test_every_kind_of_joint(kind, loops, seeds):
     """Trees of a single kind, and loops in which cut joints are of this kind."""
     compared = 0
-    for seed in range(6):
+    for seed in seeds:
         kinds = (kind, "free", "spherical") if loops else (kind,)
         model, system = linearized(seed, bodies=3, loops=loops, kinds=kinds)
         if system is not None and system.dof:
             compared += 1
             assert off(model, system) < 1e-10
-    assert compared > 1 or kind in ("fixed", "custom")
+    assert compared or kind in ("fixed", "custom")
 
 
 @pytest.mark.parametrize("kind", [kind for kind in JOINTS if kind not in ("fixed", "distance")])

@@ -13,6 +13,7 @@ from tests.support.compare import assert_same_response, frequencies, linearized
 from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds, spatial
+from tests.support.sizes import examples
 
 ANY = st.one_of(
     open_trees(damped=st.booleans()), open_trees(floating=st.just(True)), closed_loops(damped=st.booleans()),
@@ -20,6 +21,7 @@ ANY = st.one_of(
 )  # fmt: skip
 
 
+@examples(15, slow=40)
 @given(ANY)
 def test_against_the_reference(model):
     """Base motion, relative and absolute outputs, forces; below, near, between and above the natural frequencies."""
@@ -28,6 +30,7 @@ def test_against_the_reference(model):
     assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
 
 
+@examples(15, slow=40)
 @given(open_trees(negative=st.just(True), damped=st.booleans()))
 def test_negative_stiffness(model):
     system, reference = linearized(model), Exact(model)
@@ -35,6 +38,7 @@ def test_negative_stiffness(model):
     assert_same_response(system.frequency_response(omega), reference.frequency_response(omega), rtol=1e-8)
 
 
+@examples(15, slow=40)
 @given(st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4))))
 def test_ten_kilometres_away(model):
     system, reference = linearized(model), Exact(model)
@@ -42,6 +46,7 @@ def test_ten_kilometres_away(model):
     assert_same_response(system.frequency_response(omega), reference.frequency_response(omega))
 
 
+@examples(15, slow=40)
 @given(st.one_of(open_trees(), closed_loops(), planar_loops()))
 def test_static_compliance(model):
     system, reference = linearized(model), Exact(model)
@@ -83,6 +88,7 @@ def test_resonances_keep_ten_digits(ratio, detune):
         assert abs(value - expected) <= 1e-10 * abs(expected) + 4e-16 / ratio * abs(expected) * (detune == 0)
 
 
+@examples(15, slow=40)
 @given(ANY)
 def test_many_frequencies_at_once(model):
     """What serves hundreds of frequencies is another road than what serves one, and leads to the same place."""
@@ -93,6 +99,7 @@ def test_many_frequencies_at_once(model):
     assert_same_response(found, reference.frequency_response(few))
 
 
+@examples(15, slow=40)
 @given(st.one_of(open_trees(), planar_loops(), open_trees(damped=st.just(False))), st.floats(2, 5))
 def test_far_above_the_modes(model, decades):
     """Isolation is what remains high above the modes: it must not drown in terms that cancel."""
@@ -225,6 +232,7 @@ def test_negative_frequencies_are_conjugate(model):
         assert_allclose(system.frequency_response(-w), system.frequency_response(w).conj(), rtol=1e-12)
 
 
+@examples(15, slow=40)
 @given(open_trees())
 def test_one_frequency_at_a_time_is_the_same(model):
     system = linearized(model)

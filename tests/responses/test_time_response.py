@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -13,6 +13,7 @@ from tests.support.compare import linearized
 from tests.support.digits import mp, product, solve
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, seeds, spatial
+from tests.support.sizes import examples
 
 SMALL = st.one_of(
     open_trees(kinds=st.just(("revolute", "universal", "prismatic", "screw"))),
@@ -57,7 +58,7 @@ def close(found, expected, rtol=1e-10):
     assert (np.abs(found - expected) <= rtol * np.maximum(size, 1e-4 * size.max(initial=0))).all()
 
 
-@settings(max_examples=20)
+@examples(10, slow=20)
 @given(SMALL, seeds(), st.sampled_from(["first", "zero"]), st.booleans())
 def test_against_the_reference(model, seed, hold, moving):
     """Uneven steps, all inputs at once, base motion included, at rest or moving at the start."""

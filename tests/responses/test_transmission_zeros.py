@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import eigvalsh
@@ -14,6 +14,7 @@ from tests.support.compare import assert_same_eigenvalues, linearized
 from tests.support.digits import combination, mp
 from tests.support.exact import Exact
 from tests.support.random_models import open_trees, planar_loops
+from tests.support.sizes import examples
 from tests.support.sliding_chain import sliding_chain
 
 
@@ -157,7 +158,7 @@ SMALL = st.one_of(
 )  # fmt: skip
 
 
-@settings(max_examples=25)
+@examples(12, slow=25)
 @given(SMALL, st.integers(0, 2), st.integers(0, 5))
 def test_single_pairs_against_determinants(model, source, result):
     """Forces and base motion to displacements, velocities and accelerations, absolute and relative."""
@@ -170,7 +171,7 @@ def test_single_pairs_against_determinants(model, source, result):
     assert_same_eigenvalues(found[np.abs(found) < 1e4 * highest], expected[np.abs(expected) < 1e4 * highest], rtol=1e-8)
 
 
-@settings(max_examples=15)
+@examples(8, slow=15)
 @given(SMALL)
 def test_two_by_two_against_determinants(model):
     system, reference = linearized(model), Exact(model)

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 import mbsvib as mv
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import stiffened
 from tests.support.random_models import add_random_ports, seeds, spatial
+from tests.support.sizes import examples
 
 
 def coupled(seed, under_load):
@@ -27,9 +28,9 @@ def coupled(seed, under_load):
     return model
 
 
+@examples(2, slow=6)
 @pytest.mark.parametrize("under_load", [False, True])
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=6, deadline=None)
 @given(seed=seeds())
 def test_differences_of_random_mechanisms_with_couplers(seed, under_load):
     try:

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 import mbsvib as mv
 from mbsvib.sensitivities import eigenvalue_sensitivities
 from tests.sensitivities.differences import assert_derivative, difference, eigenvalues, step_of
 from tests.support.random_models import planar, seeds, spatial
+from tests.support.sizes import examples
 
 
 def oscillator(mass=2.0, stiffness=800.0, damping=3.0):
@@ -115,8 +116,8 @@ def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
         assert model.linearize().dof < system.dof
 
 
+@examples(6, slow=12)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=12, deadline=None)
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):
     rng = np.random.default_rng(seed)

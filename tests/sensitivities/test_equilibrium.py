@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 import mbsvib as mv
 from tests.sensitivities.differences import eigenvalues, step_of
 from tests.sensitivities.test_limits import pendulum
 from tests.support.loaded_models import stiffened
 from tests.support.random_models import seeds
+from tests.support.sizes import examples
 
 # What differences of whole equilibria can tell: their poses are found to some 1e-12.
 RTOL, NOISE = 3e-6, 1e-10
@@ -25,8 +26,8 @@ def settled(model, system, name, of):
     return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h), h
 
 
+@examples(2, slow=6)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=6, deadline=None)
 @given(seeds())
 def test_differences_of_random_equilibria(seed):
     try:
@@ -115,13 +116,17 @@ def test_responses_and_matrices_follow_the_equilibrium():
     w = np.array([0.0, 10.0, 40.0])
     found = system.frequency_response_sensitivities(w, names)
     matrices = system.matrix_derivatives(names)
+    keys = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+    parts = lambda s: [s.frequency_response(w), *(getattr(s, key) for key in keys)]  # noqa: E731
+    ends = np.cumsum([part.size for part in parts(system)])[:-1]
     for k, name in enumerate(names):
-        expected, _ = settled(model, system, name, lambda s: s.frequency_response(w))
-        assert np.abs(found[k] - expected).max() <= 1e-6 * np.abs(expected).max()
-        for key in ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D"):
-            at, h = settled(model, system, name, lambda s, key=key: getattr(s, key))
+        change, h = settled(model, system, name, lambda s: np.concatenate([part.ravel() for part in parts(s)]))
+        expected, *slopes = np.split(change, ends)
+        assert np.abs(found[k].ravel() - expected).max() <= 1e-6 * np.abs(expected).max()
+        for key, at in zip(keys, slopes, strict=True):
             size = np.abs(getattr(system, key)).max(initial=0.0) / h
-            assert np.abs(getattr(matrices, key)[k] - at).max() <= 1e-6 * np.abs(at).max() + 1e-10 * size, (name, key)
+            off = np.abs(getattr(matrices, key)[k].ravel() - at).max()
+            assert off <= 1e-6 * np.abs(at).max() + 1e-10 * size, (name, key)
 
 
 def test_what_nothing_holds_is_refused_by_name():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 import mbsvib as mv
 from mbsvib.sensitivities.loads import ported
@@ -10,12 +10,13 @@ from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import stiffened
 from tests.support.random_models import planar, seeds, spatial
+from tests.support.sizes import examples
 
 # redundant constraints are welcome here: what they leave open is compared as well
 pytestmark = pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 
+@examples(3, slow=8)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=8, deadline=None)
 @given(seeds())
 def test_forces_of_random_mechanisms(seed):
     """In axes of joints, about their points, beside all other ports; against variants of the whole equations."""
@@ -40,8 +41,8 @@ def test_forces_of_random_mechanisms(seed):
         assert_as_variants(found, 0, system, expected, system.parameters[name], 1e-8, 1e-10)
 
 
+@examples(2, slow=5)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=5, deadline=None)
 @given(seeds())
 def test_forces_in_joints_of_random_loaded_mechanisms(seed):
     """What they carry at rest turns with their first bodies, and gives way with the equilibrium."""

@@ -10,6 +10,7 @@ from mbsvib.equations import MATRICES
 from mbsvib.sensitivities import matrix_derivatives
 from tests.sensitivities.differences import difference
 from tests.support.random_models import planar, seeds, spatial
+from tests.support.sizes import examples
 
 
 def pendulum():
@@ -72,8 +73,8 @@ def test_unknown_names_are_refused_with_the_nearest():
         found.factors("bob.mass", "B")
 
 
+@examples(6, slow=15)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=15, deadline=None)
 @given(st.one_of(seeds().map(lambda seed: spatial(seed, bodies=3, loops=seed % 3)),
                  seeds().map(lambda seed: planar(seed, bodies=3, loops=1))), seeds())  # fmt: skip
 def test_differences_of_random_mechanisms(model, seed):

@@ -7,6 +7,7 @@ from hypothesis import assume, given, settings
 import mbsvib as mv
 from tests.sensitivities.differences import difference, step_of
 from tests.support.random_models import planar, seeds, spatial
+from tests.support.sizes import examples
 
 
 def isolator():
@@ -79,8 +80,8 @@ def check(model, rng, count=4):
         assert (np.abs(found[k] - expected) <= limit).all(), names[k]
 
 
+@examples(4, slow=8)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=8, deadline=None)
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):
     rng = np.random.default_rng(seed)

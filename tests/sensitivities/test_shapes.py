@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 import mbsvib as mv
 from tests.sensitivities.differences import difference
 from tests.sensitivities.test_eigenvalues import oscillator
 from tests.support.random_models import seeds, spatial
+from tests.support.sizes import examples
 
 
 def test_oscillator_in_closed_form():
@@ -82,8 +83,8 @@ def aligned(shapes, mass, start):
     return shapes * (np.abs(phase) / phase)
 
 
+@examples(5, slow=10)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=10, deadline=None)
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):
     model = spatial(seed, bodies=3, loops=seed % 2, ports=False)

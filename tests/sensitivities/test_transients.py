@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 
 import mbsvib as mv
 from tests.sensitivities.differences import difference
 from tests.sensitivities.test_responses import isolator
 from tests.support.random_models import seeds, spatial
+from tests.support.sizes import examples
 
 
 def test_step_of_an_undamped_oscillator():
@@ -38,8 +39,8 @@ def test_uneven_steps_initial_states_and_all_kinds_of_outputs(hold):
         assert (np.abs(row - expected).max(axis=1) <= 1e-7 * np.abs(expected).max(axis=1) + 1e-12).all(), name
 
 
+@examples(5, slow=12)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=12, deadline=None)
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):
     model = spatial(seed, bodies=2, loops=seed % 2)

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -13,6 +13,7 @@ from tests.sparse.test_forces import OMEGA, differ, smallest_pivot, with_forces
 from tests.support.compare import assert_same_eigenvalues, both_ways
 from tests.support.loaded_models import loaded
 from tests.support.random_models import closed_loops, open_trees, planar_loops, seeds
+from tests.support.sizes import examples, few
 
 # redundant constraints are welcome here: what they leave open is compared as well
 pytestmark = pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
@@ -44,8 +45,8 @@ ANY = st.one_of(
 )  # fmt: skip
 
 
+@examples(12, slow=40)
 @given(ANY)
-@settings(deadline=None)
 def test_random_mechanisms(model):
     """Modes, responses and forces in joints, of which those that couplers transmit are a part."""
     dense, sparse = systems(with_forces(model, bodies=()))
@@ -59,7 +60,7 @@ def test_random_mechanisms(model):
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", few(range(5), 2))
 @pytest.mark.parametrize("words", [
     {}, {"loops": 1, "kinds": ("universal", "spherical", "cylindrical")},
     {"loops": 2, "kinds": ("cylindrical", "universal", "spherical", "planar", "free", "screw", "point_on_plane")},

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import mbsvib as mv
@@ -14,6 +14,7 @@ from tests.support import overconstrained
 from tests.support.compare import linearized
 from tests.support.loaded_models import held, loaded
 from tests.support.random_models import closed_loops, open_trees, planar_loops
+from tests.support.sizes import examples, few
 
 # redundant constraints are welcome here: what they leave open is compared as well
 pytestmark = pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
@@ -50,8 +51,8 @@ def smallest_pivot(system):
     return min((group.kept for group in system.constraints.groups), default=1.0)
 
 
+@examples(12, slow=40)
 @given(ANY)
-@settings(deadline=None)
 def test_random_mechanisms(model):
     """Frequency responses, and those in time and of states with all modes."""
     dense, sparse = both(with_forces(model))
@@ -220,7 +221,7 @@ def test_superelements_share_mass_and_stiffness():
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", few(range(6), 2))
 @pytest.mark.parametrize("words", [
     {"bodies": 4}, {"bodies": 5, "loops": 2}, {"bodies": 3, "floating": True},
 ])  # fmt: skip

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from tests.sparse import scenes
+from tests.support.sizes import few
 from tests.support.sliding_chain import chain_response, sliding_chain
 from tests.support.transfer_matrix import off_by_less, root
 
@@ -34,7 +35,7 @@ def shaft_frequencies(n, numbers, stiffness=1e4, inertia=0.5):
         return np.array([float(two * mp.sin((2 * i - 1) * mp.pi / (2 * (2 * n + 1))) / (2 * mp.pi)) for i in numbers])
 
 
-@pytest.mark.parametrize("n", [1000, 10_000])
+@pytest.mark.parametrize("n", few([1000, 10_000], 1))
 def test_lowest_modes_of_a_shaft(n):
     modes = torsional(n).linearize().modes(10)
     error = np.abs(modes.frequencies / shaft_frequencies(n, range(1, 11)) - 1)
@@ -63,13 +64,13 @@ def test_modes_around_a_frequency(share):
     assert (np.abs(modes.frequencies / exact[nearest] - 1) <= HONEST * modes.errors[0::2] + 4e-16).all()
 
 
-@pytest.mark.parametrize("near", [46.0, 1e5])
+@pytest.mark.parametrize("near", few([46.0, 1e5], 1))
 def test_beyond_the_highest_mode(near):
     modes = torsional(1000).linearize().modes(3, near=near)
     assert_allclose(modes.frequencies, shaft_frequencies(1000, (998, 999, 1000)), rtol=2e-13)
 
 
-@pytest.mark.parametrize("n", [100, 1000])
+@pytest.mark.parametrize("n", few([100, 1000], 1))
 def test_a_beam_of_links_against_transfer_matrices(n):
     """Revolute joints across the line: frequencies fall with n^-2, the lowest is 1e-6 of a single link's."""
     model = mv.library.chain(n, line=(0, 1, 0))
@@ -118,7 +119,7 @@ def test_static_compliance_of_a_shaft():
     assert_allclose(torsional(n).linearize().static_compliance(), [[n / 1e4]], rtol=1e-12)
 
 
-@pytest.mark.parametrize("near", [0.0, 5.0])
+@pytest.mark.parametrize("near", few([0.0, 5.0], 1))
 def test_coupled_damping_against_transfer_matrices(near):
     """A damper at every seventh joint: eigenvalues that no undamped mode has, each a root in 40 digits."""
     n = 800
@@ -136,7 +137,7 @@ def _about_joint():
     return 1.0, 1.0, 0.125
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-15, 1e-12, 1e-9, 1e-6])
+@pytest.mark.parametrize("off", few([0.0, 1e-12, 1e-15, 1e-9, 1e-6], 2))
 def test_around_a_mode_itself(off):
     """On an eigenvalue nothing but its own mode is left of a solve: its neighbours keep their digits nevertheless."""
     system = torsional(1500).linearize()

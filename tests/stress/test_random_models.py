@@ -14,6 +14,7 @@ from tests.support.compare import (
 )  # fmt: skip
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, seeds
+from tests.support.sizes import examples
 
 ANY = st.one_of(
     open_trees(kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
@@ -37,7 +38,7 @@ def check(model, order, limit):
     return system
 
 
-@settings(max_examples=25)
+@examples(12, slow=25)
 @given(ANY, seeds())
 def test_any_mechanism_in_any_order(model, order):
     check(model, order, limit=8)
@@ -50,7 +51,7 @@ def test_any_mechanism_in_any_order_at_length(model, order):
     check(model, order, limit=12)
 
 
-@settings(max_examples=60)
+@examples(30, slow=60)
 @given(ANY, seeds(), seeds())
 def test_order_changes_nothing_but_names(model, first, second):
     """Two orders: the same degrees of freedom, eigenvalues and responses, though coordinates may be others."""

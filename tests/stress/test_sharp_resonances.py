@@ -9,6 +9,7 @@ import pytest
 from tests.stress.families import linkage, wide
 from tests.support.exact import Exact
 from tests.support.random_models import rebuilt
+from tests.support.sizes import few
 from tests.support.sliding_chain import chain_response, sliding_chain
 
 EPS = np.finfo(float).eps
@@ -25,7 +26,7 @@ def chain(n, ratio, classical, seed):
     return m, k, c * 1e-6 * ratio / lowest
 
 
-@pytest.mark.parametrize("n", [20, 200])
+@pytest.mark.parametrize("n", few([20, 200], 1))
 @pytest.mark.parametrize("classical", [True, False])
 @pytest.mark.parametrize("ratio", [5e-5, 1e-6, 1e-8])
 def test_at_the_peaks_of_a_chain(n, classical, ratio):

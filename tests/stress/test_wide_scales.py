@@ -33,14 +33,14 @@ def check_undamped(family, seeds):
 @pytest.mark.parametrize("family", UNDAMPED)
 def test_undamped(family):
     """Twelve digits of every frequency, exact zeros of rigid-body modes, no false alarm, and no bound thrown away."""
-    bounds = check_undamped(family, range(3))
+    bounds = check_undamped(family, range(1))
     assert np.median(bounds) <= 1e-13
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", UNDAMPED)
 def test_undamped_at_length(family):
-    bounds = check_undamped(family, range(3, 30))
+    bounds = check_undamped(family, range(1, 30))
     assert np.median(bounds) <= 1e-13
 
 
@@ -70,11 +70,11 @@ def check_damped(family, shares, seeds):
 @pytest.mark.parametrize("family", DAMPED)
 def test_damped(family, shares):
     """Dampers that are anything between nothing and a million times critical, in no proportion to the stiffness."""
-    assert np.median(check_damped(family, shares, range(2))) <= 1e-13
+    assert np.median(check_damped(family, shares, range(1))) <= 1e-13
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shares", SHARES)
 @pytest.mark.parametrize("family", DAMPED)
 def test_damped_at_length(family, shares):
-    assert np.median(check_damped(family, shares, range(2, 14))) <= 1e-13
+    assert np.median(check_damped(family, shares, range(1, 14))) <= 1e-13

@@ -17,6 +17,7 @@ d = A^T (p_b - p_a) and the relative rotation E = A^T B, what is exact is this:
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -191,12 +192,18 @@ class Lagrangian:
         if gravity is not None:
             v -= sum(body.mass * ca.dot(ca.DM(gravity), frames[body.name].centre) for body in self.bodies)
         force = self._forces(frames, x)
-        multipliers = ca.SX.sym("lambda", phi.shape[0])
         gradient = ca.gradient(v, x) - force
-        jacobian = ca.jacobian(phi, x)
-        tangent = ca.jacobian(gradient + jacobian.T @ multipliers, x)
-        args = [centre, ca.horzcat(*turn), x, multipliers]
-        self._function = ca.Function("local", args, [gradient, phi, jacobian, tangent], {"allow_free": False})
+        self._pose = [centre, ca.horzcat(*turn), x]
+        self._symbols = gradient, phi, ca.jacobian(phi, x)
+        self._first = ca.Function("first", self._pose, list(self._symbols))
+
+    @cached_property
+    def _second(self):
+        """The tangent, for a pose and multipliers: most of the work, which not everybody needs."""
+        gradient, phi, jacobian = self._symbols
+        multipliers = ca.SX.sym("lambda", phi.shape[0])
+        tangent = ca.jacobian(gradient + jacobian.T @ multipliers, self._pose[-1])
+        return ca.Function("second", [*self._pose, multipliers], [tangent])
 
     def _forces(self, frames, x):
         """Generalised forces of the loads, dead and follower."""
@@ -205,20 +212,28 @@ class Lagrangian:
             frame, j = frames[load.body], list(self.model.bodies).index(load.body)
             turn = frame.turn if load.follower else ca.DM.eye(3)
             place = load.position or self.model.bodies[load.body].position
-            total += ca.jacobian(frame.point(place), x).T @ (turn @ ca.DM(load.force))
+            own = x[6 * j : 6 * j + 6]
+            total[6 * j : 6 * j + 6] += ca.jacobian(frame.point(place), own).T @ (turn @ ca.DM(load.force))
             total[6 * j + 3 : 6 * j + 6] += frame.spin.T @ (turn @ ca.DM(load.torque))
         return total
 
     def at(self, pose=None, multipliers=None):
         """The equations about a pose, with the multipliers that come nearest to holding it unless they are given."""
-        centre, turn = self.start if pose is None else pose
-        at = [np.asarray(centre).T, np.hstack(list(turn)), np.zeros(6 * len(self.bodies))]
-        evaluate = lambda m: [np.array(out) for out in self._function(*at, m)]  # noqa: E731
-        gradient, phi, jacobian, _ = evaluate(np.zeros(self._function.size1_in(3)))
-        gradient, phi = gradient[:, 0], phi[:, 0]
+        pose = self.start if pose is None else pose
+        gradient, phi, jacobian = self.forces(pose)
         if multipliers is None:
             multipliers = np.linalg.lstsq(jacobian.T, -gradient, rcond=1e-11)[0] if len(phi) else np.zeros(0)
-        return Local(gradient, phi, jacobian, multipliers, evaluate(multipliers)[3], self._mass(turn))
+        tangent = np.array(self._second(*self._numbers(pose), multipliers))
+        return Local(gradient, phi, jacobian, multipliers, tangent, self._mass(pose[1]))
+
+    def forces(self, pose=None):
+        """The gradient of the potential less the forces, the constraints phi and their Jacobian about a pose."""
+        gradient, phi, jacobian = map(np.array, self._first(*self._numbers(self.start if pose is None else pose)))
+        return gradient[:, 0], phi[:, 0], jacobian
+
+    def _numbers(self, pose):
+        centre, turn = pose
+        return [np.asarray(centre).T, np.hstack(list(turn)), np.zeros(6 * len(self.bodies))]
 
     def _mass(self, turn):
         m = np.zeros((6 * len(self.bodies),) * 2)

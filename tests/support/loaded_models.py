@@ -11,7 +11,7 @@ def wrench_needed(model):
     """Wrenches about the centres of mass, of least norm, that bring a loaded model into balance (bodies, 6)."""
     free = spatial_twin(model).linearize()
     basis = np.asarray(free.body_motion).reshape(6 * len(model.bodies), free.dof)
-    gradient = Lagrangian(model).at().gradient
+    gradient, _, _ = Lagrangian(model).forces()
     return (basis @ np.linalg.lstsq(basis, gradient, rcond=None)[0]).reshape(-1, 6)
 
 

@@ -10,6 +10,7 @@ from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded, stiffened
 from tests.support.random_models import add_random_ports, rotation, seeds
+from tests.support.sizes import examples
 
 QUIET = pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 # What differences of whole equations, extrapolated, agree to; and what rounding leaves of them, of the whole matrix.
@@ -34,8 +35,8 @@ def with_ports(model, rng):
     return model
 
 
+@examples(8, slow=25)
 @QUIET
-@settings(max_examples=25, deadline=None)
 @given(seeds())
 def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     """Forces answer motions by the geometric stiffness, and those along coordinates change by -K as the pose moves."""
@@ -54,8 +55,8 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     assert np.abs(left + system.K.T).max() <= 1e-13 * size
 
 
+@examples(2, slow=6)
 @QUIET
-@settings(max_examples=6, deadline=None)
 @given(seeds())
 def test_differences_of_whole_equations(seed):
     """Every matrix, to parameters of every kind: by the adjoint, and by variants that let the pose give way."""
@@ -70,8 +71,8 @@ def test_differences_of_whole_equations(seed):
         assert_as_variants(every, k, system, expected, system.parameters[name], RTOL, NOISE)
 
 
+@examples(3, slow=6)
 @QUIET
-@settings(max_examples=6, deadline=None)
 @given(seeds())
 def test_every_answer_agrees_with_the_matrices(seed):
     """Eigenvalues and responses ask other pairs of motions than the matrices do."""

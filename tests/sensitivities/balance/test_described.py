@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from scipy.optimize import brentq
 
 import mbsvib as mv
@@ -11,6 +11,7 @@ from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded
 from tests.support.random_models import seeds
+from tests.support.sizes import examples
 
 # Every variant finds an equilibrium of its own, to some 1e-12 of the forces; differences make more of it.
 RTOL, NOISE = 1e-6, 1e-9
@@ -46,8 +47,8 @@ def check(model, system, names):
         assert_as_variants(found, k, system, expected, model.parameters[name], RTOL, NOISE)
 
 
+@examples(1, slow=8)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
-@settings(max_examples=5, deadline=None)
 @given(seeds())
 def test_differences_of_equilibria_found_for_every_variant(seed):
     try:
