@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import qr
 
 from mbsvib import _checks as check
 from mbsvib._given import names
@@ -118,7 +119,7 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
         # a motion of the others that is many times the one asked for is a jump, or a dead point
         small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
         there, left = close(here.moved(q), depends) if small else (here, np.inf)
-        if left <= TOLERANCE and _near(here, there):
+        if left <= TOLERANCE and _near(here, there) and _same_side(here, there, depends):
             here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
@@ -140,6 +141,13 @@ def _near(here: Stance, there: Stance) -> bool:
     turned = np.einsum("kij,kij->k", here.pose.turn, there.pose.turn)
     went = np.abs(there.pose.centre - here.pose.centre).max()
     return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * here.size)
+
+
+def _same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
+    """Tell whether det(dPhi/dq) of the dependent coordinates keeps its sign, which it changes beyond a dead point."""
+    before, after = ((stance.closure * stance.scale)[:, depends] for stance in (here, there))
+    rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
+    return bool(np.linalg.slogdet(before[rows])[0] == np.linalg.slogdet(after[rows])[0])
 
 
 def _unreachable(here: Stance, target: Array, names: list[str], done: float, left: float) -> ModelError:

@@ -1,0 +1,66 @@
+"""Loops close to a dead point stay on their side of it, or are refused: four-bars by circles that intersect."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+
+def four_bar(points):
+    model = mv.Model("four-bar")
+    names = ("ground", "a", "b", "c", "ground")
+    for i, name in enumerate(names[1:4]):
+        model.add_body(name, 1.0, (1, 1, 1), position=(points[i] + points[i + 1]) / 2)
+    for i in range(4):
+        model.add_joint(f"j{i}", "revolute", names[i], names[i + 1], position=points[i])
+    return model
+
+
+def turned(points, angle):
+    """The crank's end after it turned, a row for each angle."""
+    x, y = (points[1] - points[0])[:2]
+    c, s = np.cos(angle), np.sin(angle)
+    return points[0, :2] + np.stack((c * x - s * y, s * x + c * y), axis=-1)
+
+
+def side(points):
+    (x, y), (u, v) = points[3, :2] - points[1, :2], points[2, :2] - points[1, :2]
+    return np.sign(x * v - y * u)
+
+
+@cache
+def near_dead_points(count, least, most):
+    """Four-bars and angles of their cranks on the way to which the circles all but cease to intersect, or do so."""
+    rng, found = np.random.default_rng(1), []
+    while len(found) < count:
+        points = np.column_stack((rng.uniform(-1, 1, (4, 2)), np.zeros(4)))
+        by = rng.uniform(-3, 3)
+        coupler, rocker = np.linalg.norm(points[2] - points[1]), np.linalg.norm(points[3] - points[2])
+        gap = np.linalg.norm(turned(points, np.linspace(0, by, 2000)) - points[3, :2], axis=1)
+        room = min((coupler + rocker - gap).min(), (gap - abs(coupler - rocker)).min())
+        if least < room < most and abs(gap[-1] - gap).max() > 0.2:
+            found.append((points, by, coupler, rocker))
+    return found
+
+
+@pytest.mark.parametrize("case", range(12))
+def test_the_same_side_of_a_dead_point(case):
+    points, by, coupler, rocker = near_dead_points(12, 1e-4, 5e-3)[case]
+    model = four_bar(points).moved({"j0.rz": by})
+    found = np.array([model.joints[f"j{i}"].position for i in range(4)])
+    crank = turned(points, by)
+    np.testing.assert_allclose(found[1, :2], crank, atol=1e-9)
+    along = points[3, :2] - crank
+    gap = np.hypot(*along)
+    part = (gap**2 + coupler**2 - rocker**2) / (2 * gap)
+    across = side(points) * np.sqrt(coupler**2 - part**2) * np.array((-along[1], along[0])) / gap
+    np.testing.assert_allclose(found[2, :2], crank + part * along / gap + across, atol=1e-8)
+
+
+@pytest.mark.parametrize("case", range(6))
+def test_beyond_a_dead_point(case):
+    points, by, *_ = near_dead_points(6, -0.05, -1e-3)[case]
+    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by j\d can be followed up to j0.rz = .* and no"):
+        four_bar(points).moved({"j0.rz": by})
