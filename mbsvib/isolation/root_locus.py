@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from mbsvib._checks import shown
 from mbsvib._given import mode_index, reals
 from mbsvib.errors import ResponseError
+from mbsvib.isolation.pole_track import AT_REST, Track, least_damping, moved, ratios, stable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,20 +24,14 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
-HALVINGS = 6
-# A step is short if every pole is found within this share of its distance to the nearest other one.
-SHORT = 0.3
-REAL = 0.05
-MOVED = 0.01
-ALIKE = 1e-7  # poles in parts of their size that count as one
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class RootLocus:
     """Poles (n, poles) [1/s] over the ``gains`` (n,), in columns that follow them; those of the open loop first.
 
     ``modes`` are the columns of poles that start with a positive imaginary part; ``zeros`` (of the pairs that the law
-    closes) are where poles go as the gain grows.
+    closes) are where poles go as the gain grows. ``curves`` (more, poles) are the same poles at more gains, and
+    ``best_poles`` (poles,) those at the best one.
     """
 
     name: str
@@ -45,54 +39,71 @@ class RootLocus:
     poles: Complex
     zeros: Complex
     modes: NDArray[np.intp]
+    curves: Complex
+    best_poles: Complex
+    _optima: tuple[tuple[float, float], ...]
 
     @cached_property
     def damping_ratios(self) -> Array:
         """Damping ratios of the modes, (n, modes)."""
-        values = self.poles[:, self.modes]
-        size = np.abs(values)
-        return np.divide(0.0 - values.real, size, out=np.zeros_like(size), where=size > 0.0)
+        return ratios(self.poles[:, self.modes])
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Whether the gain moves each mode by more than a hundredth of its frequency, (modes,)."""
-        values = self.poles[:, self.modes]
-        return np.asarray(np.abs(values - values[0]).max(axis=0) > MOVED * np.abs(values[0]))
+        return moved(self.poles)[self.modes]
 
     @property
     def stable(self) -> NDArray[np.bool_]:
         """Whether nothing grows, at each gain, (n,)."""
-        largest = np.abs(self.poles).max(axis=1, keepdims=True)
-        return np.asarray((self.poles.real <= 1e-10 * largest).all(axis=1))
+        return stable(self.poles)
 
     def best(self, mode: int | None = None) -> tuple[float, float]:
-        """Return the gain at which a mode, or the least damped one, is damped most, among those that are looked at.
+        """Return the gain at which a mode, or the least damped vibration, is damped most.
 
         Parameters
         ----------
         mode : int, optional
-            Number of the mode, from 1 as ``print(locus)`` lists them; default: the least damped one at each gain, of
-            those that the law moves.
+            Number of the mode, from 1 as ``print(locus)`` lists them; default: what vibrates with the least damping at
+            each gain, modes or poles of the controller, of all that the law moves.
 
         Returns
         -------
         gain, damping_ratio : float
-            The gain and the damping ratio there.
+            The gain, between the first and the last one of the locus, and the damping ratio there: 1 where nothing that
+            the law moves vibrates any more.
 
         Raises
         ------
         ResponseError
             If there is no such mode.
         """
-        if mode is None:
-            return self._best(self.damping_ratios[:, self.moved])
-        index = mode_index(mode, "RootLocus.best", len(self.modes), "print(locus)")
-        return self._best(self.damping_ratios[:, [index]])
+        index = -1 if mode is None else mode_index(mode, "RootLocus.best", len(self.modes), "print(locus)")
+        return self._optima[index]
 
-    def _best(self, ratios: Array) -> tuple[float, float]:
-        least = np.where(self.stable, ratios.min(axis=1, initial=np.inf), -np.inf)
-        at = int(least.argmax())
-        return float(self.gains[at]), float(least[at])
+    def summary(self, scale: float = 1.0) -> tuple[str, str]:
+        """Return what the best gain does to all that vibrates, in two lines.
+
+        Parameters
+        ----------
+        scale : float
+            What gains are multiplied by.
+
+        Returns
+        -------
+        tuple of str
+            The least damping with open loops and at the best gain; this gain, and what the law hardly moves.
+        """
+        gain, ratio = self.best()
+        stays, kept = self.modes[~self.moved], ""
+        if len(stays):
+            change = _change(*(float(ratios(poles[stays]).min()) for poles in (self.poles[0], self.best_poles)))
+            kept = f"{len(stays)} of {len(self.modes)} modes hardly move: {change}"
+        if not moved(self.poles).any() or not np.isfinite(ratio):
+            return "no pole moves" if np.isfinite(ratio) else "not stable at any gain", kept
+        before = float(least_damping(self.poles[:1], moved(self.poles))[0])
+        where = f"at gain {scale * gain:.4g}" + (", the largest looked at" if gain == self.gains[-1] else "")
+        return f"least damping {_change(before, ratio)}", "; ".join(filter(None, (where, kept)))
 
     def table(self) -> dict[str, Any]:
         """Return what each mode reaches, and what closed forms promise a mode that keeps its shape.
@@ -102,21 +113,39 @@ class RootLocus:
         dict
             Title, columns, rows and notes, as arguments of ``mbsvib.tables.text`` and ``show``.
         """
-        rows = []
-        zeros = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
+        rows: list[tuple[Any, ...]] = []
+        zeros = self._zeros()
         for mode, column in enumerate(self.modes.tolist(), 1):
-            pole = float(np.abs(self.poles[0, column]))
-            gain, ratio = self.best(mode)
-            # as many zeros as modes interlace with them one by one
-            zero = float(zeros[mode - 1]) if len(zeros) == len(self.modes) else 0.0
-            promised = f"{50.0 * (pole - zero) / zero:.4g}" if 0.0 < pole / 3.0 < zero < pole else ""
+            pole, zero = float(np.abs(self.poles[0, column])), zeros.get(mode - 1, 0.0)
             seen = f"{zero / (2.0 * np.pi):.6g}" if zero else ""
-            rows.append(
-                (mode, f"{pole / (2.0 * np.pi):.6g}", seen, f"{gain:.4g}", f"{100.0 * ratio:.4g}", promised)
-            )
+            gain, ratio = self.best(mode)
+            best, damping = f"{gain:.4g}", f"{100.0 * ratio:.4g}"
+            if not self.moved[mode - 1]:
+                best = "hardly moves"
+            elif np.isneginf(ratio):
+                best, damping = "not stable", ""
+            closed = self.moved[mode - 1] and 0.0 < pole / 3.0 < zero < pole
+            promised = f"{50.0 * (pole - zero) / zero:.4g}" if closed else ""
+            rows.append((mode, f"{pole / (2.0 * np.pi):.6g}", seen, best, damping, promised))
         headers = ("mode", "pole [Hz]", "zero [Hz]", "best gain", "damping ratio [%]", "(pole - zero) / (2 zero) [%]")
         columns = [(header, "right") for header in headers]
-        return {"title": f"Root locus: {self.name}", "columns": columns, "rows": rows, "notes": []}
+        words = " ".join(self.summary()).strip()
+        return {"title": f"Root locus: {self.name}", "columns": columns, "rows": rows,
+                "notes": [f"{words[0].upper()}{words[1:]}."]}  # fmt: skip
+
+    def _zeros(self) -> dict[int, float]:
+        """The zero [rad/s] of each mode, where there are as many: modes that do not move lie on theirs, the others
+        interlace with the rest one by one.
+        """
+        left = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
+        if len(left) != len(self.modes):
+            return {}
+        result = {}
+        for mode in np.flatnonzero(~self.moved).tolist():
+            at = int(np.abs(left - np.abs(self.poles[0, self.modes[mode]])).argmin())
+            result[mode] = float(left[at])
+            left = np.delete(left, at)
+        return result | dict(zip(np.flatnonzero(self.moved).tolist(), left.tolist(), strict=True))
 
     def __str__(self) -> str:
         from mbsvib import tables
@@ -149,6 +178,8 @@ def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLi
     ResponseError
         If the gains do not ascend.
     """
+    from scipy.linalg import matrix_balance
+
     from mbsvib.isolation.closed_loop import close
     from mbsvib.isolation.collocation import removable, without
 
@@ -160,12 +191,12 @@ def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLi
         raise ResponseError(f"root_locus: gains have shape {g.shape}; expected two or more, ascending, from 0 on.")
 
     def at(gain: float) -> Complex:
-        return close(plant, law(gain)).poles()
+        values = np.linalg.eigvals(matrix_balance(close(plant, law(gain))._space[0], permute=False)[0])
+        return np.asarray(values[np.lexsort((-values.imag, np.abs(values)))], dtype=complex)
 
-    rows = [at(g[0])]
-    for low, high in pairwise(g.tolist()):
-        rows.append(_followed(at, (low, rows[-1]), (high, at(high)), HALVINGS))
-    table = np.array(rows)
+    track = Track(at, g)
+    track.refine()
+    table = track.poles
     first = close(plant, law(float(g[-1])))
     system = plant.system
     tensions = [name.removesuffix(".actuator") for name in first.actuators]
@@ -174,27 +205,16 @@ def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLi
         first.actuators, first.sensors)  # fmt: skip
     start = table[0]
     largest = np.abs(start).max(initial=0.0)
-    modes = np.flatnonzero((start.imag > 0.0) & (np.abs(start) > 1e-9 * largest))
-    return RootLocus(first.law.name, g, table, zeros, modes[np.argsort(np.abs(start[modes]), kind="stable")])
+    modes = np.flatnonzero((start.imag > 0.0) & (np.abs(start) > AT_REST * largest))
+    modes = modes[np.argsort(np.abs(start[modes]), kind="stable")]
+    moves = moved(table)
+    gain, ratio, poles = track.highest(lambda poles: least_damping(poles, moves))
+    optima = [track.highest(lambda poles, column=column: ratios(poles[:, column]))[:2] if moves[column]  # type: ignore[misc]
+              else (float(g[0]), float(ratios(start[[column]])[0])) for column in modes.tolist()]  # fmt: skip
+    return RootLocus(first.law.name, g, table, zeros, modes, track.curves, poles, (*optima, (gain, ratio)))
 
 
-def _followed(
-    at: Callable[[float], Complex], one: tuple[float, Complex], other: tuple[float, Complex], halvings: int
-) -> Complex:
-    """Poles at the other gain, in the order of those at the one."""
-    from scipy.optimize import linear_sum_assignment
-
-    (low, before), (high, after) = one, other
-    distance = np.abs(before[:, None] - after)
-    row, column = linear_sum_assignment(distance)
-    step = distance[row, column]
-    apart = np.abs(after[column][:, None] - after[column])
-    size = np.maximum(np.abs(after[column]), 1e-9 * np.abs(after).max(initial=0.0))
-    apart[apart <= ALIKE * size[:, None]] = np.inf  # poles that coincide need not be told apart
-    # what is overdamped comes together and parts again on the real axis: there are no modes to follow
-    waves = (np.abs(before[row].imag) > REAL * size) & (np.abs(after[column].imag) > REAL * size)
-    if halvings and (waves & (step > SHORT * apart.min(axis=1, initial=np.inf))).any():
-        middle = 0.5 * (low + high)
-        between = _followed(at, one, (middle, at(middle)), halvings - 1)
-        return _followed(at, (middle, between), other, halvings - 1)
-    return np.asarray(after[column])
+def _change(before: float, after: float) -> str:
+    """Two damping ratios in words, one if they read the same."""
+    words = [f"{100.0 * ratio:.3g} %" if ratio < 1.0 else "overdamped" for ratio in (before, after)]
+    return " → ".join(dict.fromkeys(words))

@@ -24,7 +24,12 @@ def test_root_locus_and_front():
     plant = isolation.actuated(active_strut(), "payload", "leg", directions="z")
     locus = isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), np.linspace(0.0, 300.0, 40))
     figure = plots.root_locus(locus)
-    assert figure.axes[0].get_title(loc="left") == "IFF: damping 49.9 % at gain 138.5"  # 50 % at 141.4
+    assert figure.get_suptitle() == "IFF: least damping 0 % → 50 %\nat gain 141.4"
+    dots = [line.get_xydata()[0] for line in figure.axes[0].lines
+            if line.get_marker() == "o" and line.get_mfc() != "none"]  # fmt: skip
+    at_best = plant.with_gains(isolation.force_feedback(plant, 1e2 * np.sqrt(2))).vibrating[0] / (2 * np.pi)
+    assert np.allclose(dots, [[at_best.real, at_best.imag]], rtol=1e-3)
+    assert plots.root_locus(locus, scale=2.0).get_suptitle().endswith("at gain 282.8")
     goal = isolation.passive(one_axis(0.1), "payload", directions="z")
     front = goal.front({"mount.stiffness": (1e3, 1e5)}, goal.index([100.0]), goal.sag(load=1.0), [1e-4, 2e-4])
     figure = plots.front(front)

@@ -1,0 +1,157 @@
+"""Poles over a gain, each followed in its column, and the gain at which a measure of them is highest."""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics import Array
+
+    Complex = NDArray[np.complex128]
+
+HALVINGS = 6
+# A step is short if every pole is found within this share of its distance to the nearest other one.
+SHORT = 0.3
+REAL = 0.05
+ALIKE = 1e-7  # poles in parts of their size that count as one
+MOVED = 0.01  # share of its size by which a pole moves if it is no other's rounding
+# Pairs of real poles that coincide come out with imaginary parts, and integrators at rest with sizes, of these shares.
+OSCILLATES, AT_REST = 1e-6, 1e-9
+GROWS = 1e-10  # a real part beyond this share of the largest pole is no rounding
+# A curve has a point for each move by this share of the largest pole, so many in a step at most.
+SMOOTH, MOST = 0.02, 12
+GOLDEN, SECTIONS = 0.5 * (3.0 - 5.0**0.5), 24  # golden ones: gains to 1e-5 of the steps between points
+
+
+class Track:
+    """Poles over gains, in columns that follow them.
+
+    Parameters
+    ----------
+    at : callable
+        Gain -> poles, in any order.
+    gains : array, shape (n,)
+        Ascending gains.
+    """
+
+    def __init__(self, at: Callable[[float], Complex], gains: Array) -> None:
+        self._at = at
+        rows = [at(float(gains[0]))]
+        for low, high in pairwise(gains.tolist()):
+            rows.append(followed(at, (low, rows[-1]), (high, at(high)), HALVINGS))
+        self.poles: Complex = np.array(rows)
+        self._known = dict(zip(gains.tolist(), rows, strict=True))
+        self._order = gains.tolist()
+
+    def at(self, gain: float) -> Complex:
+        """Return the poles at a gain between the first and the last one."""
+        if gain not in self._known:
+            low = self._order[bisect_right(self._order, gain) - 1]
+            self._known[gain] = followed(self._at, (low, self._known[low]), (gain, self._at(gain)), HALVINGS)
+            insort(self._order, gain)
+        return self._known[gain]
+
+    @property
+    def curves(self) -> Complex:
+        """Poles at all gains that were looked at, in ascending order, (more, poles)."""
+        return np.array([self._known[gain] for gain in self._order])
+
+    def refine(self) -> None:
+        """Look at more gains where poles move far from one to the next."""
+        largest = float(np.abs(self.poles[0]).max(initial=0.0)) or 1.0
+        for low, high in pairwise(tuple(self._order)):
+            far = float(np.abs(self._known[high] - self._known[low]).max(initial=0.0))
+            for gain in np.linspace(low, high, min(int(np.ceil(far / (SMOOTH * largest))), MOST) + 1)[1:-1].tolist():
+                self.at(gain)
+
+    def highest(self, measure: Callable[[Complex], Array]) -> tuple[float, float, Complex]:
+        """Return the gain at which a measure is highest, its value and the poles there, of stable loops only.
+
+        Parameters
+        ----------
+        measure : callable
+            Poles (n, poles) -> numbers (n,).
+
+        Returns
+        -------
+        gain, value, poles
+            The value is minus infinity if no loop is stable. Of gains that are as good, the lowest.
+        """
+
+        def height(poles: Complex) -> Array:
+            return np.where(stable(poles), measure(poles), -np.inf)
+
+        order = list(self._order)
+        value = height(np.array([self._known[gain] for gain in order]))
+        best = int(value.argmax())
+        if np.isneginf(value[best]):
+            return order[0], -np.inf, self._known[order[0]]
+        top = order[best], float(value[best])
+        low, high = order[max(best - 1, 0)], order[min(best + 1, len(order) - 1)]
+        gains = [low + GOLDEN * (high - low), high - GOLDEN * (high - low)]
+        heights = [float(height(self.at(gain)[None])[0]) for gain in gains]
+        for _ in range(SECTIONS):
+            left = heights[0] >= heights[1]
+            near = 0 if left else 1
+            if heights[near] > top[1] or (heights[near] == top[1] and gains[near] < top[0]):
+                top = gains[near], heights[near]
+            low, high = (low, gains[1]) if left else (gains[0], high)
+            new = low + GOLDEN * (high - low) if left else high - GOLDEN * (high - low)
+            beside = float(height(self.at(new)[None])[0])
+            gains, heights = ([new, gains[0]], [beside, heights[0]]) if left else (
+                [gains[1], new], [heights[1], beside])  # fmt: skip
+        return *top, self.at(top[0])
+
+
+def ratios(poles: Complex) -> Array:
+    """Return damping ratios; 0 where a pole is."""
+    size = np.abs(poles)
+    return np.divide(0.0 - poles.real, size, out=np.zeros_like(size), where=size > 0.0)
+
+
+def moved(poles: Complex) -> NDArray[np.bool_]:
+    """Return whether each column of poles (n, poles) leaves its first place by more than a hundredth of its size."""
+    return np.asarray(np.abs(poles - poles[0]).max(axis=0) > MOVED * np.abs(poles[0]))
+
+
+def least_damping(poles: Complex, chosen: NDArray[np.bool_]) -> Array:
+    """Return the least damping ratio of some columns of poles (n, poles) that vibrate, (n,); 1 where none does."""
+    size = np.abs(poles)
+    vibrates = chosen & (np.abs(poles.imag) > OSCILLATES * size) & (size > AT_REST * size.max(axis=1, keepdims=True))
+    return np.asarray(np.where(vibrates, ratios(poles), 1.0).min(axis=1, initial=1.0))
+
+
+def stable(poles: Complex) -> NDArray[np.bool_]:
+    """Return whether no pole of (n, poles) grows, (n,)."""
+    largest = np.abs(poles).max(axis=1, keepdims=True)
+    return np.asarray((poles.real <= GROWS * largest).all(axis=1))
+
+
+def followed(
+    at: Callable[[float], Complex], one: tuple[float, Complex], other: tuple[float, Complex], halvings: int
+) -> Complex:
+    """Return the poles at the other gain, in the order of those at the one."""
+    from scipy.optimize import linear_sum_assignment
+
+    (low, before), (high, after) = one, other
+    distance = np.abs(before[:, None] - after)
+    row, column = linear_sum_assignment(distance)
+    step = distance[row, column]
+    apart = np.abs(after[column][:, None] - after[column])
+    size = np.maximum(np.abs(after[column]), AT_REST * np.abs(after).max(initial=0.0))
+    apart[apart <= ALIKE * size[:, None]] = np.inf  # poles that coincide need not be told apart
+    # what is overdamped comes together and parts again on the real axis: there are no modes to follow
+    waves = (np.abs(before[row].imag) > REAL * size) & (np.abs(after[column].imag) > REAL * size)
+    if halvings and (waves & (step > SHORT * apart.min(axis=1, initial=np.inf))).any():
+        middle = 0.5 * (low + high)
+        between = followed(at, one, (middle, at(middle)), halvings - 1)
+        return followed(at, (middle, between), other, halvings - 1)
+    return np.asarray(after[column])
