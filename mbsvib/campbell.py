@@ -55,7 +55,8 @@ class Campbell:
 
     ``eigenvalues`` (n, modes) [1/s] have no negative imaginary part; ``errors`` (n, modes) are their relative errors.
     ``whirl`` (n, modes) is 1 where all rotors go round in circles as they spin, forward, -1 for circles backward, and
-    0 for motions to and fro. ``ratios`` says how fast each rotor turns at speed 1; ``critical`` lists critical speeds.
+    0 for motions to and fro. ``ratios`` says how fast each rotor turns at speed 1; ``critical`` lists critical speeds,
+    ``limits`` the speeds [rad/s] at which a mode begins or ceases to grow.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Campbell:
     errors: Array
     whirl: Array
     critical: tuple[CriticalSpeed, ...]
+    limits: tuple[float, ...]
     modes: tuple[Modes, ...] = field(repr=False)
 
     @cached_property
@@ -108,7 +110,8 @@ class Campbell:
                          f"speed ({digits(point.frequency)} Hz, {_word(point.whirl)}).")  # fmt: skip
         growing = self.speeds[~self.stable]
         if len(growing):
-            notes.append(f"Unstable at {len(growing)} of the speeds, first at {digits(growing[0])} rad/s.")
+            limits = f"; stability changes at {', '.join(map(digits, self.limits))} rad/s" if self.limits else ""
+            notes.append(f"Unstable at {len(growing)} of the speeds, first at {digits(growing[0])} rad/s{limits}.")
         return {"title": f"Campbell data of {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def __str__(self) -> str:
@@ -167,7 +170,8 @@ def campbell(
     critical = [point for n in np.atleast_1d(lines).tolist()
                 for point in _critical(sweep, w, found, order, n)]  # fmt: skip
     critical.sort(key=lambda point: (point.order, point.speed))
-    return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical), tuple(found))
+    return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical), _limits(sweep, w, found),
+                    tuple(found))  # fmt: skip
 
 
 def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | None) -> dict[str, float]:
@@ -266,6 +270,23 @@ def _sweep(model: Model, ratios: Mapping[str, float]) -> _Sweep:
     stations = tuple([(number[model.rotors[name].body], np.array(model.rotors[name].axis), ratio)
                       for name, ratio in ratios.items()])  # fmt: skip
     return _Sweep(still, added[0], added[1], stations, energy)
+
+
+def _limits(sweep: _Sweep, w: Array, found: Sequence[Modes]) -> tuple[float, ...]:
+    """Speeds at which modes begin or cease to grow, halved out to the last digit between those that are given."""
+    grows = [_grows(modes) for modes in found]
+    result = []
+    for k in np.flatnonzero(np.diff(np.array(grows, dtype=int))).tolist():
+        low, high = float(w[k]), float(w[k + 1])
+        while low < 0.5 * (low + high) < high and high - low > XTOL * max(abs(low), abs(high)):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if _grows(sweep.at(middle)) == grows[k] else (low, middle)
+        result.append(0.5 * (low + high))
+    return tuple(result)
+
+
+def _grows(modes: Modes) -> bool:
+    return bool((_upper(modes).real > 0.0).any())
 
 
 def _critical(

@@ -74,7 +74,11 @@ def test_jeffcott():
 def test_internal_damping_shows():
     data = campbell(shaft(1.0), [5.0, 14.9, 15.1, 20.0])
     assert data.stable.tolist() == [True, True, False, False]
-    assert "Unstable at 2 of the speeds, first at 15.1" in str(data)
+    # rotating damping d_i and damping d of the ground at rest: W = w (1 + d / d_i), 10 (1 + 1 / 2)
+    assert data.limits == pytest.approx([15.0], rel=1e-12)
+    assert "Unstable at 2 of the speeds, first at 15.100000 rad/s; stability changes at 15.000000 rad/s." in str(data)
+    assert campbell(shaft(1.0), [1.0, 200.0]).limits == pytest.approx([15.0], rel=1e-12)
+    assert campbell(shaft(1.0), [1.0, 2.0]).limits == ()
     grows = np.nonzero((data.eigenvalues.real > 0.0).any(axis=0))[0]
     assert (data.directions[:, grows] == "forward").all()
 
