@@ -12,6 +12,7 @@ from mbsvib.batch.damped import DampedBatch, damped_batch, joined
 from mbsvib.batch.undamped import undamped_batch
 from mbsvib.modes import RTOL, Modes, modes
 from mbsvib.modes.damped import Damped
+from mbsvib.modes.result import growing
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -77,8 +78,8 @@ class BatchModes:
 
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether no eigenvalue of a variant has a positive real part, shape (n,)."""
-        return np.asarray((self.eigenvalues.real <= 0.0).all(axis=1))
+        """Whether no mode of a variant grows, shape (n,)."""
+        return ~growing(self.eigenvalues, self.errors).any(axis=1)
 
     def __len__(self) -> int:
         return len(self.eigenvalues)

@@ -85,8 +85,8 @@ class Posed:
             their mean of all centres of mass, points of joints and bushings, and ends of springs. Default: the pose is
             found.
         report : bool
-            True: return how it was found as well, ``Equilibrium`` with the model, the residual after every step, load
-            steps, and how far each body moved.
+            True: return how it was found as well, ``Equilibrium`` with the model, whether it is stable and the modes
+            that grow if not, the residual after every step, load steps, and how far each body moved.
         snap : bool
             True: a mechanism that its springs hold may snap through to a pose elsewhere.
         cut : sequence of str

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.equilibrium.rotations import logarithm
-from mbsvib.errors import counted
+from mbsvib.errors import MbsvibError, counted
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
+    from mbsvib.modes import Modes
 
 
-@dataclass(frozen=True, slots=True)
+# Of large mechanisms, whose equations are sparse, so many of the lowest modes are looked at.
+LOWEST = 10
+
+
+@dataclass(frozen=True)
 class Equilibrium:
     """A model in equilibrium and how it was found.
 
     ``residuals`` are the shares of the forces that were left over before and after each step under the whole load,
     ``iterations`` counts all steps, ``load_steps`` are the shares of the load on the way. ``displacements`` tells how
-    far each body moved: translation of its centre of mass [m] and rotation vector [rad], world axes.
+    far each body moved: translation of its centre of mass [m] and rotation vector [rad], world axes. The search goes
+    downhill but does not look further: ``stable`` and ``unstable_modes`` tell whether the pose is held.
     """
 
     model: Model
@@ -31,11 +38,50 @@ class Equilibrium:
     load_steps: tuple[float, ...]
     displacements: dict[str, Array]
 
+    @cached_property
+    def stable(self) -> bool:
+        """Whether no mode grows: a mechanism that is disturbed a little stays near."""
+        return not self.unstable_modes
+
+    @cached_property
+    def unstable_modes(self) -> tuple[int, ...]:
+        """Numbers of the modes that grow, from 1 as ``print(model.linearize().modes())`` lists them, one for each
+        unstable direction; of large mechanisms among the lowest ten.
+        """
+        return () if self._modes is None else tuple((np.flatnonzero(self._modes.growing) + 1).tolist())
+
+    @cached_property
+    def _modes(self) -> Modes | None:
+        from mbsvib.sparse.system import SparseSystem
+
+        system = self.model.linearize()
+        if not system.dof:
+            return None
+        found: Modes = system.modes(min(LOWEST, system.dof)) if isinstance(system, SparseSystem) else system.modes()
+        return found
+
+    def _stability(self) -> str:
+        """The stability of the pose in words: which modes grow, or which are held by nothing."""
+        try:
+            numbers, modes = self.unstable_modes, self._modes
+        except MbsvibError as error:
+            return f"stability not known: {error}"
+        if modes is None:
+            return "stable: there is no degree of freedom"
+        if not numbers:
+            return "stable" + (f", but for {counted(modes.rigid, 'rigid-body mode')} held by nothing" if modes.rigid
+                               else "")  # fmt: skip
+        most = modes.strongest()
+        growing = ", ".join(f"{number} (mostly {' '.join(most[number - 1])})" for number in numbers)
+        return (f"UNSTABLE: {counted(len(numbers), 'unstable direction')}; of model.linearize().modes() "
+                f"{'mode' if len(numbers) == 1 else 'modes'} {growing} {'grows' if len(numbers) == 1 else 'grow'}")
+
     def __str__(self) -> str:
         steps = f" in {counted(len(self.load_steps) - 1, 'load step')}" if len(self.load_steps) > 1 else ""
         lines = [
             f"equilibrium of '{self.model.name}' after {counted(self.iterations, 'step')}{steps}; forces left over: "
             f"{self.residuals[-1]:.1e}",
+            f"  {self._stability()}",
             "  residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals),
         ]
         width = max(map(len, self.displacements), default=0)

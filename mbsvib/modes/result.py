@@ -35,6 +35,8 @@ RTOL = 1e-12
 TIGHTER = 1e-2
 # What no higher rung of the ladder can mend.
 ROUNDING = 1e-15
+# A real part is rounding below the estimated error of its eigenvalue, and no share of it beyond this one is.
+ROUNDED = 1e-9
 # A shape of a massless system whose bodies move less than this is not normalised by their motion.
 MOVES = 1e-8
 # Radius [m] at which rotations of nodes count as motions: small, so that they do where nothing shifts.
@@ -130,8 +132,13 @@ class Modes:
 
     @cached_property
     def stable(self) -> bool:
-        """Whether no eigenvalue has a positive real part."""
-        return bool((self.eigenvalues.real <= 0.0).all())
+        """Whether no mode grows."""
+        return not self.growing.any()
+
+    @cached_property
+    def growing(self) -> NDArray[np.bool_]:
+        """Whether each mode grows with time, shape (n,): by a real part that is positive by more than rounding."""
+        return np.asarray(growing(self.pairs, self.pair_errors).any(axis=1))
 
     def nearest(self, count: int, frequency: float = 0.0) -> Modes:
         """Return the ``count`` modes whose natural frequencies are nearest to a frequency.
@@ -323,7 +330,7 @@ class Modes:
         result = []
         if self.rigid:
             result.append(f"{counted(self.rigid, 'rigid-body mode')}, exactly 0 Hz.")
-        diverging = np.nonzero(self.pairs.real.max(axis=1) > 0.0)[0]
+        diverging = np.nonzero(self.growing)[0]
         if len(diverging):
             many = len(diverging) > 1
             result.append(f"Unstable: mode{'s' if many else ''} {', '.join(str(i + 1) for i in diverging)} "
@@ -335,6 +342,11 @@ class Modes:
             result.append(f"Real modes: {self.classical}.")
         result.append(f"Estimated relative error of the eigenvalues: {self.errors.max():.1e} at most.")
         return tuple(result)
+
+
+def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
+    """Tell which eigenvalues have real parts that are positive by more than rounding, for their relative errors."""
+    return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
 
 
 def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
