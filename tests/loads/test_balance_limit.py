@@ -1,0 +1,36 @@
+"""How far out of balance a pose may be: 1e-9 of the forces, or of the moments, that should cancel; in any units."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+
+
+def slide(off, size):
+    """A weight on a spring; the force is off by a share."""
+    model = mv.Model("slide", gravity=(0, 0, -9.81))
+    model.add_body("b", 3.0, np.full(3, size**2), (size, 2 * size, 0))
+    model.add_joint("rail", "prismatic", "ground", "b")
+    model.add_bushing("k", "ground", "b", (size, 2 * size, 0), (0, 0, 50.0, 0, 0, 0),
+                      preload=(0, 0, 3.0 * 9.81 * (1 + off), 0, 0, 0))  # fmt: skip
+    return model
+
+
+def pendulum(off, size):
+    """A weight held level by a spiral spring; the moment is off by a share."""
+    model = mv.Model("pendulum", gravity=(0, 0, -9.81))
+    model.add_body("b", 3.0, np.full(3, size**2), (size, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "b", (0, 0, 0), axis=(0, 1, 0))
+    model.add_bushing("k", "ground", "b", (0, 0, 0), (0, 0, 0, 0, 50.0, 0),
+                      preload=(0, 0, 0, 0, -3.0 * 9.81 * size * (1 + off), 0))  # fmt: skip
+    return model
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
+@pytest.mark.parametrize("make", [slide, pendulum])
+def test_the_limit_of_balance(make, size):
+    for off in (1e-10, -1e-10):
+        make(off, size).linearize()
+    for off in (1e-8, -1e-8):
+        with pytest.raises(mv.EquilibriumError, match=r"'b'.*5\.0e-09"):
+            make(off, size).linearize()
