@@ -21,6 +21,9 @@ UNIT6 = tuple(tuple(1.0 if i == j else 0.0 for j in range(6)) for i in range(6))
 # A rotation matrix computed in double precision is orthonormal to 1e-15; one typed with ten digits to 1e-10.
 # Beyond 1e-9 the axes would scale stiffness by more than the accuracy this toolbox promises.
 ROTATION_TOLERANCE = 1e-9
+# Columns off by more than rounding leave a joint's free directions a share of its locked ones, by which a second joint
+# on the same axes would lock it.
+ROUNDED = 1e-14
 TINY = 1e-150
 # Nobody needs to turn by more, but 90 degrees taken for radians do.
 ONCE_AROUND = 2.0 * pi * (1.0 + ROTATION_TOLERANCE)
@@ -127,6 +130,30 @@ def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
     if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0:
         raise refuse(who, field, value, expected, "This one is left-handed: negate one column.")
     return rows  # type: ignore[return-value]
+
+
+def orthonormal(axes: Matrix3) -> Matrix3:
+    """Return right-handed axes that were given to some digits as orthonormal ones; the third keeps its direction."""
+    if axes is IDENTITY:
+        return axes
+    x, y, z = zip(*axes, strict=True)
+    pairs = ((x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0))
+    if max([abs(_dot(a, b) - product) for a, b, product in pairs]) <= ROUNDED:
+        return axes
+    z = _unit(z)
+    along = _dot(x, z)
+    x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
+    y = (z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0])
+    return ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _unit(a: Vector) -> Vector:
+    length = hypot(*a)
+    return (a[0] / length, a[1] / length, a[2] / length)
 
 
 def exponential(w: Vector) -> Matrix3:

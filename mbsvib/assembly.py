@@ -7,6 +7,7 @@ of D per elastic direction: everything comes from the geometry by the path rule,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from operator import is_
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -17,7 +18,7 @@ from mbsvib._given import a_model
 from mbsvib._memory import keep_freed_memory
 from mbsvib.gram import gram, product
 from mbsvib.inertia import check_mass, spatial_inertia
-from mbsvib.kinematics import Rows, Triplets, Twists, body_motion, relative_motion, table, twists
+from mbsvib.kinematics import Rows, Triplets, Twists, arm, body_motion, relative_motion, table, twists
 from mbsvib.loads.self_stress import warn
 from mbsvib.loads.wrenches import is_loaded
 from mbsvib.loops import Cuts, Reduction, reduce
@@ -278,7 +279,7 @@ def system(
     relative = scene.relative()
     locked, coordinates, felt = scene.locked, scene.coordinates, len(scene.springs.owner)
     phi = scene.closure(relative)
-    reduction = reduce(coordinates, scene.cuts, phi, independent)
+    reduction = reduce(coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
     planar = check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
     kept = reduction.independent.tolist()
     names = tuple([coordinates.names[i] for i in kept])

@@ -98,9 +98,9 @@ def _loops(system: System) -> list[str]:
     if idle:
         lines.append(f"  {listed(idle)}: locks nothing")
     for group in groups:
-        pivots = f"; smallest pivot kept {group.kept:.1e}, largest dropped {group.dropped:.1e}" if group.rank else ""
-        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent{pivots} "
-                     f"(loop size {group.length:.3g} m)")  # fmt: skip
+        pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
+        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
+                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
         if group.redundant:
             lines.append(f"    redundant: {listed(group.redundant)}")
     return lines

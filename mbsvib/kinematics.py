@@ -21,16 +21,20 @@ import numpy as np
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.parts import Body
+    from mbsvib.parts import Body, Joint
     from mbsvib.topology import Topology
 
     Array = NDArray[np.float64]
     Index = NDArray[np.intp]
 
+# An entry of no more than so many roundings of what it is the sum of is zero: an axis met, or taken across.
+ROUNDING = 32.0 * float(np.finfo(float).eps)
+# An entry above this [m, rad] is none, of points up to 1e6 m off: it need not be looked at.
+LARGEST = 1e-8
 # x y z x y: both shifts of a cross product are slices of vectors with these components
 CYCLE = np.array((0, 1, 2, 0, 1))
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
@@ -42,7 +46,8 @@ class Twists:
 
     ``linear`` and ``angular`` (3, n) at ``point`` (3, n) [m]; ``path`` (bodies + 1, n) holds +1 or -1 where the
     coordinate lies on the path from ground to the body (last row: ground); ``turns`` (n,) tells rotations (rad) from
-    translations (m). Components come first, so that each is one contiguous vector.
+    translations (m); ``pitch`` [m] is the largest one of the screws, cut ones included. Components come first, so that
+    each is one contiguous vector.
     """
 
     names: tuple[str, ...]
@@ -51,6 +56,7 @@ class Twists:
     point: Array
     path: NDArray[np.int8]
     turns: NDArray[np.bool_]
+    pitch: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +188,38 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             path[branch.body] = path[branch.parent]
             path[branch.body, place[branch.joint]] = branch.sign
     both = columns(six, 6)
-    return Twists(tuple(names), both[:3], both[3:], columns(point, 3), path, np.array(turns, dtype=bool))
+    return Twists(tuple(names), both[:3], both[3:], columns(point, 3), path, np.array(turns, dtype=bool),
+                  largest_pitch(joints))  # fmt: skip
+
+
+def largest_pitch(joints: Sequence[Joint]) -> float:
+    """Return the largest pitch of the screws among joints [m], 0 where there is none."""
+    return max([abs(joint.pitch) for joint in joints if joint.pitch], default=0.0)
+
+
+def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
+    """Return how far joints are at most from the centres of mass of the bodies they connect.
+
+    Parameters
+    ----------
+    topology : Topology
+        The joints.
+    position : array, shape (bodies, 3)
+        Centres of mass [m].
+    names : iterable of str
+        Names of joints; others are passed over.
+
+    Returns
+    -------
+    float
+        The largest distance [m] along one of the world axes.
+    """
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    joints, wanted = {joint.name: joint for joint in topology.joints}, set(names)
+    arms = [np.abs(np.subtract(joint.point, position[number[body]])).max()
+            for joint in map(joints.get, wanted & set(joints)) if joint is not None and joint.point is not None
+            for body in (joint.first, joint.second) if body in number]  # fmt: skip
+    return float(max(arms, default=0.0))
 
 
 def body_motion(coordinates: Twists, position: Array) -> Array:
@@ -254,7 +291,34 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     turned *= angular
     turned += force * linear
     value = (turned[0] + turned[1] + turned[2]) * sign.reshape(-1).take(flat)
+    clear_rounding(value, force, moment, linear, angular, point, start)
     return Triplets(row, column, value, sign.shape)
+
+
+def clear_rounding(value: Array, *vectors: Array) -> None:
+    """Set entries of relative motion to zero that are nothing but rounding.
+
+    Directions are rounded by eps of one, points by eps of their distance from the origin.
+
+    Parameters
+    ----------
+    value : array, shape (..., entries)
+        f . v + w . ((p_r - p_k) x f + m), changed in place.
+    *vectors : array, shape (3, ..., entries)
+        f, m, v, w, p_r and p_k of each.
+    """
+    size = np.abs(value)
+    small = size < LARGEST
+    if np.count_nonzero(small) + np.count_nonzero(value) == value.size:  # what is small is zero
+        return
+    if value.ndim > 1:
+        force, moment, linear, angular, point, start = (np.maximum.reduce(np.abs(array)) for array in vectors)
+        value[size <= ROUNDING * (((point + start) * force + moment) * angular + force * linear)] = 0.0
+        return
+    at = small.nonzero()[0]
+    force, moment, linear, angular, point, start = np.abs(np.array(vectors).take(at, axis=2)).max(axis=1)
+    noise = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
+    value[at[size.take(at) <= noise]] = 0.0
 
 
 def _joined(arrays: list[Any]) -> Any:

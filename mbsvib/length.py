@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.loops import SAME_POINT
-
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
+
+# Points closer than this share of their distance from the origin are one point, told apart by rounding.
+SAME_POINT = 16.0 * float(np.finfo(float).eps)
 
 
 def length_of(points: Array) -> float:

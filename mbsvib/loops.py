@@ -20,7 +20,7 @@ from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, ne
 from mbsvib.kinematics import Rows, Twists
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import NDArray
 
@@ -28,10 +28,11 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array, Index
 
     Mask = NDArray[np.bool_]
+    Arms = Callable[[Iterable[str]], float]
 
 EPS = float(np.finfo(float).eps)
 # Entries of the scaled Phi carry a rounding error of a few eps times (distance from the origin / loop size); pivots
-# below this many times that error count as zero.
+# below this many times that error count as zero, however large the others are: rows and columns are of the size of one.
 RANK_FACTOR = 50.0
 # A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-12 are no longer certain.
 NEAR_SINGULAR = 1e-4
@@ -39,8 +40,6 @@ NEAR_SINGULAR = 1e-4
 ZERO_ENTRY = 4.0 * EPS
 # Kept and dropped pivots closer than this leave the rank itself in doubt.
 RANK_GAP = 1e3
-# Points closer than this share of their distance from the origin are one point, told apart by rounding.
-SAME_POINT = 16.0 * EPS
 # Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
 TIE_BREAK = 1e-6
 
@@ -50,8 +49,9 @@ class LoopGroup:
     """What the rank decision of one independent group of loops was.
 
     ``joints`` are the cut joints, ``rows`` and ``columns`` the numbers of their locked rows and of the coordinates
-    involved; ``kept`` is the smallest pivot kept and ``dropped`` the largest one dropped (relative to the largest
-    pivot; rotations scaled by ``length`` [m]), ``surplus`` the number of redundant constraint rows.
+    involved; ``kept`` is the smallest pivot kept, 1 where there is none, and ``dropped`` the largest one dropped, both
+    of rows and columns that ``length`` [m] scales to the size of one (over the largest pivot where that is more);
+    ``noise`` is the rounding of their entries, ``surplus`` the number of redundant constraint rows.
     """
 
     joints: tuple[str, ...]
@@ -61,6 +61,7 @@ class LoopGroup:
     kept: float
     dropped: float
     length: float
+    noise: float
     _names: Callable[[], tuple[str, ...]] = field(repr=False, compare=False)
 
     @property
@@ -136,8 +137,9 @@ class Cuts:
 
 
 def reduce(
-    coordinates: Twists, cuts: Cuts | None, phi: Array, independent: Sequence[str] | None = None
-) -> Reduction:
+    coordinates: Twists, cuts: Cuts | None, phi: Array, independent: Sequence[str] | None = None,
+    arms: Arms | None = None,
+) -> Reduction:  # fmt: skip
     """Return the minimal coordinates and B'' with Phi B'' = 0.
 
     Parameters
@@ -150,6 +152,9 @@ def reduce(
         Relative displacements of these rows per unit joint coordinate.
     independent : sequence of str, optional
         Coordinates that must be among the minimal ones.
+    arms : callable, optional
+        How far joints, by name, are from the centres of mass of their bodies [m]: a body that has been turned has its
+        points rounded by that. Asked where the rank is in doubt.
 
     Returns
     -------
@@ -173,7 +178,7 @@ def reduce(
     solved = []
     groups = []
     for rows, columns in _groups(coordinates, cuts):
-        group, dependent, others, block = _solve(coordinates, cuts, phi, rows, columns, pinned)
+        group, dependent, others, block = _solve(coordinates, cuts, phi, rows, columns, pinned, arms)
         depends[dependent] = True
         solved.append((dependent, others, block))
         groups.append(group)
@@ -229,17 +234,13 @@ def _groups(coordinates: Twists, cuts: Cuts) -> list[tuple[Index, Index]]:
 
 
 def _solve(
-    coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask | None
-) -> tuple[LoopGroup, Index, Index, Array]:
+    coordinates: Twists, cuts: Cuts, phi: Array, rows: Index, columns: Index, pinned: Mask | None, arms: Arms | None,
+    arm: float = 0.0,
+) -> tuple[LoopGroup, Index, Index, Array]:  # fmt: skip
     """Solve one group: its rank decision, dependent and other columns, and the block of B'' between them."""
     cut = rows if cuts.couplings is None else rows[rows < len(cuts.rows.first)]
     points = np.concatenate((cuts.rows.point.take(cut, axis=1), coordinates.point.take(columns, axis=1)), axis=1)
-    if not points.size:  # a coupler of coordinates that other joints hold still
-        points = np.zeros((3, 1))
-    low, high = np.minimum.reduce(points, axis=1).tolist(), np.maximum.reduce(points, axis=1).tolist()
-    length, distance = max(map(sub, high, low)), max(*high, -min(low))
-    if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding
-        length = 1.0
+    length, noise = measures(points, max(len(rows), len(columns)), coordinates.pitch, arm)
     scale = np.where(coordinates.turns.take(columns), 1.0, length)
     scale *= _preference(len(columns))
     a = scaled(phi.take(rows, axis=0).take(columns, axis=1), cuts, rows, scale, length)
@@ -247,24 +248,24 @@ def _solve(
     if pinned is not None and pinned[columns].any():
         held, candidate = np.nonzero(pinned[columns])[0], np.nonzero(~pinned[columns])[0]
     qr, order, tau = pivoted_qr(a if candidate is None else a[:, candidate])
-    pivots = list(map(abs, qr.diagonal().tolist()))
-    # positions are rounded relative to the origin, entries of Phi therefore relative to origin distance / loop size
-    noise = EPS * max(a.shape) * max(1.0, distance / length)
-    largest = pivots[0] if pivots and pivots[0] > 0.0 else 1.0
-    limit = RANK_FACTOR * noise * max(1.0, largest)
-    rank = sum([pivot > limit for pivot in pivots])
-    right = qr[:rank, rank:]
+    rank, kept, dropped, limit = decided(qr.diagonal().tolist(), noise)
+    right, tied = qr[:rank, rank:], False
     if held is not None:
         product = a[:, held]
         if len(tau):
             product = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, product, 64 * len(held))[0]
-        _check_pins(coordinates, columns[held], product[rank:], RANK_FACTOR * noise)
+        tied = bool(np.abs(product[rank:]).max(initial=0.0) > limit)
         right = np.concatenate((right, product[:rank]), axis=1)
-    group = LoopGroup(
-        tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())]), rows, columns, rank,
-        pivots[rank - 1] / largest if rank else 1.0, pivots[rank] / largest if rank < len(pivots) else 0.0, length,
-        partial(_redundant, a, rank, rows, cuts.names),
-    )  # fmt: skip
+    joints = tuple([cuts.joints[k] for k in dict.fromkeys(cuts.joint.take(rows).tolist())])
+    doubtful = tied or kept < NEAR_SINGULAR or limit > NEAR_SINGULAR
+    if doubtful and arms is not None and not arm:
+        arm = arms([*joints, *(coordinates.names[k].rpartition(".")[0] for k in columns.tolist())])
+        if arm:
+            return _solve(coordinates, cuts, phi, rows, columns, pinned, arms, arm)
+    if tied and held is not None:
+        raise _tied(coordinates, columns[held])
+    group = LoopGroup(joints, rows, columns, rank, kept, dropped, length, noise,
+                      partial(_redundant, a, rank, rows, cuts.names))  # fmt: skip
     _check_gap(group)
     dependent, others = order[:rank], order[rank:]
     if candidate is not None and held is not None:
@@ -273,6 +274,61 @@ def _solve(
     block = blas.dtrsm(1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
     block *= -scale.take(dependent)[:, None] / scale.take(others)
     return group, columns.take(dependent), columns.take(others), block
+
+
+def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple[float, float]:
+    """Return what lengths in loops are measured in, and the rounding of rows that are scaled by it.
+
+    Parameters
+    ----------
+    points : array, shape (3, n)
+        Points of the joints [m].
+    count : int
+        Number of the rows or of the coordinates, whichever is larger.
+    pitch : float
+        Largest pitch of a screw [m].
+    arm : float
+        How far the points are from the centres of mass of their bodies [m].
+
+    Returns
+    -------
+    length : float
+        The size of the loops [m]; where all points are one but for rounding, the pitch, or 1 m.
+    noise : float
+        Rounding of an entry: that of unit vectors, and of points relative to their distance from the origin, or from
+        the centre of mass about which their body was turned.
+    """
+    if not points.size:  # a coupler of coordinates that other joints hold still
+        return 1.0, EPS * count
+    low, high = np.minimum.reduce(points, axis=1).tolist(), np.maximum.reduce(points, axis=1).tolist()
+    length, distance = max(map(sub, high, low)), max(*high, -min(low), arm)
+    if length <= RANK_FACTOR * EPS * count * distance:  # lever arms, which are shorter, are rounding
+        length = pitch or 1.0
+    return length, EPS * count * max(1.0, distance / length)
+
+
+def decided(pivots: list[float], noise: float) -> tuple[int, float, float, float]:
+    """Return the rank, the smallest pivot kept and the largest one dropped, and up to what size pivots are dropped.
+
+    Parameters
+    ----------
+    pivots : list of float
+        Pivots of rows and columns of the size of one, in descending order of size.
+    noise : float
+        Rounding of an entry.
+
+    Returns
+    -------
+    tuple of int, float, float and float
+        Rank, ``kept`` and ``dropped`` as ``LoopGroup`` has them, and the limit, of pivots as they are.
+    """
+    sizes = list(map(abs, pivots))
+    # rounding is measured by entries of the size of one: the largest pivot may be rounding itself
+    unit = max(1.0, sizes[0]) if sizes else 1.0
+    limit = RANK_FACTOR * noise * unit
+    rank = sum([size > limit for size in sizes])
+    kept, dropped = sizes[rank - 1] if rank else unit, sizes[rank] if rank < len(sizes) else 0.0
+    return rank, kept / unit, dropped / unit, limit
 
 
 @lru_cache
@@ -302,14 +358,13 @@ def _redundant(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> tupl
     return tuple(names[rows[k]] for k in sorted(order[rank:].tolist()))
 
 
-def _check_pins(coordinates: Twists, held: Index, rest: Array, limit: float) -> None:
+def _tied(coordinates: Twists, held: Index) -> ModelError:
     """Refuse pinned coordinates that the loops tie to each other (their columns reach outside the others' range)."""
-    if rest.size and float(np.abs(rest).max()) > limit:
-        names = ", ".join(coordinates.names[k] for k in held)
-        raise ModelError(
-            f"independent: the loops leave no choice in which all of {names} are independent; pin fewer of them.",
-            element=coordinates.names[held[0]], field="independent",
-        )  # fmt: skip
+    names = ", ".join(coordinates.names[k] for k in held)
+    return ModelError(
+        f"independent: the loops leave no choice in which all of {names} are independent; pin fewer of them.",
+        element=coordinates.names[held[0]], field="independent",
+    )  # fmt: skip
 
 
 def _check_gap(group: LoopGroup) -> None:
@@ -324,6 +379,6 @@ def _check_gap(group: LoopGroup) -> None:
         )
     warnings.warn(
         f"loops closed by {names}: nearly singular pose (smallest pivot {group.kept:.1e}); the minimal coordinates "
-        f"lose as many digits. Pin other coordinates with independent=, or move the pose.",
-        NearSingularWarning, stacklevel=6,
+        f"lose as many digits. Pin other coordinates with independent=, move the pose, or give joints that are meant "
+        f"to be in line all their digits.", NearSingularWarning, stacklevel=6,
     )  # fmt: skip

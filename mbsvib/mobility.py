@@ -13,8 +13,7 @@ import numpy as np
 
 from mbsvib.errors import SingularPoseError
 from mbsvib.kinematics import CYCLE, body_motion, relative_motion
-from mbsvib.loops import pivoted_qr, scaled
-from mbsvib.parts.joint import POINT_IN_SECOND
+from mbsvib.loops import RANK_FACTOR, pivoted_qr, scaled
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -88,7 +87,8 @@ def check_mobility(
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
         pivots = np.abs(qr.diagonal())
-        rank = int(np.count_nonzero(pivots > LIMIT * max(1.0, float(pivots.max(initial=0.0)))))
+        limit = max(LIMIT, RANK_FACTOR * group.noise)
+        rank = int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))
         if rank > group.rank:
             raise SingularPoseError(
                 f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {len(group.rows)} "
@@ -183,7 +183,7 @@ def phi_nearby(
         at = slice(row, row + 1)
         axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
         moment[..., at] = crossed_product(*axes)
-    point = shift(_holders(topology, cuts), rows.point)
+    point = shift(rows.second, rows.point)
     moved = replace(rows, point=point, force=force, moment=moment)
     phi = relative_motion(twists, moved).dense(0, len(rows.first))
     if cuts.couplings is None:
@@ -212,7 +212,8 @@ def crossed_product(a: Array, b: Array) -> Array:
 
 def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
     """The body in which each twist is fixed: a joint's first, but its second for the second of two successive ones. The
-    body with which its axis turns too, halfway. And the body that carries its point.
+    body with which its axis turns too, halfway. And the body that carries its point, the joint's second: that turns
+    about its own point, wherever it has slid to.
     """
     number = {name: i for i, name in enumerate(topology.bodies)}
     number["ground"] = len(topology.bodies)
@@ -225,16 +226,10 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
             second = joint.successive and name == joint.freedom[-1][0]
             result.append(number[joint.second if second else joint.first])
             other.append(result[-1] if joint.successive else number[joint.second])
-            holder.append(number[joint.second] if joint.kind in POINT_IN_SECOND else result[-1])
+            holder.append(number[joint.second])
     ground = [number["ground"]] * (6 * len(topology.floating))
     carrier, halfway, point = (np.array(bodies + ground, dtype=np.intp) for bodies in (result, other, holder))
     return carrier, halfway, point
-
-
-def _holders(topology: Topology, cuts: Cuts) -> Index:
-    """The body that carries the point of each locked row."""
-    second = np.array([topology.joints[k].kind in POINT_IN_SECOND for k in topology.cut], dtype=bool)
-    return np.where(second[cuts.joint[: len(cuts.rows.first)]], cuts.rows.second, cuts.rows.first)
 
 
 def _rods(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from mbsvib.batch.geometry import cuts_of, twists_of
 from mbsvib.changes import rotations
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
+from mbsvib.kinematics import arm
 from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
 from mbsvib.mobility import LIMIT, _crossed, _rods, check_mobility, phi_nearby
 from mbsvib.parts import Joint
@@ -160,7 +162,9 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
 def _solved(
     coordinates: Twists, cuts: Cuts, phi: Array, group: LoopGroup, dependent: Index, others: Index
 ) -> tuple[Array, Array, Array]:
-    """Block of B'', distance of A from singular relative to its size, and what the redundant rows leave."""
+    """Block of B'', distance of A from singular (over its size where that is more than one), and what the redundant
+    rows leave.
+    """
     needed = np.array([cuts.names[row] not in group.redundant for row in group.rows], dtype=bool)
     row_scale = cuts.row_scale(group.length)[..., group.rows, None]
     column_scale = np.where(coordinates.turns, 1.0, group.length)
@@ -177,7 +181,9 @@ def _solved(
         solution[singular] = np.nan
     block, inverse = solution[:, :, : len(others)], solution[:, :, len(others) :]
     size, growth = np.sqrt(np.einsum("vij,vij->v", a, a)), np.sqrt(np.einsum("vij,vij->v", inverse, inverse))
-    health = np.divide(1.0, size * growth, out=np.ones_like(size), where=np.isfinite(growth) & (size > 0.0))
+    # rows are of the size of one: the whole of A may be rounding
+    health = np.divide(1.0, np.maximum(1.0, size) * growth, out=np.ones_like(size),
+                       where=np.isfinite(growth) & (growth > 0.0))  # fmt: skip
     lost = ~np.isfinite(growth)
     health[lost], block[lost] = 0.0, 0.0
     left = np.zeros(len(phi))
@@ -193,7 +199,7 @@ def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
     far = [np.abs(array[..., of]).max(axis=(0, -1), initial=0.0)
            for array, of in ((cuts.rows.point, cut), (coordinates.point, group.columns))]  # fmt: skip
     noise: Array = EPS * max(len(group.rows), len(group.columns)) * np.maximum(1.0, np.maximum(*far) / group.length)
-    return noise
+    return np.maximum(noise, group.noise)
 
 
 def _alone(
@@ -211,7 +217,7 @@ def _alone(
         warnings.simplefilter("always", NearSingularWarning)
         try:
             if doubt:
-                reduction = reduce(coordinates, cuts, phi, names)
+                reduction = reduce(coordinates, cuts, phi, names, partial(arm, topology, position))
             check_mobility(topology, coordinates, cuts, reduction, position)
             _check_freedom(reduction, nominal)
         except ModelError as error:  # the coordinates, which this variant did not choose, depend on each other

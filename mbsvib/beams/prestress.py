@@ -13,6 +13,7 @@ so that rigid halves and this form are together N / 2 times the integral of the 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,12 +78,14 @@ def carried(model: Model, beams: Sequence[Beam]) -> dict[str, Bushing]:
         The elements by name, in the order of the beams.
     """
     from mbsvib.assembly import matrices, scene
+    from mbsvib.kinematics import arm
     from mbsvib.loads.loaded import load
     from mbsvib.loops import reduce
 
     view = scene(model)
     relative = view.relative()
-    reduction = reduce(view.coordinates, view.cuts, relative.dense(0, view.locked))
+    reduction = reduce(view.coordinates, view.cuts, view.closure(relative),
+                       arms=partial(arm, view.topology, view.position))  # fmt: skip
     found = matrices(view, relative, reduction)
     names = [name for beam in beams for name in beam.element_names]
     place = {name: i for i, name in enumerate(names)}

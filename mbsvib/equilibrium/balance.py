@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from mbsvib.assembly import matrices, scene
 from mbsvib.equilibrium.carry import carried
 from mbsvib.errors import NearSingularWarning
+from mbsvib.kinematics import arm
 from mbsvib.loops import EPS, reduce
 
 if TYPE_CHECKING:
@@ -81,7 +83,8 @@ def balance(at: Stance) -> Balance:
     locked, coordinates = numbers.locked, numbers.coordinates
     with warnings.catch_warnings():  # a pose on the way, not the one that is asked for
         warnings.simplefilter("ignore", NearSingularWarning)
-        reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative))
+        reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative),
+                           arms=partial(arm, numbers.topology, numbers.position))  # fmt: skip
     found = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
     kept = reduction.independent
     residual = acting = np.zeros(len(kept))

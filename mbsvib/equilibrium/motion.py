@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lstsq
 
 from mbsvib.assembly import cut_rows
 from mbsvib.couplers.rows import with_couplers
@@ -16,6 +15,7 @@ from mbsvib.equilibrium.joints import displacement, opening
 from mbsvib.equilibrium.rotations import exponential
 from mbsvib.kinematics import relative_motion, twists
 from mbsvib.length import length_of
+from mbsvib.loops import EPS, RANK_FACTOR
 from mbsvib.parts import Bushing
 from mbsvib.topology import FLOATS, span
 
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from mbsvib.topology import Topology
 
 CORRECTIONS = 25
-# Pivots of the scaled loop equations below this share of the largest are redundant rows.
+# Singular values of the scaled loop equations below this are redundant rows. Rows are of the size of one; in loops that
+# are redundant as a whole the largest value is rounding too, and what they are open by then moves nothing.
 RANK = 1e-9
 # Loops count as closed when they are open by no more than this share of their size, and get no closer.
 CLOSED = 1e-13
@@ -58,6 +59,12 @@ class Stance:
     def scale(self) -> Array:
         """Units (n,) in which all joint coordinates are of like size: 1 rad, or the size of the mechanism."""
         return np.where(self.coordinates.turns, 1.0, self.size)
+
+    @property
+    def rounding(self) -> float:
+        """How far loops may be open as points are rounded relative to the origin, in units of ``size``."""
+        points = self.coordinates.point
+        return RANK_FACTOR * EPS * points.shape[1] * float(np.abs(points).max(initial=0.0)) / self.size
 
     @property
     def closure(self) -> Array:
@@ -216,6 +223,14 @@ def close(at: Stance, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance
             break
         scale = here.scale[allowed]
         step = np.zeros(len(here.scale))
-        step[allowed] = -scale * lstsq(here.closure[:, allowed] * scale, error, cond=RANK)[0]
+        limit = max(RANK, here.rounding)
+        step[allowed] = -scale * _smallest(here.closure[:, allowed] * scale, error, limit)
         here = here.moved(step)
     return best, left
+
+
+def _smallest(a: Array, right: Array, limit: float) -> Array:
+    """The smallest solution of a x = right in the sense of least squares, without singular values up to ``limit``."""
+    u, values, v = np.linalg.svd(a, full_matrices=False)
+    kept = values > limit * max(1.0, float(values.max(initial=0.0)))
+    return np.asarray((u[:, kept].T @ right / values[kept]) @ v[kept])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from mbsvib.equilibrium.motion import along_tree, close, stance
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.rigid import stiffened
 from mbsvib.errors import ModelError, nearest
+from mbsvib.kinematics import arm
 from mbsvib.loops import reduce
 from mbsvib.topology import span
 
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.2, 1e-5
-# Loops count as closed in the end when they are open by less than this share of the mechanism's size.
+# Loops count as closed in the end when they are open by less than this share of the mechanism's size, or by rounding.
 TOLERANCE = 1e-12
 
 
@@ -104,7 +106,8 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert here.cuts is not None
     phi = here.closure / here.cuts.row_scale(here.size)[:, None]
-    reduction = reduce(here.coordinates, here.cuts, phi, names)
+    arms = partial(arm, here.topology, here.pose.centre[:-1])
+    reduction = reduce(here.coordinates, here.cuts, phi, names, arms)
     depends = np.ones(len(target), dtype=bool)
     depends[reduction.independent] = False
     longest = float(np.abs(target / here.scale).max(initial=0.0))
@@ -119,7 +122,7 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
         # a motion of the others that is many times the one asked for is a jump, or a dead point
         small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
         there, left = close(here.moved(q), depends) if small else (here, np.inf)
-        if left <= TOLERANCE and _near(here, there) and _same_side(here, there, depends):
+        if left <= max(TOLERANCE, there.rounding) and _near(here, there) and _same_side(here, there, depends):
             here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share

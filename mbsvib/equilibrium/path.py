@@ -31,7 +31,7 @@ STEPS = 200
 # Newton's method must make its own steps shorter by this factor, and takes at most so many.
 CONTRACTION, NEWTON_STEPS = 0.5, 12
 SMALLEST_SHARE = 1e-3
-# Loops are closed when they are open by less than this share of the mechanism's size.
+# Loops are closed when they are open by less than this share of the mechanism's size, or by rounding.
 CLOSED = 1e-11
 # Eigenvalues of the tangent below this share of the largest are stiffness that is not there.
 ZERO_STIFFNESS = 1e-10
@@ -65,7 +65,7 @@ def step_from(at: Stance, step: Array) -> Stance | None:
         raise
     except (ModelError, SingularPoseError):
         return None
-    return there if left <= CLOSED else None
+    return there if left <= max(CLOSED, there.rounding) else None
 
 
 def forces_at(at: Stance) -> Balance | None:

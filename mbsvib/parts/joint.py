@@ -67,8 +67,6 @@ KINDS: dict[str, Kind] = {
 }
 # Where no rotation is free, the relative displacement is the same at every point.
 NEEDS_NO_POINT = frozenset({"prismatic", "fixed"})
-# Their second body carries the point: its rotations go about that point wherever it has moved to on the first.
-POINT_IN_SECOND = frozenset({"point_on_line", "point_on_plane", "distance"})
 # sin of the angle between the axes of a universal joint, below which they count as parallel
 PARALLEL = 1e-6
 
@@ -153,7 +151,7 @@ def make(
             end = check.vector(end, who, "end", "the rod's point (x, y, z) on the second body [m] in world axes")
             axes = check.frame_along(_rod(position, end, who))
         else:
-            axes = check.orientation(orientation, who) if axis is None else \
+            axes = check.orthonormal(check.orientation(orientation, who)) if axis is None else \
                 check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
     if kind == "screw":
         pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
@@ -232,7 +230,7 @@ def _universal(axis: Vector | None, axis2: Vector | None, orientation: Any, who:
     if axis is None:
         if axis2 is not None:
             raise check.refuse(who, "axis", None, "the axis in the first body, to go with axis2")
-        return check.orientation(orientation, who), _SUBSPACES["universal"][0]
+        return check.orthonormal(check.orientation(orientation, who)), _SUBSPACES["universal"][0]
     a = check.axis(axis, who, "axis")
     if axis2 is None:
         raise check.refuse(who, "axis2", None, "the axis in the second body, to go with axis")

@@ -19,9 +19,8 @@ import numpy as np
 
 from mbsvib.errors import NearSingularWarning, SingularPoseError
 from mbsvib.explain import listed
-from mbsvib.kinematics import Rows
-from mbsvib.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, SAME_POINT, TIE_BREAK, LoopGroup, pivoted_qr
-from mbsvib.parts.joint import POINT_IN_SECOND
+from mbsvib.kinematics import Rows, arm
+from mbsvib.loops import NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, decided, measures, pivoted_qr
 from mbsvib.sparse.couplers import locked_entries, row_scale
 from mbsvib.sparse.rows import relative_rows
 
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.kinematics import Array, Index
+    from mbsvib.loops import Arms
     from mbsvib.parts import Body
     from mbsvib.sparse.couplers import Coupled
     from mbsvib.sparse.layout import Layout
@@ -56,10 +56,10 @@ DEPENDENT = 1e-10
 class Constraints:
     """Locked rows of the cut joints: all ``rows`` with their ``names``, the number ``loop`` of their cut joint and the
     mask ``kept`` of the independent ones; ``groups`` of loops; ``crossing``, the locked rotations that are normal to an
-    axis of each body (row, axis in first, axis in second); ``holder``, the body that carries each row's point; ``rods``
-    of distance joints, cut or in the tree (row or -1, coordinate or -1, first, second, start, end); and ``touched``,
-    the row and body of every joint on the path of a kept row (rows counted among the kept ones). Couplers come behind
-    the rows, one each, in ``names``, ``loop``, ``kept`` and ``groups``.
+    axis of each body (row, axis in first, axis in second); ``rods`` of distance joints, cut or in the tree (row or -1,
+    coordinate or -1, first, second, start, end); and ``touched``, the row and body of every joint on the path of a kept
+    row (rows counted among the kept ones). Couplers come behind the rows, one each, in ``names``, ``loop``, ``kept``
+    and ``groups``.
     """
 
     rows: Rows
@@ -68,7 +68,6 @@ class Constraints:
     kept: Mask
     groups: tuple[LoopGroup, ...]
     crossing: tuple[tuple[int, tuple[float, ...], tuple[float, ...]], ...]
-    holder: Index
     rods: tuple[Rod, ...]
     touched: tuple[Index, Index]
     couplers: Coupled | None = None
@@ -139,7 +138,6 @@ def constraints(
     tuples: list[tuple[float, ...]] = []
     names: list[str] = []
     loop: list[int] = []
-    holder: list[int] = []
     crossing = []
     for count, k in enumerate(topology.cut):
         joint = topology.joints[k]
@@ -153,7 +151,6 @@ def constraints(
             tuples.append((a, b, *point, *six))
             names.append(f"{joint.name}.{direction}")
             loop.append(count)
-            holder.append(b if joint.kind in POINT_IN_SECOND else a)
     rows = Rows.stack(tuples)
     cut = [topology.joints[k].name for k in topology.cut]
     rods = _rods(topology, number, tree, names)
@@ -162,18 +159,17 @@ def constraints(
         names += couplers.names
         cut += couplers.names
     entries = Entries(*locked_entries(tree, rows, couplers), np.array(loop, dtype=np.intp), len(names))
-    scales = partial(row_scale, rows, couplers)
+    scales, arms = partial(row_scale, rows, couplers), partial(arm, topology, tree.position)
     kept = np.ones(len(names), dtype=bool)
     found: list[LoopGroup] = []
     for members in entries.groups():
-        group = _decide(tree, rows, names, cut, entries, members, scales)
+        group = _decide(tree, rows, names, cut, entries, members, scales, arms)
         found.append(group)
         redundant = set(group.redundant)
         kept[[row for row in group.rows.tolist() if names[row] in redundant]] = False
     place = np.cumsum(kept) - 1
     used = kept[entries.row]
-    return Constraints(rows, tuple(names), entries.loop, kept, tuple(found), tuple(crossing),
-                       np.array(holder, dtype=np.intp), rods,
+    return Constraints(rows, tuple(names), entries.loop, kept, tuple(found), tuple(crossing), rods,
                        (place[entries.row[used]], tree.carried[entries.column[used]]), couplers)  # fmt: skip
 
 
@@ -218,28 +214,32 @@ class Entries:
 
 
 def _decide(
-    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales
-) -> LoopGroup:
+    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales,
+    arms: Arms,
+) -> LoopGroup:  # fmt: skip
     columns = np.unique(entries.of(members)[1])
     loops = np.unique(entries.loop[members])
     if len(loops) == 1 or len(members) * len(columns) <= WHOLE:
-        return _whole(tree, rows, names, cut, entries, members, scales)
-    parts = [_whole(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales) for k in loops]
+        return _whole(tree, rows, names, cut, entries, members, scales, arms)
+    parts = [_whole(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales, arms) for k in loops]
     gone = {name for part in parts for name in part.redundant}
     left = np.array([row for row in members.tolist() if names[row] not in gone], dtype=np.intp)
-    redundant, kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales))
+    noise = max(part.noise for part in parts)
+    limit = max(DEPENDENT, RANK_FACTOR * noise)
+    redundant, kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales), limit)
     _check_gap([name for part in parts for name in part.joints], kept, dropped)
     gone |= {names[left[k]] for k in redundant.tolist()}
     return LoopGroup(
         tuple(name for part in parts for name in part.joints), members, columns, len(left) - len(redundant), kept,
         max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
-        partial(tuple, [names[row] for row in members.tolist() if names[row] in gone]),
+        noise, partial(tuple, [names[row] for row in members.tolist() if names[row] in gone]),
     )  # fmt: skip
 
 
 def _whole(
-    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales
-) -> LoopGroup:
+    tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales,
+    arms: Arms, reach: float = 0.0,
+) -> LoopGroup:  # fmt: skip
     """The dense path's decision on some rows alone, in their own coordinates."""
     row, column, value = entries.of(members)
     columns, place = np.unique(column, return_inverse=True)
@@ -247,27 +247,23 @@ def _whole(
     phi[row, place] = value
     cut_rows = members[members < len(rows.first)]
     points = np.concatenate((rows.point[:, cut_rows], tree.point[:, columns]), axis=1)
-    low, high = points.min(axis=1), points.max(axis=1)
-    length, distance = float((high - low).max()), float(max(high.max(), -low.min()))
-    if length <= SAME_POINT * distance or length == 0.0:  # no size: joints about one point, but for rounding
-        length = 1.0
+    length, noise = measures(points, max(len(members), len(columns)), tree.pitch, reach)
     scale = np.where(tree.turns[columns], 1.0, length)
     scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
     a = phi * scales(members, length)[:, None] * scale
-    pivots = np.abs(pivoted_qr(a)[0].diagonal())
-    noise = EPS * max(a.shape) * max(1.0, distance / length)
-    largest = float(pivots[0]) if len(pivots) and pivots[0] > 0.0 else 1.0
-    rank = int(np.count_nonzero(pivots > RANK_FACTOR * noise * max(1.0, largest)))
-    kept = float(pivots[rank - 1]) / largest if rank else 1.0
-    dropped = float(pivots[rank]) / largest if rank < len(pivots) else 0.0
+    rank, kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
+    joints = tuple(cut[k] for k in dict.fromkeys(entries.loop[members].tolist()))
+    if not reach and (kept < NEAR_SINGULAR or limit > NEAR_SINGULAR):
+        reach = arms([*joints, *(tree.names[k].rpartition(".")[0] for k in columns.tolist())])
+        if reach:
+            return _whole(tree, rows, names, cut, entries, members, scales, arms, reach)
     redundant: list[int] = []
     if rank < len(members):
         weight = 1.0 - TIE_BREAK * np.arange(len(members)) / len(members)
         redundant = sorted(pivoted_qr((a * weight[:, None]).T)[1][rank:].tolist())
-    joints = tuple(cut[k] for k in dict.fromkeys(entries.loop[members].tolist()))
     _check_gap(joints, kept, dropped)
     implied = partial(tuple, [names[members[k]] for k in redundant])
-    return LoopGroup(joints, members, columns, rank, kept, dropped, length, implied)
+    return LoopGroup(joints, members, columns, rank, kept, dropped, length, noise, implied)
 
 
 def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
@@ -280,7 +276,8 @@ def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
     if kept < NEAR_SINGULAR:
         warnings.warn(
             f"loops closed by {listed(joints)}: nearly singular pose (smallest pivot {kept:.1e}); modes and responses "
-            f"lose as many digits. Move the pose.", NearSingularWarning, stacklevel=6,
+            f"lose as many digits. Move the pose, or give joints that are meant to be in line all their digits.",
+            NearSingularWarning, stacklevel=6,
         )  # fmt: skip
 
 
@@ -296,8 +293,10 @@ def _unit_rows(tree: Tree, entries: Entries, left: Index, columns: Index, scales
     return csr_matrix((value / norm[row], (row, np.searchsorted(columns, column))), shape=(len(left), len(columns)))
 
 
-def _dependent(s: csr_matrix) -> tuple[Index, float, float]:
-    """Rows that depend on the others; the smallest distance of a row that is kept, the largest of one that is not."""
+def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
+    """Rows no farther than ``limit`` from the span of the others; the smallest distance of a row that is kept, the
+    largest of one that is not.
+    """
     distance, _ = _distances(s, DELTA)
     sure = distance > CERTAIN
     kept = float(np.sqrt(distance[sure].min(initial=1.0)))
@@ -314,7 +313,7 @@ def _dependent(s: csr_matrix) -> tuple[Index, float, float]:
         rest = rest - certain.T @ lu.solve(certain @ rest)
     qr, order, _ = pivoted_qr(rest)
     pivots = np.abs(qr.diagonal())
-    rank = int(np.count_nonzero(pivots > DEPENDENT))
+    rank = int(np.count_nonzero(pivots > limit))
     gone = np.sort(np.flatnonzero(~sure)[order[rank:]])
     return gone, min([kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
 

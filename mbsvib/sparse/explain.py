@@ -59,9 +59,9 @@ def _loops(system: SparseSystem) -> list[str]:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
     for group in system.constraints.groups[:SHOWN]:
-        pivots = f"; smallest pivot kept {group.kept:.1e}, largest dropped {group.dropped:.1e}" if group.rank else ""
-        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent{pivots} "
-                     f"(loop size {group.length:.3g} m)")  # fmt: skip
+        pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
+        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
+                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
         if group.redundant:
             lines.append(f"    redundant: {listed(group.redundant)}")
     rest = len(system.constraints.groups) - SHOWN

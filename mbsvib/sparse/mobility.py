@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.loops import pivoted_qr
+from mbsvib.loops import RANK_FACTOR, pivoted_qr
 from mbsvib.mobility import LIMIT, STEP
 from mbsvib.sparse.constraints import DEPENDENT, WHOLE
 from mbsvib.sparse.couplers import row_scale
@@ -56,7 +56,7 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
             members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
         for rows in members:
             # a loop by itself may be nearly singular, which is no reason to refuse it
-            here, nearby = (_rank(tree, closure, part, rows, group.length, limit)
+            here, nearby = (_rank(tree, closure, part, rows, group.length, max(limit, RANK_FACTOR * group.noise))
                             for part, limit in zip(entries, (DEPENDENT, LIMIT), strict=True))  # fmt: skip
             here = group.rank if rows is group.rows else here
             if nearby > here:
@@ -109,7 +109,7 @@ def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree,
         b = turn(rows.second[row : row + 1], np.array([second_axis]).T)
         moment[:, row] = np.cross(a[:, 0], b[:, 0])
     couplers = None if closure.couplers is None else closure.couplers.nearby(turn, shift)
-    rows = replace(rows, point=shift(closure.holder, rows.point), force=force, moment=moment)
+    rows = replace(rows, point=shift(rows.second, rows.point), force=force, moment=moment)
     return moved, replace(closure, rows=rows, couplers=couplers)
 
 

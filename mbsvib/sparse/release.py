@@ -13,7 +13,7 @@ from scipy.linalg import blas, lapack
 
 from mbsvib.errors import ModelError
 from mbsvib.explain import listed
-from mbsvib.loops import pivoted_qr
+from mbsvib.loops import EPS, RANK_FACTOR, pivoted_qr
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.couplers import row_scale
 from mbsvib.sparse.layout import kinematics
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # Regularises columns of unit length: far below the squares of singular values that loops have, far above rounding.
 DELTA = 1e-12
 STEPS = 60
-# The last step may change the solution by no more than this.
+# The last step may change the solution by no more than this, or by rounding of what it is to make up for.
 CONVERGED = 1e-13
 
 
@@ -126,21 +126,21 @@ def _of_large(entries: Any, shape: tuple[int, int], group: LoopGroup) -> Callabl
 
     rows, columns = shape
     a = csc_matrix(entries, shape=shape)
-    # loops are short against their group: lengths of columns say what their size is
+    # loops are short against their group: lengths of columns say what their size is, but for those that are rounding
     size = np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
-    unit: Array = 1.0 / np.where(size > 0.0, size, 1.0)
+    unit = np.divide(1.0, size, out=np.zeros(columns), where=size > RANK_FACTOR * group.noise)
     a = (a @ diags(unit)).tocsc()
     lu = splu(bmat([[eye(rows), a], [a.T, -DELTA * eye(columns)]], format="csc"))
 
     def solve(right: Array) -> Array:
         result: Array = np.zeros(columns)
-        left = right
+        left, least = right, EPS * float(np.abs(right).max())
         for _ in range(STEPS):
             step: Array = lu.solve(np.concatenate((left, np.zeros(columns))))[rows:]
             result = result + step
             moved = a @ step
             left = right - a @ result
-            if np.abs(moved).max() <= CONVERGED * np.abs(a @ result).max(initial=1e-300):
+            if np.abs(moved).max() <= max(least, CONVERGED * np.abs(a @ result).max()):
                 result *= unit
                 return result
         raise ModelError(

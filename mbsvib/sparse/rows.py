@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.kinematics import clear_rounding
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
@@ -135,14 +137,16 @@ def row_values(tree: Tree, rows: Rows, row: Index, column: Index) -> Array:
     array, shape (n,)
         The displacement of the row per unit of the coordinate.
     """
-    rx, ry, rz = rows.point.take(row, axis=1) - tree.point.take(column, axis=1)
+    point, start = rows.point.take(row, axis=1), tree.point.take(column, axis=1)
+    linear, angular = tree.linear.take(column, axis=1), tree.angular.take(column, axis=1)
+    rx, ry, rz = point - start
     fx, fy, fz = force = rows.force.take(row, axis=1)
     moment = rows.moment.take(row, axis=1)
-    moment[0] += ry * fz - rz * fy
-    moment[1] += rz * fx - rx * fz
-    moment[2] += rx * fy - ry * fx
-    value = moment * tree.angular.take(column, axis=1) + force * tree.linear.take(column, axis=1)
-    result: Array = value[0] + value[1] + value[2]
+    value = (moment[0] + (ry * fz - rz * fy)) * angular[0] + force[0] * linear[0]
+    value += (moment[1] + (rz * fx - rx * fz)) * angular[1] + force[1] * linear[1]
+    value += (moment[2] + (rx * fy - ry * fx)) * angular[2] + force[2] * linear[2]
+    clear_rounding(value, force, moment, linear, angular, point, start)
+    result: Array = value
     return result
 
 

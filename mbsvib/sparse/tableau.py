@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 THRESHOLD = 1e-3
 # A general ordering takes multipliers before what they hold: it must pivot, and does so safely.
 THRESHOLD_GENERAL = 0.1
+# A joint this much softer than another is held by no more than the rounding of a spring's direction across its axis.
+ROUNDED = float(np.finfo(float).eps)
 # One step of refinement takes what pivoting by threshold has lost.
 REFINEMENTS = 1
 
@@ -292,6 +294,7 @@ def _scales(
     column = np.repeat(np.arange(place.size), np.diff(indptr))
     diagonal = (column == indices) & (stiffness != 0.0)
     own = np.abs(stiffness[diagonal]) * unit[column[diagonal]] ** 2
+    own = own[own > ROUNDED * own.max(initial=0.0)]
     moment = float(2.0 ** np.round(np.mean(np.log2(own)))) if len(own) else 1.0
     force = np.ones(place.size)
     force[h[translates]] = length

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics import columns
-from mbsvib.parts.joint import POINT_IN_SECOND
+from mbsvib.kinematics import columns, largest_pitch
 from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ class Tree:
     joint it is, ``linear``, ``angular`` and ``point`` (3, m) its twist in the joint, ``sign`` (m,) that of the body
     against its parent, ``motion`` (m, 6) the body's displacement per unit, ``turns`` (m,) rotations,
     ``carrier`` and ``halfway`` (m,) the two bodies with whose mean its axis turns, ``holder`` (m,) the one that carries
-    its point; translations are fixed in ``carrier``.
+    its point; translations are fixed in ``carrier``. ``pitch`` [m] is the largest one of the screws, cut ones included.
     """
 
     position: Array
@@ -58,6 +57,7 @@ class Tree:
     carrier: Index
     halfway: Index
     holder: Index
+    pitch: float = 0.0
 
     @property
     def length(self) -> float:
@@ -114,8 +114,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
                 own[-1] = number[joint.second]
             carrier += own
             halfway += own if joint.successive else [number[joint.second]] * len(freedom)
-            held = joint.kind in POINT_IN_SECOND
-            holder += [number[joint.second]] * len(freedom) if held else carrier[len(holder) :]
+            holder += [number[joint.second]] * len(freedom)
         parent[branch.body], first[branch.body], count[branch.body] = branch.parent, len(names), len(freedom)
         for direction, twist in freedom:
             names.append(f"{name}.{direction}")
@@ -133,7 +132,8 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     depth, moves = _directions(outward, parent, position, body_of, motion)
     return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
                 points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
-                *(np.array(of_twists, dtype=np.intp) for of_twists in (carrier, halfway, holder)))  # fmt: skip
+                *(np.array(of_twists, dtype=np.intp) for of_twists in (carrier, halfway, holder)),
+                largest_pitch(joints))  # fmt: skip
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import jv
@@ -166,3 +167,21 @@ def test_superelements_under_load_are_refused():
     model.add_superelement("lump", np.eye(6), None, np.zeros((6, 6)), {"node": (0, 0, 0)})
     with pytest.raises(mv.ModelError, match=r"superelement 'lump': a model under load"):
         model.linearize()
+
+
+def test_a_loaded_beam_on_a_geared_shaft():
+    """A gear to a second shaft is as much inertia more about the first one's axis."""
+
+    def shafts(geared):
+        model = mv.Model("geared", gravity=(0, 0, -9.81))
+        model.add_body("shaft", 1.0, (2.0, 2.0, 1.0 if geared else 1.0 + 2.0**2 * 0.3), (0, 0, 1))
+        model.add_joint("bearing", "revolute", "ground", "shaft", (0, 0, 1), axis=(0, 0, 1))
+        model.add_bushing("k", "ground", "shaft", (0, 0, 1), (0, 0, 0, 0, 0, 10.0))
+        model.add_beam("arm", "shaft", None, BAR, ALLOY, start=(0, 0.2, 1), end=(0, 1, 1), elements=3)
+        if geared:
+            model.add_body("other", 1.0, (1.0, 1.0, 0.3), (2, 0, 1))
+            model.add_joint("other bearing", "revolute", "ground", "other", (2, 0, 1), axis=(0, 0, 1))
+            model.add_gear("gear", "bearing", "other bearing", 2.0)
+        return model.linearize().modes().frequencies
+
+    assert_allclose(shafts(True), shafts(False), rtol=1e-11)

@@ -13,7 +13,7 @@ from tests.superelements.craig_bampton import NODES, reduced
 from tests.support import overconstrained
 from tests.support.compare import linearized
 from tests.support.loaded_models import held, loaded
-from tests.support.random_models import closed_loops, open_trees, planar_loops
+from tests.support.random_models import closed_loops, open_trees, planar_loops, rotation
 from tests.support.sizes import examples, few
 
 # redundant constraints are welcome here: what they leave open is compared as well
@@ -266,6 +266,28 @@ def test_large_loaded_groups_of_loops_are_solved_sparse(monkeypatch):
         monkeypatch.setattr(f"mbsvib.sparse.{module}.WHOLE", 0)
     for make in (mv.library.four_bar, mv.library.trifilar_pendulum):
         test_loaded_machines(make)
+
+
+@pytest.mark.parametrize("kinds", [("spherical", "revolute"), ("cylindrical", "revolute"), ("revolute", "fixed")])
+def test_forces_in_coaxial_shafts(kinds, monkeypatch):
+    """Each in two bearings and joined to the next: columns that are rounding hold nothing, in large groups either.
+
+    Their centres of mass are far off, so that turning the shafts rounds their points.
+    """
+    monkeypatch.setattr("mbsvib.sparse.release.WHOLE", 0)
+    rng = np.random.default_rng(5)
+    turn, origin, model = rotation(rng), rng.uniform(-3, 3, size=3), mv.Model("shafts")
+    along = lambda z: origin + z * turn[:, 2]  # noqa: E731
+    for k in range(5):
+        model.add_body(f"b{k}", 1.0, (0.5, 0.5, 0.4), along(k + 0.5) + 1e3 * turn[:, 0])
+        for name, z in (("near", k + 0.1), ("far", k + 0.9)):
+            model.add_joint(f"{name} {k}", kinds[0], "ground", f"b{k}", along(z), axis=turn[:, 2])
+        model.add_joint(f"j{k}", kinds[1], f"b{k - 1}" if k else "ground", f"b{k}", along(k), orientation=turn)
+        model.add_bushing(f"k{k}", "ground", f"b{k}", along(k), (0, 0, 300.0, 0, 0, 50.0), orientation=turn)
+    model.add_input("push", "b3", (1.0, 0.5, 0.3, 0.2, 0.1, 0.7), position=along(3.3))
+    turned = model.moved(dict.fromkeys(model.linearize(method="dense").coordinates, 0.3), relaxed=True)
+    dense, sparse = both(with_forces(turned))
+    assert differ(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA)) < 1e-9
 
 
 def test_explain_says_how_forces_come_about():
