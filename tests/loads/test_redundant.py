@@ -176,6 +176,24 @@ def test_units_make_no_difference():
         np.testing.assert_allclose(found[name] / np.repeat((1.0, 1e3), 3), wrench, rtol=0, atol=1e-9 * size)
 
 
+@pytest.mark.parametrize("name", overconstrained.ALL)
+def test_stiffness_does_not_depend_on_the_choice(name, monkeypatch):
+    """Ten times as much self-stress as there are forces: constraints that are redundant nearby do no work on it."""
+    model = redundant(name)
+    expected = model.linearize()
+    size = max(map(np.linalg.norm, expected.reactions.values()))
+
+    def stressed(self, wrench, missing=None):
+        result = wrench.copy()
+        result[:, self.joints] += 10 * size * self.states.sum(axis=2)[..., None]
+        return result
+
+    monkeypatch.setattr("mbsvib.loads.self_stress.SelfStress.least", stressed)
+    found = restated(model).linearize()
+    assert max(map(np.linalg.norm, found.reactions.values())) > 3 * size
+    np.testing.assert_allclose(found.K, expected.K, rtol=0, atol=1e-11 * max(np.abs(expected.K).max(), size))
+
+
 def test_another_machine_makes_no_difference():
     """Machines that only ground joins have lengths of their own."""
     model, both = door(), door()
