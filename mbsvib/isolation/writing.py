@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from mbsvib.kinematics import Array
 
 
+KILO = 1e4  # [Hz], from where frequencies are written in kHz
+
+
 def isolation_table(study: Isolation) -> dict[str, Any]:
     """Return the figures of a study as arguments of ``mbsvib.tables.text`` and ``show``."""
     f = study.frequencies
@@ -30,7 +33,7 @@ def isolation_table(study: Isolation) -> dict[str, Any]:
         ("index a decade above", f"{study.decade:.3g} ({decibel(study.decade)})" if study.decade > 0.0 else "-"),
         ("roll-off", _roll_off(study)),
         (f"index at {f[-1]:.4g} Hz", f"{study.index[-1]:.3g} ({decibel(study.index[-1])})"),
-        (f"compliance at {f[0]:.4g} Hz, minimum and maximum singular value", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
+        (f"compliance at {f[0]:.4g} Hz, minimum and maximum", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
     ]
     if len(study._undamped):
         rows[1] = ("amplification there", "infinite: undamped")
@@ -105,7 +108,9 @@ def _roll_off(study: Isolation) -> str:
 
 def hertz(value: float) -> str:
     """Return a frequency in words."""
-    return f"{value:.4g} Hz" if np.isfinite(value) else "not in this band"
+    if not np.isfinite(value):
+        return "not in this band"
+    return f"{value:.4g} Hz" if value < KILO else f"{1e-3 * value:.4g} kHz"
 
 
 def decibel(value: float) -> str:

