@@ -12,6 +12,7 @@ from mbsvib.errors import ResponseError, nearest
 from mbsvib.isolation.figures import figures
 from mbsvib.isolation.mean_square import Resolution
 from mbsvib.isolation.participation import eigen, sources
+from mbsvib.isolation.pole_track import GROWS, vibrates
 from mbsvib.isolation.summed import response
 
 if TYPE_CHECKING:
@@ -30,9 +31,6 @@ if TYPE_CHECKING:
 
     Complex = NDArray[np.complex128]
 
-AT_REST = 1e-9  # poles below this share of the largest are integrators' at rest
-OSCILLATES = 1e-6  # pairs of real poles that coincide come out with such imaginary parts
-GROWS = 1e-10  # a real part beyond this share of the largest pole is no rounding
 RESTS = 3e-8  # poles at 0 that are double come out so far off, in parts of the largest
 
 
@@ -265,8 +263,7 @@ class ClosedLoop:
     @cached_property
     def _vibrating(self) -> NDArray[np.intp]:
         values = self._eigen[0]
-        size = np.abs(values)
-        return np.flatnonzero((values.imag > OSCILLATES * size) & (size > AT_REST * size.max(initial=0.0)))
+        return np.flatnonzero(vibrates(values) & (values.imag > 0.0))
 
     @property
     def damping_ratios(self) -> Array:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.isolation.pole_track import vibrates
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -94,7 +96,7 @@ def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list
     found: list[int | None] = [
         int(mode) if count and table[mode, k] > rest[:, k].sum() else None for k, mode in enumerate(largest)
     ]
-    waves = np.flatnonzero(poles.imag > 0.0)
+    waves = np.flatnonzero(vibrates(poles) & (poles.imag > 0.0))
     row, column = linear_sum_assignment(-table[:, waves])
     chosen = dict(zip(waves[column].tolist(), row.tolist(), strict=True))
     for k in waves.tolist():

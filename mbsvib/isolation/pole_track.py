@@ -124,9 +124,14 @@ def moved(poles: Complex) -> NDArray[np.bool_]:
 
 def least_damping(poles: Complex, chosen: NDArray[np.bool_]) -> Array:
     """Return the least damping ratio of some columns of poles (n, poles) that vibrate, (n,); 1 where none does."""
+    return np.asarray(np.where(chosen & vibrates(poles), ratios(poles), 1.0).min(axis=1, initial=1.0))
+
+
+def vibrates(poles: Complex) -> NDArray[np.bool_]:
+    """Return whether poles (..., poles) vibrate: what rounding makes of real ones and of integrators does not."""
     size = np.abs(poles)
-    vibrates = chosen & (np.abs(poles.imag) > OSCILLATES * size) & (size > AT_REST * size.max(axis=1, keepdims=True))
-    return np.asarray(np.where(vibrates, ratios(poles), 1.0).min(axis=1, initial=1.0))
+    largest = size.max(axis=-1, keepdims=True, initial=0.0)
+    return np.asarray((np.abs(poles.imag) > OSCILLATES * size) & (size > AT_REST * largest))
 
 
 def stable(poles: Complex) -> NDArray[np.bool_]:

@@ -123,6 +123,51 @@ def test_delay_makes_unstable_and_is_told():
         late.isolation([1.0])
 
 
+def told(loop):
+    """Rows of the table, natural frequency, damping and source, and the notes on what is unstable."""
+    table = loop.table()
+    return [(float(f), float(ratio), source) for _, f, ratio, source in table["rows"]], table["notes"]
+
+
+@pytest.mark.parametrize("law", [isolation.force_feedback, isolation.velocity_feedback, isolation.skyhook])
+@pytest.mark.parametrize("rate", [20e3, 5e3, 3e3])
+def test_unstable_poles_come_from_one_source_each(law, rate):
+    """The platform's six modes grow, two of them in pairs; what the delay adds is the controller's, and decays."""
+    p = isolation.actuated(library.stewart_isolator(torsion_stiffness=20.0), "platform", length=0.1)
+    loop = p.with_gains(law(p, 3000.0)).sampled(rate, delay=1 / rate)
+    rows, notes = told(loop)
+    modes = [source for _, _, source in rows if source != "controller"]
+    assert len(set(modes)) == len(modes) == 12
+    unstable = [(f, ratio, source) for f, ratio, source in rows if ratio < 0]
+    assert bool(unstable) is (rate < 20e3)
+    assert all(source.startswith("mode") for _, _, source in unstable)
+    vibrating = [note for note in notes if "-100 %" not in note]
+    assert len(vibrating) == len(unstable)
+    for note, (f, _, source) in zip(vibrating, unstable, strict=True):
+        assert note.startswith(f"Unstable: {source} at {f:.4g} Hz")
+    for note in set(notes) - set(vibrating):
+        assert note.startswith("Unstable: controller")
+    assert f"{rate:g} Hz, {1e3 / rate:.3g} ms late" in loop.table()["title"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_poles_of_weak_loops_come_from_the_nearest_modes(seed):
+    """A loop that hardly acts leaves every pole where it was, of modes and of a filter."""
+    rng = np.random.default_rng(seed)
+    p = isolation.actuated(library.cubic_hexapod(damping=20.0, inertia=(0.05, 0.06, 0.08)), "platform")
+    w = 2 * np.pi * rng.uniform(200.0, 400.0)
+    filters = control.ss([[0, 1], [-(w**2), -0.1 * w]], [[0], [1]], [[1e-3, 0]], [[0]])
+    weak = isolation.controller(filters, ["leg1.k.stroke"], ["leg1.k.actuator"])
+    for loop in (p.with_gains(weak), p.with_gains(weak).sampled(5e4, 3e-5)):
+        modes = p.system.modes()
+        for f, _, source in told(loop)[0]:
+            if abs(f - w / (2 * np.pi)) < 0.01 * f:
+                assert source == "controller"
+            else:
+                number = int(source.split()[1])
+                assert f == pytest.approx(modes.frequencies[number - 1], rel=1e-3)
+
+
 def test_what_is_refused():
     with pytest.raises(mv.ResponseError, match="a positive rate"):
         loop().sampled(0.0)
