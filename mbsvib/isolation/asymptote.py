@@ -86,10 +86,10 @@ def direct(linear: Linear) -> Array:
     if isinstance(linear, System):
         value, terms = _direct(linear)
     else:
-        (plant, terms), (y, u) = _direct(linear.plant.system), linear.ports
-        value = linear.state_space().D
+        plant, (y, u) = direct(linear.plant.system), linear.ports
         back = np.linalg.inv(np.eye(len(u)) - linear.law.D @ plant[np.ix_(y, u)]) @ linear.law.D
-        terms = terms + terms[:, u] @ np.abs(back) @ terms[y]
+        value = plant + plant[:, u] @ back @ plant[y]
+        terms = np.abs(plant) + np.abs(plant[:, u]) @ np.abs(back) @ np.abs(plant[y])
     return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
 
 

@@ -182,6 +182,9 @@ def test_roll_off_of_closed_loops():
     assert sky.isolation().roll_off == -40.0
     assert damper.isolation().roll_off == -20.0
     assert damper.isolation().roll_off_from == pytest.approx(1.2e5 / 800 / (2 * math.pi), rel=0.3)
+    hexapod = isolation.actuated(library.cubic_hexapod(damping=2.0), "platform")
+    force = hexapod.with_gains(isolation.force_feedback(hexapod, 600.0, leak=6.0)).isolation([1.0, 100.0])
+    assert (force.roll_off, force.plateau) == (-20.0, 0.0)
     sampled = damper.sampled(1e4).isolation([1.0, 100.0])
     assert math.isnan(sampled.roll_off)
     assert dict(sampled.table()["rows"])["roll-off"] == "none: the controller is sampled"
