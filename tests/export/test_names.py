@@ -22,7 +22,7 @@ NAMES = st.one_of(TRICKY, PRINTABLE)
 SAID = NAMES.filter(lambda name: name == name.strip() and name != "P")  # "P" is the plant itself
 
 
-@examples(12, slow=40)
+@examples(6, slow=40)
 @given(NAMES)
 @example("-")
 @example("~system")

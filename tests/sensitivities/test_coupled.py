@@ -28,7 +28,7 @@ def coupled(seed, under_load):
     return model
 
 
-@examples(2, slow=6)
+@examples(1, slow=6)
 @pytest.mark.parametrize("under_load", [False, True])
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seed=seeds())

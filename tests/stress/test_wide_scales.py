@@ -66,7 +66,7 @@ def check_damped(family, shares, seeds):
     return np.concatenate(bounds)
 
 
-@pytest.mark.parametrize("shares", SHARES)
+@pytest.mark.parametrize("shares", ["any", "critical"])
 @pytest.mark.parametrize("family", DAMPED)
 def test_damped(family, shares):
     """Dampers that are anything between nothing and a million times critical, in no proportion to the stiffness."""
@@ -77,4 +77,4 @@ def test_damped(family, shares):
 @pytest.mark.parametrize("shares", SHARES)
 @pytest.mark.parametrize("family", DAMPED)
 def test_damped_at_length(family, shares):
-    assert np.median(check_damped(family, shares, range(1, 14))) <= 1e-13
+    assert np.median(check_damped(family, shares, range(14))) <= 1e-13
