@@ -28,6 +28,7 @@ frequency = omega / (2 * np.pi)
 response = system.frequency_response(omega)
 across, lift = response[0, 0], response[2, 2]
 peak = system.hinf_norm([], "Fz", "z")
+assert peak.omega is not None
 assert np.isclose(peak.omega, 2 * np.pi * modes.frequencies[2], rtol=1e-5, atol=0)  # lifting excites one mode only
 assert 0.99 * peak.value < abs(lift).max() <= peak.value
 

@@ -55,10 +55,10 @@ def free_motions(*parts: Array) -> Array:
 
 
 def unbraked(system: System, rigid: Array) -> Array:
-    """Return those of rigid-body motions (m, r) that no damper resists, (m, f); none where a damper pushes."""
-    if (system.damping < 0.0).any():
-        return rigid[:, :0]
-    if (system.stiffness >= 0.0).all():
+    """Return those of rigid-body motions (m, r) that no damper resists, (m, f); beside dampers that push, those that
+    move neither a spring nor a damper.
+    """
+    if (system.stiffness >= 0.0).all() or (system.damping < 0.0).any():
         free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
     # loads hold and push: only what they are in sum tells the motions, and so does what dampers are in them

@@ -79,7 +79,7 @@ class BatchModes:
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
         """Whether no mode of a variant grows, shape (n,)."""
-        return ~growing(self.eigenvalues, self.errors).any(axis=1)
+        return np.asarray(~growing(self.eigenvalues, self.errors).any(axis=1))
 
     def __len__(self) -> int:
         return len(self.eigenvalues)

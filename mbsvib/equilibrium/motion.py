@@ -64,7 +64,7 @@ class Stance:
     def rounding(self) -> float:
         """How far loops may be open as points are rounded relative to the origin, in units of ``size``."""
         points = self.coordinates.point
-        return RANK_FACTOR * EPS * points.shape[1] * float(np.abs(points).max(initial=0.0)) / self.size
+        return float(RANK_FACTOR * EPS * points.shape[1] * np.abs(points).max(initial=0.0) / self.size)
 
     @property
     def closure(self) -> Array:

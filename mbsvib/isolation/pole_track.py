@@ -53,11 +53,12 @@ class Track:
 
     def at(self, gain: float) -> Complex:
         """Return the poles at a gain between the first and the last one."""
-        if gain not in self._known:
+        poles: Complex | None = self._known.get(gain)
+        if poles is None:
             low = self._order[bisect_right(self._order, gain) - 1]
-            self._known[gain] = followed(self._at, (low, self._known[low]), (gain, self._at(gain)), HALVINGS)
+            poles = self._known[gain] = followed(self._at, (low, self._known[low]), (gain, self._at(gain)), HALVINGS)
             insort(self._order, gain)
-        return self._known[gain]
+        return poles
 
     @property
     def curves(self) -> Complex:

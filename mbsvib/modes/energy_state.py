@@ -129,7 +129,8 @@ def _resists(system: System) -> bool:
 
 def _stiff_rows(system: System) -> Array:
     """Relative displacements at springs."""
-    return system.elastic_rows[system.stiffness != 0.0]
+    rows: Array = system.elastic_rows[system.stiffness != 0.0]
+    return rows
 
 
 def _basis(system: System, rtol: float) -> tuple[Array, Undamped, int]:

@@ -132,7 +132,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     depth, moves = _directions(outward, parent, position, body_of, motion)
     return Tree(position, parent, depth, first, count, moves, outward, tuple(names), body_of, table[:3], table[3:],
                 points, sign, np.ascontiguousarray(motion.T), np.array(turns, dtype=bool),
-                *(np.array(of_twists, dtype=np.intp) for of_twists in (carrier, halfway, holder)),
+                np.array(carrier, dtype=np.intp), np.array(halfway, dtype=np.intp), np.array(holder, dtype=np.intp),
                 largest_pitch(joints))  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -192,7 +191,7 @@ def optimize(
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
         try:
-            ends.append(_descended(search, x, partial(solve, options=dict(options or {}))))
+            ends.append(_descended(search, x, lambda at, z: solve(at, z, dict(options or {}))))
             descents.append(ends[-1].starts[0])
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
             if starts == 1:

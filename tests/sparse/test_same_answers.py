@@ -11,7 +11,6 @@ import mbsvib as mv
 from tests.support import overconstrained
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, both_ways
 from tests.support.random_models import closed_loops, open_trees, planar_loops
-from tests.support.sizes import examples
 
 ANY = st.one_of(
     open_trees(), open_trees(negative=st.just(True)), open_trees(floating=st.just(True)), closed_loops(),
@@ -37,7 +36,6 @@ def motion_of(shape):
     return whole / np.linalg.norm(whole, axis=0)
 
 
-@examples(15, slow=40)
 @given(ANY)
 def test_modes(model):
     dense, sparse = both(model)
@@ -48,7 +46,6 @@ def test_modes(model):
     assert other.missed == 0
 
 
-@examples(15, slow=40)
 @given(ANY)
 def test_shapes(model):
     """Modes that stand apart move the bodies in the same way, but for a (complex) factor."""
@@ -62,7 +59,6 @@ def test_shapes(model):
             assert abs(abs(np.vdot(a[:, i], b[:, i])) - 1) < 1e-8
 
 
-@examples(15, slow=40)
 @given(ANY)
 def test_frequency_response(model):
     """Displacement, velocity, acceleration and force outputs of forces and base motion."""
@@ -79,7 +75,6 @@ def test_frequency_response(model):
     assert (np.abs(found - expected) <= (1e-10 * size + noise) / pivot).all()
 
 
-@examples(15, slow=40)
 @given(ANY)
 def test_static_compliance(model):
     dense, sparse = both(model)
@@ -90,7 +85,6 @@ def test_static_compliance(model):
     assert_allclose(sparse.static_compliance(), expected, rtol=0, atol=1e-8 * np.abs(expected).max(initial=1e-30))
 
 
-@examples(15, slow=40)
 @given(ANY, st.data())
 def test_some_modes(model, data):
     """The lowest ones and those around a frequency are the dense path's."""
@@ -129,7 +123,6 @@ def test_overconstrained_mechanisms(name):
     assert_same_eigenvalues(sparse.modes(sparse.dof).eigenvalues, dense.modes().eigenvalues, rtol=1e-12)
 
 
-@examples(15, slow=40)
 @given(ANY)
 def test_reduced_by_all_modes_is_the_whole(model):
     """Modal coordinates of every mode: the same responses in time and frequency, from small dense matrices."""

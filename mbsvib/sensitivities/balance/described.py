@@ -59,11 +59,13 @@ class Displaced:
         self._origin, self._there = origin.bodies, there
 
     def turn(self, body: str) -> Array:
+        """Return the rotation matrix (3, 3) of a body since it was described."""
         if body == "ground":
             return np.eye(3)
         return np.asarray(np.array(self._there[body].orientation) @ np.array(self._origin[body].orientation).T)
 
     def point(self, body: str, at: Any) -> Array:
+        """Return where a point (3,) [m] of a body has gone."""
         if body == "ground":
             return np.array(at)
         return np.asarray(self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position))
