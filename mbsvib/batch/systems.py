@@ -138,7 +138,7 @@ class Batch:
         if vector.shape not in ((self.dof,), (len(self), self.dof)):
             raise ResponseError(f"displacements: q has shape {vector.shape}; expected ({self.dof},), or "
                                 f"({len(self)}, {self.dof}) with one set for each variant.")  # fmt: skip
-        motion = (self.body_motion @ vector.reshape(-1, 1, self.dof, 1))[..., 0]
+        motion = (self.body_motion @ vector.reshape(len(vector) if vector.ndim > 1 else 1, 1, self.dof, 1))[..., 0]
         return {name: motion[:, i] for i, name in enumerate(self.bodies)}
 
     @cached_property

@@ -11,8 +11,12 @@ if TYPE_CHECKING:
 
 
 def records(modes: Modes) -> list[dict[str, Any]]:
-    """Return one record a mode: number, frequencies [Hz], damping ratio, both eigenvalues [1/s], what moves most."""
+    """Return one record a mode: number, frequencies [Hz], damping ratio, both eigenvalues [1/s], what moves most.
+
+    A mode of first order has one eigenvalue, and no second one.
+    """
     values, errors = modes.pairs, modes.pair_errors
+    single = np.zeros(len(modes), dtype=bool) if modes.first_order is None else modes.first_order
     return [
         {
             "mode": i + 1,
@@ -21,8 +25,8 @@ def records(modes: Modes) -> list[dict[str, Any]]:
             "damping_ratio": float(modes.damping_ratios[i]),
             "real_1": float(values[i, 0].real),
             "imag_1": float(values[i, 0].imag),
-            "real_2": float(values[i, 1].real),
-            "imag_2": float(values[i, 1].imag),
+            "real_2": None if single[i] else float(values[i, 1].real),
+            "imag_2": None if single[i] else float(values[i, 1].imag),
             "relative_error": float(errors[i].max()),
             "moves_most": name,
         }

@@ -164,7 +164,7 @@ class Modes:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
         frequency = real(frequency, "modes", "near", "a frequency [Hz]")
         chosen = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
-        which = np.concatenate([np.arange(*self._starts[i : i + 2]) for i in chosen])
+        which = np.concatenate([np.arange(0), *(np.arange(*self._starts[i : i + 2]) for i in chosen)])
         return replace(
             self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, chosen],
             rigid=int(np.count_nonzero(chosen < self.rigid)),
@@ -233,9 +233,13 @@ class Modes:
 
     @cached_property
     def kinetic_energy(self) -> dict[str, Array]:
-        """Share of each body in the kinetic energy of each mode, {name: (m,)}; over all bodies they add up to 1."""
+        """Share of each body in the kinetic energy of each mode, {name: (m,)}; over all bodies they add up to 1.
+
+        Zeros for a mode in which nothing moves that has mass.
+        """
         energy = self._energy().sum(axis=1)
-        return dict(zip(self.bodies, energy / energy.sum(axis=0), strict=True))
+        total = energy.sum(axis=0)
+        return dict(zip(self.bodies, energy / np.where(total > 0.0, total, 1.0), strict=True))
 
     def strongest(self) -> tuple[tuple[str, str], ...]:
         """Return for each mode the body with most kinetic energy, and the direction in which it moves most.

@@ -217,6 +217,8 @@ def animation(
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "
                             f"variant of a batch; linearize that one model by itself, method='dense'.")  # fmt: skip
+    if not len(modes):
+        raise ResponseError(f"system '{modes.name}' is fully locked: it has no modes to animate.")
     index = mode_index(mode, "animate", len(modes))
     for name, value, least in (("frames", frames, 2), ("rate", rate, 0.1), ("amplitude", amplitude, 0.0)):
         if not least <= value < np.inf:

@@ -151,8 +151,9 @@ def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Ar
     found, state = modal.spectrum, modal.state
     turns = found.turns
     size = len(c) * b.shape[1]
-    residue = np.einsum("rk,ki->rik", c @ found.right, (found.left.T @ b) / found.slopes[:, None]).reshape(size, -1)
     value = found.values
+    residue = np.einsum("rk,ki->rik", c @ found.right, (found.left.T @ b) / found.slopes[:, None])
+    residue = residue.reshape(size, len(value))
     gamma, alpha = 2.0 * (residue * value)[:, turns].real, 2.0 * residue[:, turns].real
     pairs = np.stack((value[turns], value[turns].conj()), axis=1)
     number = np.concatenate((modal.mode[turns], modal.mode[~turns]))

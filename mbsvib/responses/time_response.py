@@ -177,9 +177,9 @@ def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, 
         for j in range(length):
             x[j] += np.einsum("abk,bkp->akp", powers[length][..., j], starts)
         states, modes = x.shape[1:3]
-        y = block.show.reshape(len(block.show), -1) @ x.reshape(length, states * modes, count)
+        y = block.show.reshape(len(block.show), states * modes) @ x.reshape(length, states * modes, count)
         last = n - 1 - (count - 1) * length
-        return y.real.transpose(1, 2, 0).reshape(len(y[0]), -1)[:, :n], x[last, :, :, -1]
+        return y.real.transpose(1, 2, 0).reshape(len(y[0]), length * count)[:, :n], x[last, :, :, -1]
 
     return march
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
 from mbsvib.errors import ResponseError
-from mbsvib.reachable import chosen
+from mbsvib.reachable import chosen, reachable
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.matrices import in_parts
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
@@ -38,6 +38,10 @@ BLOCK = 4_000_000
 # The response has its peaks below this times the fastest eigenvalue, and is that at infinity from there; heights that
 # differ by less are the same.
 LAST, FAR, ROUNDING = 1e3, 1e6, 1e-9
+# Points at which a response is looked at for being 0, times a pole's size: right of the imaginary axis, on no pole.
+ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
+# A response below this share of what it were if nothing cancelled is 0.
+NOTHING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -76,17 +80,24 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     ModelError
         If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
-        If the norm is infinite: an output sees an input at once, or a mode that both take part in does not decay.
+        If the norm is infinite: an output sees an input at once, or a mode of what these ports act on or see does not
+        decay. A response that is 0 has the norm 0 all the same.
     """
     ports = _ports(system, inputs, outputs)
     base = states(system, *ports)
     names = variables(system.parameters, parameters).names
     _refuse_feedthrough(system, base.D, ports)
     k = base.first
-    if (worst := _not_decaying(system)) is not None:
+    lasting = _lasting(system)
+    if lasting is not None:
+        if _silent(system, *ports):
+            return Norm(0.0, names, np.zeros(len(names)))
+        part = _apart(system, *ports)
+        if part is not None:
+            return h2_norm(part, parameters)
         raise ResponseError(
-            f"H2 norm of '{system.name}': mode {worst} does not decay, so that the norm is infinite. Give it damping, "
-            f"or leave it out: system.reachable(inputs, outputs) drops what these ports do not reach."
+            f"H2 norm of '{system.name}': mode {lasting} does not decay, so that the norm is infinite. Give it "
+            f"damping, or leave it out: system.reachable(inputs, outputs) drops what these ports do not reach or see."
         )
     p = solve_continuous_lyapunov(base.A, -base.B @ base.B.T)
     q = solve_continuous_lyapunov(base.A.T, -base.C.T @ base.C)
@@ -125,16 +136,24 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
     ModelError
         If a parameter is unknown, or the system does not change smoothly with it.
     ResponseError
-        If a mode is undamped, so that the peak is infinite, or the response is highest at infinite frequency.
+        If the response is highest at infinite frequency, or infinite: a mode of what these ports act on or see does not
+        decay. A response that is 0 has the norm 0 all the same.
     """
     i, o = _ports(system, inputs, outputs)
 
-    values = system.poles()
-    if (worst := _not_decaying(system)) is not None:
-        raise ResponseError(f"Hinf norm of '{system.name}': mode {worst} does not decay, so that its peak is infinite. "
-                            f"Give it damping, or ask system.reachable(inputs, outputs) for its norm.")  # fmt: skip
+    names, lasting = variables(system.parameters, parameters).names, _lasting(system)
+    if lasting is not None:
+        if _silent(system, i, o):
+            return Norm(0.0, names, np.zeros(len(names)), 0.0)
+        part = _apart(system, i, o)
+        if part is not None:
+            return hinf_norm(part, parameters)
+        raise ResponseError(f"Hinf norm of '{system.name}': mode {lasting} does not decay, so that its peak is "
+                            f"infinite. Give it damping, or ask system.reachable(inputs, outputs) for its norm."
+                            )  # fmt: skip
     named = [system.inputs[k] for k in i], [system.outputs[k] for k in o]
-    fastest = float(np.abs(values).max())
+    values = system.poles()
+    fastest = float(np.abs(values).max(initial=0.0)) or 1.0
     band = Band(lambda w: _response(system, i, o, w), panels(values, 0.0, LAST * fastest))
     omega, value = band.highest(_largest)
     far = float(_largest(band.response(np.array([FAR * fastest])))[0])
@@ -146,7 +165,7 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
     u, _, v = np.linalg.svd(_response(system, i, o, np.array([omega]))[0])
     change = frequency_response_sensitivities(system, [omega], parameters, *named)[..., 0]
     slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
-    return Norm(value, variables(system.parameters, parameters).names, slopes, omega)
+    return Norm(value, names, slopes, omega)
 
 
 def _response(system: System, i: list[int], o: list[int], w: Array) -> Complex:
@@ -164,10 +183,35 @@ def _ports(system: System, inputs: Ports, outputs: Ports) -> tuple[list[int], li
     return chosen(system.inputs, inputs, "inputs", system.name), chosen(system.outputs, outputs, "outputs", system.name)
 
 
-def _not_decaying(system: System) -> int | None:
-    """The number, from 1, of the first mode that does not decay; None if all do."""
-    still = (system._clean_modes.pairs.real >= 0.0).any(axis=1)
-    return int(still.argmax()) + 1 if still.any() else None
+def _lasting(system: System) -> int | None:
+    """The number, from 1, of the first mode that does not decay."""
+    modes = np.flatnonzero(system._clean_modes.pairs.real.max(axis=1, initial=-np.inf) >= 0.0)
+    return int(modes[0]) + 1 if len(modes) else None
+
+
+def _apart(system: System, inputs: list[int], outputs: list[int]) -> System | None:
+    """The part that the ports have to do with, if all its modes decay; None if it is all, or they reach or see more."""
+    part = reachable(system, [system.inputs[k] for k in inputs], [system.outputs[k] for k in outputs])
+    gone = ~np.isin(system.coordinates, part.coordinates)
+    rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
+    more = system.B[np.ix_(gone, inputs)].any() or rows[:, gone].any()
+    return None if more or not gone.any() or _lasting(part) is not None else part
+
+
+def _silent(system: System, inputs: list[int], outputs: list[int]) -> bool:
+    """Whether the outputs see nothing of the inputs but rounding, at points between the slowest and fastest pole."""
+    speeds = np.abs(system.poles())
+    slow, fast = speeds[speeds > 0.0].min(initial=np.inf), speeds.max(initial=0.0)
+    b, d = system.B[:, inputs], system.D[np.ix_(outputs, inputs)]
+    for s in ASIDE * (np.geomspace(slow, fast, len(ASIDE)) if fast else np.ones(len(ASIDE))):
+        square = system.K + s * (system.C + s * system.M)
+        unit = 1.0 / np.sqrt(np.abs(square.diagonal()))
+        motion = np.linalg.solve(unit[:, None] * square * unit, unit[:, None] * b)
+        rows = (system.Cq[outputs] + s * (system.Cv[outputs] + s * system.Ca[outputs])) * unit
+        terms = np.abs(rows).sum(axis=1)[:, None] * np.abs(motion).max(axis=0, initial=0.0) + np.abs(d)
+        if (np.abs(rows @ motion + d) > NOTHING * terms).any():
+            return False
+    return True
 
 
 def _refuse_feedthrough(system: System, d: Array, ports: tuple[list[int], list[int]]) -> None:

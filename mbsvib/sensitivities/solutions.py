@@ -68,7 +68,7 @@ def _modal(system: System, modal: Damped, b: Array, w: Array) -> Complex:
         eta = responses._refined(system, modal, b, s)
         bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
         eta[:, :, bad] = responses._direct(modal, b, w, bad)
-    flat = (modal.shapes @ eta.reshape(len(b), -1).view(float)).view(complex)
+    flat = (modal.shapes @ eta.reshape(len(b), b.shape[1] * len(w)).view(float)).view(complex)
     return np.asarray(flat.reshape(len(modal.shapes), *eta.shape[1:]))
 
 

@@ -132,7 +132,7 @@ def basis(system: System) -> Basis:
     unit = 1.0 / np.sqrt(np.diagonal(system.M) + (np.diagonal(system.M) == 0.0))
     values, rotation = eigh(unit[:, None] * system.M * unit)
     massive = len(unit) - null.shape[1]
-    heavy = unit[:, None] * rotation[:, -massive:] / np.sqrt(values[-massive:])
+    heavy = unit[:, None] * rotation[:, len(unit) - massive :] / np.sqrt(values[len(unit) - massive :])
     heavy = heavy - null @ (null.T @ system.C @ heavy)
     stiffness = heavy.T @ system.K @ heavy
     _, turn = eigh(0.5 * (stiffness + stiffness.T))

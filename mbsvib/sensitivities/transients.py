@@ -71,13 +71,11 @@ def time_response_sensitivities(
     ports = list(range(len(system.inputs))), list(range(len(system.outputs)))
     names = variables(system.parameters, parameters).names
     result = np.zeros((len(names), len(ports[1]), len(time)))
-    if not system.dof:
-        return result
     base = states(system, *ports)
     steps, kind = _steps(time)
     begin = _begin(base, system, start)
     size = len(begin) + 2 * len(force)
-    count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time)))
+    count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time), 1))
     for which, change in in_parts(system, parameters, count):
         da, db, dc, dd = changed(base, change, *ports)
         found = [_exponential(base, h, da, db) for h in steps]
@@ -127,7 +125,7 @@ def _exponential(base: States, h: float, da: Array, db: Array) -> tuple[Array, A
     unit[unit == 0.0] = 1.0
     matrix[:n, n : n + i] /= unit
     change[:, base.first : n, :n], change[:, base.first : n, n : n + i] = h * da, h * db / unit
-    halvings = max(0, ceil(log2(max(np.abs(matrix).sum(axis=0).max() / SMALL, 1.0))))
+    halvings = max(0, ceil(log2(max(np.abs(matrix).sum(axis=0).max(initial=0.0) / SMALL, 1.0))))
     matrix, change = matrix * 0.5**halvings, change * 0.5**halvings
     power, slope = np.eye(len(matrix)), np.zeros_like(change)
     whole, moved = power.copy(), slope.copy()

@@ -99,6 +99,9 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
 
 
 def _check(system: SparseSystem, k: int, near: float) -> None:
+    if not system.dof:
+        raise ResponseError(f"modes: '{system.name}' is fully locked: it has no modes. Its responses are constant: ask "
+                            f"linearize(method='dense') for them, or frequency_response.")  # fmt: skip
     if isinstance(k, bool) or not hasattr(k, "__index__") or not 1 <= k <= system.dof:
         raise ResponseError(
             f"modes: count = {k!r}; expected a whole number from 1 to {system.dof}, the degrees of freedom of "

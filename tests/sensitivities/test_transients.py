@@ -112,6 +112,67 @@ def test_infinite_norms_are_refused():
         system.hinf_norm("mass.mas", "push", "way")
 
 
+def beside_a_swing(own):
+    """A damped body, and one that swings for ever; a bushing ties the damped one's directions to each other."""
+    model = mv.Model()
+    model.add_body("a", 1.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_bushing("k", "ground", "a", position=(0.1, 0.2, 0.3), stiffness=(9, 8, 7, 6, 5, 4),
+                      damping=(1, 1, 1, 1, 1, 0.1))  # fmt: skip
+    model.add_input("push", "a", "x")
+    model.add_output("way", "a", "x")
+    if not own:
+        model.add_body("b", 1.0, (1, 1, 1), position=(0, 3, 1))
+        model.add_spring("s", "ground", "b", start=(0, 0, 0), end=(0, 3, 1), stiffness=3.0)
+        model.add_input("kick", "b", "z")
+        model.add_output("swing", "b", "x")
+        model.add_output("felt", "b", "x", quantity="acceleration")
+    return model.linearize()
+
+
+@pytest.mark.parametrize("norm", ["h2_norm", "hinf_norm"])
+def test_norms_beside_a_mode_that_does_not_decay(norm):
+    """A response that is 0 has the norm 0; one that has nothing to do with the mode has the norm that it has alone."""
+    system, own = beside_a_swing(own=False), beside_a_swing(own=True)
+    for ports in (("push", "swing"), ("push", "felt"), ("kick", "way"), ("kick", "swing")):
+        found = getattr(system, norm)(["b.mass", "k.stiffness.x"], *ports)
+        assert (found.value, found.slopes.tolist()) == (0.0, [0.0, 0.0])
+    found = getattr(system, norm)(["k.stiffness.x", "s.stiffness"], "push", "way")
+    alone = getattr(own, norm)(["k.stiffness.x"], "push", "way")
+    assert found.value == pytest.approx(alone.value, rel=1e-12)
+    assert found.slopes == pytest.approx([alone.slopes[0], 0.0], rel=1e-11)
+    with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
+        getattr(system, norm)([], ["push", "kick"], ["way", "swing"])
+
+
+@pytest.mark.parametrize("norm", ["h2_norm", "hinf_norm"])
+def test_relative_motion_across_a_free_pair(norm):
+    """What pushes the pair apart along its line turns and shifts nothing."""
+    model = mv.Model()
+    for name, z in (("a", 1), ("b", 2)):
+        model.add_body(name, 1.0, (1, 1, 1), position=(0, 0, z))
+    model.add_bushing("k", "a", "b", position=(0, 0, 1.5), stiffness=(9, 8, 7, 6, 5, 4), damping=(1, 1, 1, 1, 1, 1))
+    model.add_input("F", "b", "z", relative_to="a")
+    model.add_output("slip", "b", "x", relative_to="a")
+    assert getattr(model.linearize(), norm)([]).value == 0.0
+
+
+def test_a_mode_that_does_not_decay_is_counted_beside_modes_of_first_order():
+    model = mv.Model()
+    model.add_body("a", 1.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_joint("rail", "prismatic", "ground", "a")
+    model.add_spring("s", "ground", "a", start=(0, 0, 0), end=(0, 0, 1), stiffness=9e4)
+    model.add_body("b", 1.0, (1, 1, 1), position=(0, 2, 1))
+    model.add_joint("way", "prismatic", "ground", "b")
+    for i in range(2):
+        model.add_maxwell(f"m{i}", "ground", "b", (0, 2, 0), (0, 2, 1), 3.0, 5.0, static_stiffness=1.0)
+    model.add_input("F", "a", "z")
+    model.add_output("x", "a", "z")
+    system = model.linearize()
+    assert system.modes().first_order.tolist() == [True, True, False, False]
+    with pytest.raises(mv.ResponseError, match="mode 4 does not decay"):
+        system.h2_norm([])
+
+
 def test_transmissibility_has_no_feedthrough_to_rounding():
     """The felt acceleration sees the base through the spring only: D and what the mass takes back cancel."""
     system = isolator().linearize()

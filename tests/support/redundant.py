@@ -32,16 +32,16 @@ GROUPS = {
 # Others with which it is so, and how far apart along z.
 OTHERS = {
     ("universal", "universal"): 0, ("universal", "spherical"): 0, ("spherical", "universal"): 0,
-    ("two turns", "two turns"): 0, ("two turns and a slide", "two turns and a slide"): 0,
-    ("point_on_line", "point_on_line"): 0, ("point_on_line", "revolute"): 1, ("cylindrical", "point_on_line"): 1,
-    ("prismatic", "point_on_line"): 1, ("point_on_plane", "point_on_plane"): 0, ("point_on_plane", "planar"): 0,
-    ("point_on_plane", "revolute"): 1, ("distance", "distance"): 0, ("revolute", "distance"): 1,
-    ("spherical", "distance"): 0,
+    ("homokinetic", "homokinetic"): 0, ("homokinetic", "spherical"): 0, ("two turns", "two turns"): 0,
+    ("two turns and a slide", "two turns and a slide"): 0, ("point_on_line", "point_on_line"): 0,
+    ("point_on_line", "revolute"): 1, ("cylindrical", "point_on_line"): 1, ("prismatic", "point_on_line"): 1,
+    ("point_on_plane", "point_on_plane"): 0, ("point_on_plane", "planar"): 0, ("point_on_plane", "revolute"): 1,
+    ("distance", "distance"): 0, ("revolute", "distance"): 1, ("spherical", "distance"): 0,
 }  # fmt: skip
 FREE = GROUPS | {
     "two turns": ("rx", "ry"), "two turns and a slide": ("x", "rx", "ry"), "universal": ("rx", "ry"),
-    "point_on_line": ("z", "rx", "ry", "rz"), "point_on_plane": ("x", "y", "rx", "ry", "rz"),
-    "distance": ("x", "y", "rx", "ry", "rz"),
+    "homokinetic": ("rx", "ry"), "point_on_line": ("z", "rx", "ry", "rz"),
+    "point_on_plane": ("x", "y", "rx", "ry", "rz"), "distance": ("x", "y", "rx", "ry", "rz"),
 }  # fmt: skip
 CUSTOM = ("in the plane", "upright", "parallel", "two turns", "two turns and a slide")
 PAIRS = [pair for pair in product(GROUPS, GROUPS) if pair != ("fixed", "fixed")] + list(OTHERS)

@@ -227,7 +227,8 @@ class Balanced:
         found = np.zeros((at.size, v.shape[1]))
         found[at.point] = (f * w + bend * v).repeat(3, axis=0)
         found[at.start] = (bend * v)[forces.lines].repeat(3, axis=0)
-        found[at.wrench] = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1).reshape(-1, v.shape[1])
+        both = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1)
+        found[at.wrench] = both.reshape(6 * len(both), v.shape[1])
         result: Array = abs(self.links.matrix) @ found
         turned = f * v + t * w
         of = {"orientation": turned, "pitch": f * w}

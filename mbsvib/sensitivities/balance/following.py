@@ -117,7 +117,7 @@ def shifted(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
         elif spring.free_length is None:
             line = np.array(spring.line)
             result[place.start : place.start + 3] = -spring.stiffness * np.multiply.outer(line, line @ own[:3])
-    result[at.twist] = relative[forces.bushings, 3:].reshape(-1, relative.shape[2])
+    result[at.twist] = relative[forces.bushings, 3:].reshape(3 * len(forces.bushings), relative.shape[2])
     for k in forces.follower.tolist():
         turned = np.cross(relative[k, 3:], forces.wrench[k].reshape(2, 1, 3), axisa=0)
         result[at.wrench_of(k) : at.wrench_of(k) + 6] = turned.transpose(0, 2, 1).reshape(6, -1)
