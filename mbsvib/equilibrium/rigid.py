@@ -82,7 +82,7 @@ def held_as(model: Model, found: Equilibrium) -> Equilibrium:
         return found
     from mbsvib.rebuilding import rebuilt
 
-    changes = {name: {word: getattr(part, word) for word in ("preload", "free_length") if hasattr(part, word)}
+    changes = {name: {word: value for word, value in part.words().items() if word in ("preload", "free_length")}
                for name, part in found.model.springs.items()}  # fmt: skip
     return replace(found, model=rebuilt(model, changes))
 

@@ -58,6 +58,17 @@ def test_the_torque_that_holds_an_arm_is_its_weights_moment():
         held.equilibrium()
 
 
+@pytest.mark.parametrize("static", [0.0, 40.0])
+def test_an_element_that_relaxes_holds_nothing_beside_a_beam(static):
+    angle = 0.3
+    plain, relaxing = arm(angle, (0, 0, -G)), arm(angle, (0, 0, -G))
+    relaxing.add_maxwell("leg", "ground", "grip", (0.5, 0, 1), relaxing.bodies["grip"].position, 100.0, 5.0, static)
+    held, beside = (model.equilibrium(preload=True) for model in (plain, relaxing))
+    assert beside.springs["k"] == held.springs["k"]
+    assert beside.springs["leg"] == relaxing.springs["leg"]
+    assert beside.linearize().dof == held.linearize().dof + 1
+
+
 def test_bent_lines_of_nodes():
     """Elements in one plane go along; where each has a horizontal y axis of its own, nothing can say so elsewhere."""
     plane = arm(nodes=[(0, 0, 0), (0.4, 0, 0.1), (0.6, 0, 0), (0.9, 0, 0)])
