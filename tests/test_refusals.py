@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library, studies
-from mbsvib.beams import Tube
+from mbsvib.beams import Circle, Rectangle, Section, Tube
 from tests.couplers.test_couplers import four_bar
 from tests.support.arm import arm
 
@@ -86,6 +86,9 @@ def noise(**words):
 
 REFUSALS = [
     (lambda: Tube(0.1, 0.2), r"wall = 0.2; expected at most the outer radius 0.1 m"),
+    (lambda: Circle(0.0), r"circle: radius = 0.*positive"),
+    (lambda: Rectangle(0.1, -0.2), r"rectangle: height = -0.2.*positive"),
+    (lambda: Section(1.0, -1.0, 1.0, 1.0), r"section: Iy = -1.*positive"),
     (lambda: arm().add_body("c", 1.0, ((1, 0, 0), (0, 1, 0))), r"inertia"),
     (spun_twice, r"rotor 'again': body 'rotor' spins already; add the speeds up"),
     (spun_point, r"rotor 'spin': body 'rotor' has no inertia to carry it"),

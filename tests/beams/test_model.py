@@ -49,6 +49,14 @@ def test_nodes_and_elements_have_names():
     assert "stay" in system.provenance.springs
 
 
+def test_all_parameters_are_numbers():
+    """What a beam does not have is no parameter: a length beside nodes, shear factors that follow from the section."""
+    known = arm().parameters
+    assert all(isinstance(value, float) and np.isfinite(value) for value in known.values())
+    own = {name.partition(".")[2] for name in known if name.startswith("strut.")}
+    assert own == {"E", "G", "rho", "A", "Iy", "Iz", "J", "ky", "kz", "alpha", "beta", "damping_ratio"}
+
+
 def test_rayleigh_damping_is_that_of_each_mode():
     alpha, beta = 3.0, 2e-5
     modes = cantilever(alpha=alpha, beta=beta).linearize().modes()
