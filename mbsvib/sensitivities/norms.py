@@ -194,7 +194,7 @@ def _apart(system: System, inputs: list[int], outputs: list[int]) -> System | No
     part = reachable(system, [system.inputs[k] for k in inputs], [system.outputs[k] for k in outputs])
     gone = ~np.isin(system.coordinates, part.coordinates)
     rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
-    more = system.B[np.ix_(gone, inputs)].any() or rows[:, gone].any()
+    more = system.B[gone][:, inputs].any() or rows[:, gone].any()
     return None if more or not gone.any() or _lasting(part) is not None else part
 
 

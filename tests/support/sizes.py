@@ -1,4 +1,4 @@
-"""Families of tests of which a few members run by default, and all in slow runs."""
+"""Families of tests of which a few members run by default: all in slow runs, or in slow runs of random examples."""
 
 import pytest
 from hypothesis import given, settings
@@ -13,9 +13,13 @@ def few(values, count):
 
 
 def examples(count, slow):
-    """Let a random test try ``count`` examples, and a slow one of its own so many: above all its other decorators."""
+    """Let a random test try ``count`` examples, and where they are random (``HYPOTHESIS_PROFILE=random``) a slow test
+    of its own ``slow`` of them: above all its other decorators.
+    """
 
     def decorate(test):
+        if settings.default.derandomize:
+            return settings(max_examples=count)(test)
         inner = test.hypothesis.inner_test
         many = settings(max_examples=slow)(given(**test.hypothesis._given_kwargs)(inner))
         many.__name__ = test.__name__ + SUFFIX
