@@ -22,6 +22,13 @@ settings.register_profile("random", settings.get_profile("same"), derandomize=Fa
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 
+def pytest_addoption(parser):
+    """Options of ``tests/hunt``, which pytest reads from here only."""
+    group = parser.getgroup("hunt")
+    group.addoption("--hunt-seed", help="seed of the first scene of the hunt, or random")
+    group.addoption("--hunt-count", type=int, help="how many scenes the hunt tries")
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config):
     """Choose a seed that can be told."""

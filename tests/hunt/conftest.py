@@ -1,0 +1,41 @@
+"""The seeds of the hunt: ``--hunt-seed`` is the first one, or ``random``, and ``--hunt-count`` how many there are."""
+
+import random
+from dataclasses import dataclass
+
+import pytest
+
+FIRST, COUNT = 0, 500
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """The seeds of a run, and whether they are those of every run."""
+
+    first: int
+    count: int
+
+    @property
+    def same(self):
+        return (self.first, self.count) == (FIRST, COUNT)
+
+    def __iter__(self):
+        return iter(range(self.first, self.first + self.count))
+
+
+@pytest.fixture(scope="session")
+def seeds(pytestconfig):
+    """The seeds of this run, which the summary names; without ``--hunt-seed`` there is none."""
+    asked = pytestconfig.getoption("hunt_seed")
+    if asked is None:
+        pytest.skip("give --hunt-seed")
+    first = random.SystemRandom().getrandbits(30) if asked == "random" else int(asked)
+    pytestconfig.hunt = Seeds(first, pytestconfig.getoption("hunt_count") or COUNT)
+    return pytestconfig.hunt
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Tell the seeds of a run that others do not repeat."""
+    run = getattr(config, "hunt", None)
+    if run is not None and not run.same:
+        terminalreporter.write_line(f"hunt: pytest tests/hunt -m slow --hunt-seed={run.first} --hunt-count={run.count}")
