@@ -285,13 +285,15 @@ def system(
     names = tuple([coordinates.names[i] for i in kept])
     found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
     separation = statics = None
-    parts: tuple[Part, ...] = scene.bodies + scene.topology.joints + scene.elements + scene.couplers
+    said = model if origin is None else origin
+    parts: tuple[Part, ...] = (  # in the order in which the model lists its parameters
+        *said._falling, *scene.bodies, *scene.topology.joints, *scene.elements, *scene.couplers,
+        *model.rotors.values(), *said.loads.values(),
+    )  # fmt: skip
     if scene.loads is not None:
         from mbsvib.loads.loaded import load
 
         statics = load(scene, relative, reduction, found, model.name, checked, phi)
-        said = model if origin is None else origin
-        parts += (*said._falling, *said.loads.values())
     undetermined: tuple[Undetermined, ...] = () if statics is None else statics.undetermined
     if scene.port.wrench_outputs:
         from mbsvib.loads.joint_forces import joint_force_rows
@@ -301,7 +303,6 @@ def system(
         from mbsvib.spin.terms import with_spin
 
         found = with_spin(model, scene, found)
-        parts += tuple(model.rotors.values())
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:

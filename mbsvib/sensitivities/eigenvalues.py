@@ -219,7 +219,7 @@ def _part(
         form[..., which, which], pair[:, which, which] = own[:, members], gram[0][members]
         form[..., upper, lower], pair[:, upper, lower] = cross[:, first], gram[1][first]
         form[..., lower, upper], pair[:, lower, upper] = cross[:, half + first], gram[1][half + first]
-        _set(result, found, members.reshape(-1), _branches(form, pair).reshape(len(result), -1))
+        _set(result, found, members.reshape(-1), _branches(form, pair).reshape(len(result), members.size))
 
 
 def _branches(form: Complex, pair: Complex) -> Complex:

@@ -68,16 +68,16 @@ def follows(system: System) -> bool:
     Returns
     -------
     bool
-        True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements without a static spring, gravity
-        and loads, where all motions without mass have dampers; unless bushings with moments were turned on the way to
-        an equilibrium that was found, couplers or Maxwell elements went along, or couplers contradict each other.
+        True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where
+        all motions without mass have dampers; unless bushings with moments were turned on the way to an equilibrium
+        that was found, couplers or Maxwell elements went along, or couplers contradict each other.
     """
     came = system.provenance
     return (
         came.statics is not None and came.dropped is None and system.gyroscopic is None
         and (came.massless is None or came.massless.transform is None)
         and all(isinstance(part, _KNOWN) for part in came.parts)
-        and not any(isinstance(part, Maxwell) and (came.settled or part.static_stiffness) for part in came.parts)
+        and not (came.settled and any(isinstance(part, Maxwell) for part in came.parts))
         and not (any(isinstance(part, Coupling) for part in came.parts)
                  and (came.settled or any(group.surplus for group in came.reduction.groups)))
         and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.beams.beam import Beam
-from mbsvib.errors import ModelError
 from mbsvib.kinematics import Rows, relative_motion, twists
 from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.parts._part import Composed
@@ -184,19 +183,12 @@ def is_network(system: System) -> bool:
     Returns
     -------
     bool
-        Whether it is worth trying.
-
-    Raises
-    ------
-    ModelError
-        If parts of a mechanism with loops or massless motions were left out, so that nothing tells what parameters do.
+        Whether it is worth trying; not for parts of mechanisms with loops or massless motions, which ``reachable`` has
+        taken out of them.
     """
     came = system.provenance
     if came.dropped is not None and (came.massless is not None or came.topology.cut):
-        raise ModelError(
-            f"sensitivities of '{system.name}': it is a part of a mechanism with loops or massless motions, of which "
-            f"reachable(...) left something out. Ask the whole system for them.", element=system.name,
-        )  # fmt: skip
+        return False
     return not any(
         isinstance(part, Composed) and not (isinstance(part, Beam) and not part.damping_ratio) for part in came.parts
     )  # fmt: skip

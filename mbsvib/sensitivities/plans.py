@@ -190,7 +190,8 @@ def _through_equilibrium(network: Network, balanced: Balanced, asked: Variables,
     if found is not None:
         moved = (found.rates, found.forces, found.gaps)
         rates, forces, gaps = moved if rates is None else tuple(rates @ each for each in moved)
-        balanced = balanced.following(gaps.toarray().reshape(len(asked.names), -1, 6).transpose(1, 2, 0), forces)
+        apart = gaps.toarray().reshape(len(asked.names), len(network.joints), 6)
+        balanced = balanced.following(apart.transpose(1, 2, 0), forces)
     motion, lost = balanced.follow(rates)
     if lost.any() and not every:
         raise not_held(asked.names[int(np.argmax(lost))], network.variants.system.name)

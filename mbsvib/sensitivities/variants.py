@@ -26,6 +26,8 @@ from mbsvib.sensitivities.differences import slope
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from mbsvib.kinematics import Array
     from mbsvib.model import Model
     from mbsvib.sensitivities.variables import Direction
@@ -75,6 +77,8 @@ class Variants:
         ModelError
             If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
         """
+        if self._whole is not None:
+            return self._of_part(self._whole, directions, every)
         for direction in directions:
             key = direction.rates
             if key not in self._found:
@@ -88,6 +92,32 @@ class Variants:
         shapes = [getattr(self.system, key).shape for key in MATRICES]
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
+
+    @cached_property
+    def _whole(self) -> System | None:
+        """The system that ``reachable`` took this one out of."""
+        from mbsvib.equilibrium.settled import settled
+
+        own, came = self.system, self.system.provenance
+        if came.dropped is None:
+            return None
+        words = {"independent": (*own.coordinates, *came.dropped.names), "cut": self._cut, "method": "dense"}
+        found: System = settled(self._model, **words)[1] if came.settled else self._model.linearize(**words)
+        return found
+
+    def _of_part(self, whole: System, directions: Sequence[Direction], every: bool) -> dict[str, Array]:
+        """Derivatives of the matrices of a part, out of those of all coordinates and ports."""
+        own = self.system
+        wanted = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
+        found = whole.matrix_derivatives(None if every else wanted)
+        row = {name: k for k, name in enumerate(found.variables)}
+        rows = [row[next(iter(rates))] if every else row[k] for k, rates in wanted.items()]
+        q, i, o = ([known.index(name) for name in names] for names, known in (
+            (own.coordinates, whole.coordinates), (own.inputs, whole.inputs), (own.outputs, whole.outputs),
+        ))  # fmt: skip
+        ends = {"B": (q, i), "D": (o, i)} | dict.fromkeys(("M", "C", "K"), (q, q)) | dict.fromkeys(
+            ("Cq", "Cv", "Ca"), (o, q))  # fmt: skip
+        return {key: getattr(found, key)[np.ix_(rows, *ends[key])] for key in MATRICES}
 
     def sizes(self, directions: Sequence[Direction]) -> Array:
         """Return the largest of the forces that cancel in the pose, over what is a large change along directions."""
@@ -134,7 +164,7 @@ class Variants:
     @cached_property
     def _model(self) -> Model:
         came = self.system.provenance
-        if came.origin is None or came.dropped is not None:
+        if came.origin is None:
             raise ModelError(
                 f"sensitivities of '{self.system.name}': it is no system as model.linearize() returns it, so that "
                 f"nothing tells what all of its parameters do; ask that one.", element=self.system.name,
@@ -149,21 +179,38 @@ class Variants:
 
     @cached_property
     def _sizes(self) -> Array:
-        """What entries are measured by: the geometric mean of the largest of their row and of their column, and at
-        least a small share of the largest of all, coordinates being scaled alike.
+        """What entries are measured by: those of the system's own matrices, and the forces that cancel."""
+        own = self.system
+        sizes = self._measured(np.concatenate([*(getattr(own, key).reshape(-1) for key in MATRICES), np.zeros(
+            len(own.provenance.reduction.independent))]))  # fmt: skip
+        sizes[self._count :] = self._loads
+        return sizes
+
+    @cached_property
+    def _empty(self) -> NDArray[np.bool_]:
+        """Entries of matrices that are zero, as C is without dampers: they are measured by what they become."""
+        own = [getattr(self.system, key) for key in MATRICES]
+        return np.concatenate([*(np.full(matrix.size, not matrix.any()) for matrix in own),
+                               np.zeros(len(self._sizes) - self._count, dtype=bool)])  # fmt: skip
+
+    def _measured(self, values: Array) -> Array:
+        """The geometric mean of the largest of the row and of the column of entries, and at least a small share of the
+        largest in their matrix, coordinates being scaled alike.
         """
-        own, parts = self.system, []
+        own, parts, start = self.system, [], 0
         unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
         unit[unit == 0.0] = 1.0
         scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
         for key in MATRICES:
-            size = np.abs(getattr(own, key))
+            shape = getattr(own, key).shape
+            start, stop = start + getattr(own, key).size, start
+            size = np.abs(values[stop:start]).reshape(shape)
             mean = np.sqrt(np.multiply.outer(size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)))
             left, right = (np.ones(n) if scale is None else scale
                            for n, scale in zip(size.shape, scales.get(key, (unit, unit)), strict=True))  # fmt: skip
             unlike = np.multiply.outer(left, right)
             parts.append((mean + SMALL * float((size / unlike).max(initial=0.0)) * unlike).reshape(-1))
-        return np.concatenate([*parts, np.full(len(own.provenance.reduction.independent), self._loads)])
+        return np.concatenate([*parts, np.zeros(len(values) - start)])
 
     @cached_property
     def _loads(self) -> float:
@@ -214,7 +261,7 @@ class Variants:
                 except MbsvibError as problem:
                     refusal = problem
                     continue
-                size = self._sizes + scale * np.abs(found)
+                size = np.where(self._empty, self._measured(scale * found), self._sizes) + scale * np.abs(found)
                 size[self._count :] += scale * np.abs(found[self._count :]).max(initial=0.0)
                 ratio = scale * error / np.where(size > 0.0, size, np.inf)
                 off = float(ratio.max(initial=0.0))
