@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import mbsvib as mv
 from mbsvib import isolation, library
@@ -88,6 +89,23 @@ def test_tables_are_straight_on_log_axes():
     assert result.acceleration[2] ** 2 == pytest.approx(1e-6 * 999 / 3, rel=1e-10)
     half = result.cumulative([0.5, 5.0, 10.0, 20.0])[2]
     assert np.allclose(half**2, [0, 1e-6 * 124 / 3, 1e-6 * 999 / 3, 1e-6 * 999 / 3], rtol=1e-10)
+
+
+@pytest.mark.parametrize("spectrum", [2.5e-4, [(0.01, 2.5e-4), (1e4, 2.5e-4)]])
+def test_cumulative_and_density_in_closed_form(spectrum):
+    """|T|^2 = (1 + (2 z r)^2) / ((1 - r^2)^2 + (2 z r)^2) of a mass on a spring, r = f / f0, summed by quadrature."""
+    result = isolation.study(one_axis(), "payload", directions="z").under({"z": spectrum})
+
+    def density(f):
+        r = f / FREQUENCY
+        return 2.5e-4 * (1 + (2 * RATIO * r) ** 2) / ((1 - r * r) ** 2 + (2 * RATIO * r) ** 2)
+
+    f = np.array([0.3, 0.9, 1.1, 30.0]) * FREQUENCY
+    np.testing.assert_allclose(result.density(f)[2], density(f), rtol=1e-12)
+    start = 0.0 if isinstance(spectrum, float) else 0.01
+    expected = [quad(density, start, top, points=[FREQUENCY] if top > FREQUENCY else None, epsabs=0, limit=200)[0]
+                for top in f]  # fmt: skip
+    np.testing.assert_allclose(result.cumulative(f)[2] ** 2, expected, rtol=1e-8)
 
 
 def test_cumulative_ends_at_the_whole():

@@ -45,6 +45,26 @@ def test_rotor_and_stator(speed):
     assert (system.gyroscopic is None) == (speed == 0.0)
 
 
+def test_a_body_that_spins_at_speed_zero_is_held_as_any_other():
+    """Its bearing is not the same from all sides, which matters only while it spins."""
+
+    def shaft(*speeds):
+        model = mv.Model("shaft")
+        model.add_body("shaft", 2.0, (0.1, 0.1, 0.2))
+        model.add_bushing("bearing", "ground", "shaft", (0.1, 0, 0.3), (1e3, 2e3, 3e3, 10, 20, 30), (1, 2, 3, 0, 0, 0))
+        model.add_body("top", 1.0, (0.1, 0.1, 0.2))
+        model.add_rotor("other", "top", 5.0, (0, 0, 1))
+        for speed in speeds:
+            model.add_rotor("spin", "shaft", speed, (0, 0, 1))
+        return model.linearize()
+
+    still, plain = shaft(0.0), shaft()
+    for key in ("M", "C", "K"):
+        np.testing.assert_array_equal(getattr(still, key), getattr(plain, key))
+    with pytest.raises(mv.ModelError, match="rotor 'spin': 'bearing'"):
+        shaft(1.0)
+
+
 def test_free_top():
     """A free symmetric body nutates with W Ia / It; everything else drifts: zeros, exactly."""
     model = mv.Model("top")
