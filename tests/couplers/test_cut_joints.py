@@ -56,12 +56,15 @@ def test_coordinates_of_cut_joints_against_fifty_digits(kind, swap):
     assert_allclose(model.linearize(cut=["cut"], method="sparse").frequency_response(omega), expected, rtol=1e-8)
 
 
+@pytest.mark.parametrize("coefficients", [False, True])
 @pytest.mark.parametrize("kind", ["universal", "skew universal", "screw", "x and ry"])
-def test_every_variant_of_a_coupled_cut_joint(kind):
-    """Axes, points and coefficients that change from variant to variant."""
+def test_every_variant_of_a_coupled_cut_joint(kind, coefficients):
+    """Axes and points that change from variant to variant, by themselves and with coefficients."""
     model = loop(kind, False)
     values = {"cut.orientation.rx": np.array([0.0, 0.1, -0.2]), "cut.position.y": np.array([0.6, 0.5, 0.7]),
               "c0.coefficient.1": np.array([1.0, 1.2, 0.8]), "link.position.z": np.array([0.2, 0.0, 0.1])}  # fmt: skip
+    if not coefficients:
+        del values["c0.coefficient.1"]
     batch = model.linearize(values=values, cut=["cut"])
     for i in range(3):
         one = model.with_values({name: array[i] for name, array in values.items()})
