@@ -9,11 +9,12 @@ import numpy as np
 if TYPE_CHECKING:
     from mbsvib.kinematics import Array
 
-# Points closer than this share of their distance from the origin are one point, told apart by rounding.
-SAME_POINT = 16.0 * float(np.finfo(float).eps)
+# Points closer than this share of their distance from the origin, or from the centres of mass about which their bodies
+# turned, are one point, told apart by rounding.
+SAME_POINT = 1e-13
 
 
-def length_of(points: Array) -> float:
+def length_of(points: Array, *centres: Array) -> float:
     """Return the root mean square distance of points from their mean.
 
     L^2 = 1/n sum of |p_i - 1/n sum of p_j|^2
@@ -24,6 +25,8 @@ def length_of(points: Array) -> float:
     ----------
     points : array, shape (n, 3)
         Points [m].
+    *centres : array, shape (n, 3)
+        Centres of mass of the bodies that have these points [m].
 
     Returns
     -------
@@ -34,4 +37,5 @@ def length_of(points: Array) -> float:
         return 1.0
     apart = points - points.mean(axis=0)
     length = float(np.sqrt((apart * apart).sum() / len(points)))
-    return length if length > SAME_POINT * float(np.abs(points).max()) else 1.0
+    far = max([float(np.abs(points - centre).max()) for centre in (0.0, *centres)])
+    return length if length > SAME_POINT * far else 1.0

@@ -216,11 +216,19 @@ def test_axes_through_one_point_moved_again_and_again(arm):
         model.add_body(name, 1.0, (0.1, 0.2, 0.3), center + arm * rng.uniform(-1, 1, size=3))
     for k, axis in enumerate(axes):
         model.add_joint(f"j{k}", "revolute", bodies[k], bodies[k + 1], center, axis=turn @ axis)
+    model.add_bushing("k", "ground", "crank", center, (0, 0, 0, 5.0, 5.0, 5.0))
+    model.add_input("push", "coupler", "x")
+    model.add_force_output("pin", "j1", "x")
     for _ in range(6):
+        found = []
         for method in METHODS:
-            system = model.linearize(method=method)
+            with pytest.warns(mv.UndeterminedForceWarning):
+                system = model.linearize(method=method)
             assert (system.dof, len(system.redundant)) == (1, 3)
-        model = model.moved({"j0.rz": 0.2})
+            assert "L = 1 m" in system.explain()
+            found.append(float(system.frequency_response([2.0]).real[0, 0, 0]))
+        assert found[0] == pytest.approx(found[1], rel=1e-9)
+        model = model.moved({"j0.rz": 0.2}, relaxed=True)
 
 
 def test_two_equal_joints_in_one_place():
@@ -237,25 +245,22 @@ def test_two_equal_joints_in_one_place():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kinds", COMMON, ids=" and ".join)
-def test_a_thousand_axes(kinds):
+def test_a_thousand_axes():
     for seed in range(1000):
-        for pair in some(seed, [kinds]):
-            for method in METHODS:
-                pair.check(pair.model.linearize(method=method))
-            if seed % 10 == 0:
-                check_elsewhere(pair)
+        for pair in some(seed, [COMMON[seed % len(COMMON)]]):
+            check_as_drawn(pair)
+            check_elsewhere(pair)
 
 
 @pytest.mark.slow
 def test_all_pairs_about_a_thousand_axes_in_variants():
-    for k, pair in enumerate(some(5)):
+    for k, pair in enumerate(some(1)):
         check_variants(pair, np.random.default_rng(k), 1000)
 
 
 @pytest.mark.slow
-def test_all_pairs_about_thirty_axes():
-    for seed in range(30):
+def test_all_pairs_about_ten_axes():
+    for seed in range(10):
         for pair in some(seed):
             check_as_drawn(pair)
             check_elsewhere(pair)

@@ -151,15 +151,15 @@ def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
             )  # fmt: skip
 
 
-def self_stress(joints: Index, point: Array, wrenches: Array) -> SelfStress | None:
+def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | None:
     """Return orthonormal states of self-stress out of any that span them.
 
     Parameters
     ----------
     joints : array, shape (j,)
         Numbers of the joints.
-    point : array, shape (3, j)
-        Their points [m].
+    length : float
+        Their length L [m].
     wrenches : array, shape (6, j, r)
         Wrenches in them that load no body, of the size of one with moments over the length.
 
@@ -168,7 +168,6 @@ def self_stress(joints: Index, point: Array, wrenches: Array) -> SelfStress | No
     SelfStress or None
         None where no joint feels any.
     """
-    length = length_of(point.T)
     scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
     flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
     left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
@@ -212,12 +211,12 @@ def of_loops(carriers: Carriers, cuts: Cuts | None, reduction: Reduction, phi: A
     result = []
     for rows, joints in parts(through):
         columns = np.flatnonzero(phi[rows].any(axis=0) & dependent)
-        point = carriers.point[:, joints]
-        length = length_of(point.T)
+        ends = (carriers.first[joints], carriers.second[joints])
+        length = length_of(carriers.point[:, joints].T, *(carriers.position[:, bodies].T for bodies in ends))
         scale = length * cuts.row_scale(length)[rows, None]
         # combinations of the rows that do no work on any coordinate
         idle = np.linalg.qr(scale * phi[np.ix_(rows, columns)], mode="complete")[0][:, len(columns) :]
-        stress = self_stress(joints, point, wrenches[:, joints][:, :, rows] @ (scale * idle))
+        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ (scale * idle))
         if stress is not None:
             result.append(stress)
     return result

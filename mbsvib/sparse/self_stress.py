@@ -127,7 +127,7 @@ def _of_small(region: Region, matrix: Array) -> Split:
     basis = np.zeros((count, count))
     basis[:, : len(tau)] = qr[:, : len(tau)]
     basis = lapack.dorgqr(basis, tau)[0]
-    stress = self_stress(region.joints, region.point, _in_joints(region, region.rows @ basis[:, rank:]))
+    stress = self_stress(region.joints, region.length, _in_joints(region, region.rows @ basis[:, rank:]))
     states = np.zeros((6 * len(region.joints), 0))
     if stress is not None:
         states = (stress.states * region.scale[..., None]).transpose(1, 0, 2).reshape(len(states), -1)
@@ -261,11 +261,11 @@ def _region(
     owner = [-1] * len(position)
     for body in tree.outward.tolist():
         owner[body] = own.get(body, owner[tree.parent[body]])
-    length, of = length_of(point), np.array(owner)
     locked = [(i, six) for i, part in enumerate(parts) for _, six in part.locked]
     entries = [(i, row, six) for row, (i, six) in enumerate(locked)]
     entries += _of_couplers(topology, tree, closure, index_of, loops[loops >= len(topology.cut)], len(locked))
     ends = np.array([(number[part.first], number[part.second]) for part in parts]).T
+    length, of = length_of(point, *position[ends]), np.array(owner)
     rows = _rows(entries, len(parts), length)
     return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, length, bodies,
                   _gaps(point, of[ends], position[bodies], length), rows, rows.shape[1] - surplus, of)  # fmt: skip
