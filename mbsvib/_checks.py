@@ -25,6 +25,8 @@ ROTATION_TOLERANCE = 1e-9
 # on the same axes would lock it.
 ROUNDED = 1e-14
 TINY = 1e-150
+# A vector that was divided by its length has length 1 to this; it stays as it is, so that files give it back exactly.
+UNIT_LENGTH = 4.0 * 2.0**-52
 # Nobody needs to turn by more, but 90 degrees taken for radians do.
 ONCE_AROUND = 2.0 * pi * (1.0 + ROTATION_TOLERANCE)
 
@@ -93,6 +95,8 @@ def axis(value: Any, who: str, field: str) -> Vector:
         raise refuse(who, field, value, "a direction (x, y, z) that is not zero")
     if length < TINY:  # up, to where lengths keep all their digits
         return axis((x / TINY, y / TINY, z / TINY), who, field)
+    if abs(length - 1.0) <= UNIT_LENGTH:
+        return (x, y, z)
     return (x / length, y / length, z / length)
 
 

@@ -46,6 +46,20 @@ def test_library_model(tmp_path, name, suffix):
     assert sections(again) == sections(model)
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_axes_of_unit_length_keep_every_bit(tmp_path, suffix):
+    """Axes are brought to unit length when they are given: once more must not change a bit."""
+    model, rng = mv.Model("axes"), np.random.default_rng(0)
+    for i, (axis, y_axis) in enumerate(rng.normal(size=(200, 2, 3))):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1))
+        model.add_rotor(f"r{i}", f"b{i}", 3.0, axis, inertia=0.1)
+        model.add_beam(f"beam{i}", f"b{i}", None, {"type": "circle", "radius": 0.01},
+                       {"E": 1e9, "nu": 0.3, "rho": 1e3}, start=(0, 0, 0), end=(0, 0, 1), y_axis=y_axis)  # fmt: skip
+    again = load(save(model, tmp_path / f"model.{suffix}"))
+    assert [bits(part.axis) for part in again.rotors.values()] == [bits(part.axis) for part in model.rotors.values()]
+    assert [bits(part.y_axis) for part in again.beams.values()] == [bits(part.y_axis) for part in model.beams.values()]
+
+
 @given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from([yaml_text, json_text]))
 @settings(max_examples=500, deadline=None)
 def test_every_float_comes_back_to_the_last_bit(value, write):
