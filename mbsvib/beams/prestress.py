@@ -26,6 +26,9 @@ from mbsvib.parts import load as _load
 
 # Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
 NOISE = 1e-14
+# Coordinates that strain elements by less than this share of the one that strains them most (energies, as roots) do so
+# by the rounding of loops; stiffnesses and lengths of one beam span far less.
+STRAINED = 1e-11
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,6 +125,8 @@ def spread(rows: Array, root: Array, needed: Array) -> Array:
     array, shape (n,)
         One force for each row.
     """
+    energy = np.sqrt(np.square(rows * root[:, None]).sum(axis=0))
+    rows = rows * (energy > STRAINED * energy.max(initial=0.0))
     single = np.count_nonzero(rows, axis=1) == 1
     own = {int(np.flatnonzero(rows[i])[0]): int(i) for i in np.flatnonzero(single)}
     held = np.flatnonzero(rows.any(axis=0))

@@ -54,7 +54,8 @@ def test_axes_of_a_beam_turn_with_it():
     found = compliance(model, "rod.3", ("x", "y", "z", "rx", "ry", "rz"))
     both = np.kron(np.eye(2), turn)
     size = np.sqrt(np.outer(straight.diagonal(), straight.diagonal()))
-    assert np.abs((both.T @ found @ both - straight) / size).max() < 1e-12
+    # it bends 3e4 times as easily as it stretches, so that rounding of the axes counts as often
+    assert np.abs((both.T @ found @ both - straight) / size).max() < 1e-11
 
 
 def frequencies(model):

@@ -162,6 +162,22 @@ def test_beam_that_nothing_holds_is_off_balance():
         model.linearize()
 
 
+def test_gears_beside_a_loaded_column():
+    """What couplers lock counts as well where the forces in the elements are found."""
+    ratio, spring, inertia = -2.5, 40.0, (0.03, 0.02)
+    model = mv.Model("column and gears")
+    model.add_beam("c", "ground", None, BAR, ALLOY, start=(0, 0, 0), end=(0, 0, LENGTH), elements=3)
+    model.add_load("P", "c.3", (0, 0, -500.0))
+    for i, moment in enumerate(inertia):
+        model.add_body(f"wheel{i}", 1.0, (0.02, 0.02, moment), position=(1.0 + i, 0, 0))
+        model.add_joint(f"shaft{i}", "revolute", "ground", f"wheel{i}", position=(1.0 + i, 0, 0))
+    model.add_gear("gears", "shaft0", "shaft1", ratio)
+    model.add_bushing("spring", "ground", "wheel0", (1, 0, 0), (0, 0, 0, 0, 0, spring))
+    wheels = np.sqrt(spring / (inertia[0] + ratio**2 * inertia[1])) / (2 * np.pi)
+    expected = np.sort([wheels, *column(3, -500.0).modes().frequencies])
+    assert model.linearize().modes().frequencies == pytest.approx(expected, rel=1e-10)
+
+
 def test_superelements_under_load_are_refused():
     model = mv.Model("loaded", gravity=(0, 0, -9.81))
     model.add_superelement("lump", np.eye(6), None, np.zeros((6, 6)), {"node": (0, 0, 0)})
