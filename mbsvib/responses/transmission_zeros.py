@@ -51,6 +51,10 @@ AT_REST = 1e-5
 STATIC_ROUNDINGS = 30.0
 CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where a pole at 0 shows by its growth
 GROWS = 3.0
+# Zeros at 0 come out within these shares of the lowest pole, the farther off the more of them there are.
+NEAR_RIGID = (1e-5, 1e-4, 1e-3)
+# A power that is off a whole number by more is that of other zeros, which are near 0 but not there.
+WHOLE_POWER = 0.1
 AT_POLE = 1e-6  # zeros so near to a pole are those of modes that are not reached or not shown
 
 
@@ -87,7 +91,7 @@ def transmission_zeros(
     found = _finite_zeros(a, b, c, d) * unit
     total = modal_sum(system, modal, sources, results)
     found = _refined(modal, total, found)
-    found = _at_rest(system, modal, total, found, (sources, results))
+    found = _at_rest(system, modal, total, found, (sources, results), still)
     found = found[_known(modal, total, found, _noise(system, modal, sources, results, found))]
     found = np.concatenate((np.zeros(still), found))
     return found[np.lexsort((-found.imag, np.abs(found)))]
@@ -251,16 +255,22 @@ def _refined(modal: Damped | General, total: ModalSum, zeros: Complex) -> Comple
 
 
 def _at_rest(
-    system: System, modal: Damped | General, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]]
-) -> Complex:
+    system: System, modal: Damped | General, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]],
+    still: int,
+) -> Complex:  # fmt: skip
     """Put zeros next to 0 there if the static response is zero to rounding, or if poles are at 0 that it does not show:
-    rigid-body modes that no input reaches, or no output sees.
+    rigid-body modes that no input reaches, or no output sees. ``still`` of the zeros at 0 are left out.
     """
-    size = np.abs(modal.pairs)
+    poles = modal.pairs.reshape(-1) if isinstance(modal, Damped) else modal.values
+    size = np.abs(poles)
     if not size.all():
         lowest = float(size[size > 0.0].min(initial=np.inf))
+        if not np.isfinite(lowest):
+            return z
+        if len(ports[0]) == len(ports[1]):
+            return _beside_rigid(total, poles, z, lowest, still)
         near = np.abs(z) <= AT_REST * lowest
-        if near.any() and np.isfinite(lowest):
+        if near.any():
             with np.errstate(all="ignore"):
                 here, nearer = np.abs(total.at(1j * lowest * CLOSER)).max(axis=(0, 1))
             return np.where(near, 0.0, z) if nearer < GROWS * here else z
@@ -272,6 +282,25 @@ def _at_rest(
         noise = np.einsum("no,oin,ni->n", np.abs(left), _noise(system, modal, *ports, origin), np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:
             return np.where(near, 0.0, z)
+    return z
+
+
+def _beside_rigid(total: ModalSum, poles: Complex, z: Complex, lowest: float, still: int) -> Complex:
+    """Put as many zeros of a square system at 0 as its determinant, c s^(zeros - poles) near 0, says with its poles.
+
+    Poles and zeros elsewhere are divided out, so that the power is a whole number at any points near 0.
+    """
+    with np.errstate(all="ignore"):
+        s = 1j * lowest * CLOSER
+        size = np.log(np.abs(np.linalg.det(total.at(s).transpose(2, 0, 1))))
+        size = size + np.log(np.abs(s[:, None] - poles[poles != 0.0])).sum(axis=1)
+        for share in NEAR_RIGID:
+            far = z[np.abs(z) > share * lowest]
+            left = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
+            power = (left[0] - left[1]) / np.log(CLOSER[0] / CLOSER[1])
+            count = np.round(power) + np.count_nonzero(poles == 0.0) - still
+            if np.abs(power - np.round(power)) < WHOLE_POWER and count == len(z) - len(far):
+                return np.concatenate((np.zeros(int(count)), far))
     return z
 
 

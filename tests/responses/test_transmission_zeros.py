@@ -234,3 +234,20 @@ def test_a_body_beside_that_nothing_holds_is_two_zeros_at_0(unit):
     assert system.transmission_zeros("f.held", "x.held").tolist() == [0.0, 0.0]
     assert np.abs(system.transmission_zeros("f.beside", "x.beside")) == pytest.approx([np.sqrt(30 / 1.3)] * 2)
     assert len(system.transmission_zeros()) == 0
+
+
+@pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
+def test_rigid_body_modes_of_which_a_pair_meets_some(quantity):
+    """Two plates that float in a plane on springs between them, pushed and seen obliquely: of three rigid-body modes,
+    with six poles at 0, a single double pole is met, and the others are zeros at 0.
+    """
+    model = mv.Model("plates")
+    for name, at in (("a", (0.1, 0.2, 0.0)), ("b", (0.9, -0.3, 0.0))):
+        model.add_body(name, 1.7, (0.1, 0.2, 0.25), position=at)
+        model.add_joint(f"{name}.j", "planar", "ground", name, position=at)
+    model.add_bushing("k", "a", "b", (0.4, 0.1, 0.0), stiffness=(300.0, 500.0, 0, 0, 0, 20.0))
+    model.add_input("f", "a", (1.0, 0.4, 0.0), position=(0.3, -0.2, 0.0))
+    model.add_output("y", "b", (0.2, -1.0, 0.0), position=(0.5, 0.6, 0.0), quantity=quantity)
+    expected = determinant_zeros(Exact(model), [0], [0])
+    assert_same_eigenvalues(model.linearize().transmission_zeros(), expected, rtol=1e-9)
+    assert np.count_nonzero(expected == 0) == 4 + ("displacement", "velocity", "acceleration").index(quantity)
