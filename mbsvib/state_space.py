@@ -161,18 +161,19 @@ def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[
     else:
         basis = np.zeros((2 * m, 2 * m))
         basis[:m, :m] = basis[m:, m:] = modal.shapes
-        local = _blocks(modal, a, system.name)
-        transform = basis @ local
         forces = np.concatenate((np.zeros_like(b[:m]), modal.shapes.T @ system.B))
-        b[:] = np.linalg.solve(local, forces)
+        local, b = _blocks(modal, a, forces, system.name)
+        transform = basis @ local
     names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
     return a, b, transform, names, ("modal", "modal/s") * m
 
 
-def _blocks(modal: Damped, a: Array, name: str) -> Array:
-    """Columns T that turn the state matrix into companion blocks ``a``, in which those of close pairs are set."""
+def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, Array]:
+    """Columns T that turn the state matrix into companion blocks ``a``, in which those of close pairs are set, and the
+    inputs B of these.
+    """
     from mbsvib.responses.energy_schur import energy_matrix
-    from mbsvib.responses.modal_blocks import check_modal, pair_block
+    from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
     m = len(modal.square)
     result = np.zeros((2 * m, 2 * m))
@@ -187,5 +188,5 @@ def _blocks(modal: Damped, a: Array, name: str) -> Array:
         v1, v2 = np.concatenate((scale * first, one * first)), np.concatenate((scale * second, two * second))
         at = slice(2 * k, 2 * k + 2)
         a[at, at], result[:, at] = pair_block(matrix, one, two, v1, v2)
-    check_modal(matrix, a, result, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
-    return result / size[:, None]
+    inputs = modal_inputs(matrix, a, result, [2] * m, forces, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
+    return result / size[:, None], inputs

@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.massless.first_order import FirstOrder
 from mbsvib.modes.general import rigid_shapes
-from mbsvib.responses.modal_blocks import check_modal, pair_block
+from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,9 +53,8 @@ def modal_states(system: System, modal: General) -> FirstOrder:
     for block in blocks:
         a[start : start + len(block), start : start + len(block)] = block
         start += len(block)
-    check_modal(state.a, a, right, names, system.name)
     push = state.force @ system.B
-    b = np.asarray(np.linalg.solve(right, push), dtype=float)
+    b = modal_inputs(state.a, a, right, [len(block) for block in blocks], push, names, system.name)
     back = np.concatenate((state.show, state.show @ state.a))
     through = np.concatenate((np.zeros_like(system.B), state.show @ push))
     units = tuple(["modal/s" if name.endswith("'") else "modal" for name in names])

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 # Differences of eigenvectors lose the square of the relative distance of a pair; its invariant subspace loses nothing.
 CLOSE = 0.05
-# Modal coordinates lose the square of their condition number to rounding: here 1e-8 of the responses.
-DEPENDENT = 1e4
+# Modal coordinates lose to rounding what their condition number times the growth of their shares is: here 1e-8.
+DEPENDENT = 1e8
+TINY = float(np.finfo(float).tiny)
 # What vectors may leave of the equations, against the largest of their terms; eigenvalues that meet leave far more.
 RESIDUAL = 1e-8
 
@@ -59,17 +60,32 @@ def pair_block(a: Array, one: complex, two: complex, first: Complex, second: Com
     return block, basis @ np.stack((small @ start - total * start, start), axis=1)
 
 
-def check_modal(a: Array, blocks: Array, columns: Array, names: Sequence[str], system: str) -> None:
-    """Refuse modal states x = T z that all but depend on each other, or that are no solution of A T = T N.
+def modal_inputs(
+    a: Array, blocks: Array, columns: Array, sizes: Sequence[int], push: Array, names: Sequence[str], system: str
+) -> Array:
+    """Return the inputs B of modal states x = T z, T B = F, and refuse states in which rounding shows in the responses.
+
+    Rounding of B is eps times the condition number of T = [T1 T2 ...], with orthonormal columns in each block. It grows
+    with the shares Ti Bi, which cancel in F: blocks that all but depend on each other do no harm where the inputs do
+    not tell them apart.
 
     Parameters
     ----------
     a, blocks, columns : array, shape (n, n)
-        A in energy coordinates, N and T.
+        A in energy coordinates, N and T with A T = T N.
+    sizes : sequence of int
+        Numbers of states of the blocks.
+    push : array, shape (n, n_inputs)
+        The inputs F in energy coordinates.
     names : sequence of str
         Names of the states.
     system : str
         The system's name, for the message.
+
+    Returns
+    -------
+    array, shape (n, n_inputs)
+        B.
 
     Raises
     ------
@@ -77,14 +93,21 @@ def check_modal(a: Array, blocks: Array, columns: Array, names: Sequence[str], s
         If rounding would show in the responses.
     """
     if not len(columns):
-        return
+        return np.zeros_like(push)
     length = np.linalg.norm(columns, axis=0)
-    _, sizes, right = np.linalg.svd(columns / length)
     left = np.linalg.norm(a @ columns - columns @ blocks, axis=0) / (length * np.abs(a).max())
-    if sizes[-1] * DEPENDENT < sizes[0] or left.max() > RESIDUAL:
+    parts = [np.linalg.qr(part) for part in np.split(columns / length, np.cumsum(sizes)[:-1], axis=1)]
+    basis = np.concatenate([part for part, _ in parts], axis=1)
+    shares = np.linalg.solve(basis, push)
+    grown = (np.abs(shares).sum(axis=0) / np.maximum(np.linalg.norm(push, axis=0), TINY)).max(initial=1.0)
+    _, values, right = np.linalg.svd(basis)
+    if values[-1] * DEPENDENT < values[0] * grown or left.max() > RESIDUAL:
         share = np.abs(right[-1]) if left.max() <= RESIDUAL else left
         modes = sorted({names[i].rstrip("'") for i in np.argsort(-share)[:4].tolist()})
         raise ResponseError(
             f"state_space: modal states of '{system}' depend on each other, as eigenvalues of {', '.join(modes)} all "
             f"but coincide and their shapes do too; take realization='physical' or 'balanced'."
         )
+    cut = np.split(shares, np.cumsum(sizes)[:-1])
+    inputs = [np.linalg.solve(upper, share) for (_, upper), share in zip(parts, cut, strict=True)]
+    return np.asarray(np.concatenate(inputs) / length[:, None], dtype=float)
