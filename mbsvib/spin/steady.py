@@ -151,21 +151,33 @@ def _check_joint(joint: Joint, bodies: Mapping[str, Body], spins: Mapping[str, A
         return
     center, axis = np.array(bodies[spinning].position), spins[spinning]
     point = np.array(joint.point or center)
-    speed = float(np.linalg.norm(axis))
+    speed, length = float(np.linalg.norm(axis)), _reach(bodies[spinning], point)
     moving = locked @ _relative(point, pair, bodies, spins)
-    length = 1.0 + float(np.linalg.norm(point - center))
-    if float(np.abs(moving).max()) > SLACK * speed * length * float(np.abs(locked).max()):
+    size = np.linalg.norm(locked[:, :3], axis=1) * length + np.linalg.norm(locked[:, 3:], axis=1)
+    if (np.abs(moving) > SLACK * speed * size).any():
         raise ModelError(f"rotor '{of[spinning]}': joint '{joint.name}' does not let body '{spinning}' spin about this "
                          f"axis; turn its axis or put it on the axis, or give the inertia of what spins on the body "
                          f"(also of a disk on a shaft).", element=of[spinning], field="axis")  # fmt: skip
     locked = locked / np.linalg.norm(locked, axis=1)[:, None]
     both = np.concatenate((locked, _turned(locked, point, center, axis)))
-    both[:, 3:] /= length
+    both[:, 3:] /= length or 1.0
     values = np.linalg.svd(both, compute_uv=False)
     if np.count_nonzero(values > SLACK * values[0]) > np.linalg.matrix_rank(locked, tol=SLACK):
         raise ModelError(f"rotor '{of[spinning]}': joint '{joint.name}' turns with body '{spinning}' and is not the "
                          f"same from all sides of its axis; the equations would vary with time, which is not "
                          f"supported.", element=of[spinning], field="axis")  # fmt: skip
+
+
+def _reach(body: Body, point: Array) -> float:
+    """The length [m] by which points off the axis count: how far a point, and the mass, are from the centre of mass."""
+    gyration = np.sqrt(float(np.trace(tensor(body))) / (body.mass or np.inf))
+    return max(float(np.linalg.norm(point - np.array(body.position))), float(gyration))
+
+
+def _blocks(matrix: Array) -> Array:
+    """The largest entries of the blocks of forces, moments, translations and rotations: each has a unit of its own."""
+    rows, columns = (range(0, n, 3) if n > 3 else (0,) for n in matrix.shape)
+    return np.array([[np.abs(matrix[i : i + 3, k : k + 3]).max() for k in columns] for i in rows])
 
 
 def _check_spring(
@@ -187,9 +199,8 @@ def _check_spring(
     for name in pair:
         if name in spins:
             arm = np.array(points[name]) - np.array(bodies[name].position)
-            size = np.sqrt(float(np.trace(tensor(bodies[name]))) / (bodies[name].mass or np.inf))
             off = float(np.linalg.norm(np.cross(spins[name], arm))) / float(np.linalg.norm(axis))
-            if off > SLACK * max(float(np.linalg.norm(arm)), size):
+            if off > SLACK * _reach(bodies[name], np.array(points[name])):
                 raise ModelError(refuse + f"does so off its axis, by {off:.3g} m: it would turn with it; put its point "
                                  f"on the axis.", element=who, field="axis")  # fmt: skip
     if isinstance(spring, Spring):
@@ -198,8 +209,10 @@ def _check_spring(
         return
     stiffness, damping = world(spring, spring.stiffness), world(spring, spring.damping)
     if not along:
-        wound = stiffness @ _relative(np.array(spring.position), pair, bodies, spins)
-        if float(np.abs(wound).max()) > SLACK * float(np.abs(stiffness).max()) * float(np.linalg.norm(axis)):
+        point = np.array(spring.position)
+        wound = _blocks(stiffness @ _relative(point, pair, bodies, spins)[:, None])
+        size = _blocks(stiffness) @ (_reach(bodies[spinning], point), 1.0)
+        if (wound[:, 0] > SLACK * float(np.linalg.norm(axis)) * size).any():
             raise ModelError(refuse + "would be wound up by the spin; give it no stiffness about the axis, or give the "
                              "inertia of what spins on the body.", element=who, field="axis")  # fmt: skip
     if spring.first in spins and spring.second in spins:
@@ -213,6 +226,6 @@ def _check_same(line: bool, matrix: Array, about: tuple[Array, Array], refuse: s
     after = _turned(matrix, center, center, axis)
     if not line:
         after = _turned(after.T, center, center, axis).T
-    if float(np.abs(after - matrix).max()) > SLACK * float(np.abs(matrix).max()):
+    if (_blocks(after - matrix) > SLACK * _blocks(matrix)).any():
         raise ModelError(refuse + "turns with it and is not the same from all sides of the axis; the equations would "
                          "vary with time, which is not supported.", element=who, field="axis")  # fmt: skip

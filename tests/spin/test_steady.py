@@ -95,6 +95,29 @@ def test_springs():
     refused(line, "'wire'", "off its axis")
 
 
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_neither_units_nor_size_decide(scale):
+    """A joint off the axis by 1e-4 of the size of the disk, a weak torsion spring beside a stiff bearing."""
+    for offset, words in ((1e-4, ("joint 'hold'", "does not let")), (1e-9, ())):
+        model = mv.Model("disk")
+        model.add_body("disk", 1.0, scale**2 * np.array((0.1, 0.1, 0.2)), position=(0, 0, 0.1 * scale))
+        model.add_joint("hold", "revolute", "ground", "disk", position=(offset * scale, 0, 0))
+        model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+        if words:
+            refused(model, *words)
+        else:
+            model.linearize()
+    for torsion in (1e-3, 0.0):
+        model = mv.Model("disk")
+        model.add_body("disk", 1.0, scale**2 * np.array((0.1, 0.1, 0.2)), position=(0, 0, 0.1 * scale))
+        model.add_bushing("film", "ground", "disk", (0, 0, 0.1 * scale), (1e8, 1e8, 1e8, 0, 0, torsion * scale**2))
+        model.add_rotor("spin", "disk", 5.0, (0, 0, 1))
+        if torsion:
+            refused(model, "'film'", "wound up")
+        else:
+            model.linearize()
+
+
 def test_what_does_not_know_spin_refuses_it():
     model = rotor_and_stator(3.0)
     for words in ({"method": "sparse"}, {"values": {"spin.speed": np.arange(3.0)}}):
