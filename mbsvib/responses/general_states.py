@@ -23,7 +23,8 @@ def modal_states(system: System, modal: General) -> FirstOrder:
     """Return first-order equations in modal states.
 
     Each mode has a block [[0, 1], [-l1 l2, l1 + l2]] of its eigenvalues l1, l2; one of first order has the block l1,
-    and two motions that stiffness does not feel and that come to rest at once have [[0, 0], [0, 0]].
+    two motions that stiffness does not feel and that come to rest at once have [[0, 0], [0, 0]], and two others of
+    first order with one eigenvalue, which are paired as a mode, have [[l1, 0], [0, l2]].
 
     Parameters
     ----------

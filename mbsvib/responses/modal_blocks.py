@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 # Differences of eigenvectors lose the square of the relative distance of a pair; its invariant subspace loses nothing.
 CLOSE = 0.05
+# Vectors of a close pair of one motion are parallel but for the distance of its eigenvalues, at most CLOSE; those of two
+# equal motions of first order are as independent as motions are.
+INDEPENDENT = 0.2
 # Modal coordinates lose to rounding what their condition number times the growth of their shares is: here 1e-8.
 DEPENDENT = 1e8
 TINY = float(np.finfo(float).tiny)
@@ -26,9 +29,12 @@ RESIDUAL = 1e-8
 
 
 def pair_block(a: Array, one: complex, two: complex, first: Complex, second: Complex) -> tuple[Array, Array]:
-    """Return the block N = [[0, 1], [-l1 l2, l1 + l2]] of a pair of eigenvalues, and T (n, 2) with A T = T N.
+    """Return a block N of a pair of eigenvalues, [[0, 1], [-l1 l2, l1 + l2]], and T (n, 2) with A T = T N.
 
     T = [(l2 v1 - l1 v2), (v2 - v1)] / (l2 - l1); of a close pair T = Z [S c - tr(S) c, c] with A Z = Z S
+
+    A close pair whose vectors are independent, as two equal motions of first order have them, is no companion block:
+    N = diag(l1, l2) with T = [v1, v2], or its real form.
 
     Parameters
     ----------
@@ -47,6 +53,14 @@ def pair_block(a: Array, one: complex, two: complex, first: Complex, second: Com
     if abs(two - one) > CLOSE * abs(one):
         pair = np.stack((two * first - one * second, second - first), axis=1) / (two - one)
         return np.array([[0.0, 1.0], [-(one * two).real, (one + two).real]]), pair.real
+    vectors = np.stack((first / np.linalg.norm(first), second / np.linalg.norm(second)), axis=1)
+    values = np.linalg.svd(vectors, compute_uv=False)
+    if values[1] > INDEPENDENT * values[0]:
+        if one.imag == 0.0:
+            return np.diag((one.real, two.real)), vectors.real
+        turned = vectors[:, 0] * np.exp(-0.5j * np.angle(vectors[:, 0] @ vectors[:, 0]))
+        parts = np.stack((turned.real, turned.imag), axis=1)
+        return np.array([[one.real, one.imag], [-one.imag, one.real]]), parts
     from scipy.linalg import schur
 
     middle = 0.5 * (one + two).real

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -101,7 +101,7 @@ class Variants:
         own, came = self.system, self.system.provenance
         if came.dropped is None:
             return None
-        words = {"independent": (*own.coordinates, *came.dropped.names), "cut": self._cut, "method": "dense"}
+        words: Any = {"independent": (*own.coordinates, *came.dropped.names), "cut": self._cut, "method": "dense"}
         found: System = settled(self._model, **words)[1] if came.settled else self._model.linearize(**words)
         return found
 
