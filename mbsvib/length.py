@@ -37,5 +37,5 @@ def length_of(points: Array, *centres: Array) -> float:
         return 1.0
     apart = points - points.mean(axis=0)
     length = float(np.sqrt((apart * apart).sum() / len(points)))
-    far = max([float(np.abs(points - centre).max()) for centre in (0.0, *centres)])
+    far = max([float(np.abs(points - centre).max()) for centre in (np.zeros(3), *centres)])
     return length if length > SAME_POINT * far else 1.0

@@ -6,7 +6,6 @@ import pytest
 import mbsvib as mv
 from mbsvib import isolation, library, studies
 from mbsvib.beams import Circle, Rectangle, Section, Tube
-from tests.couplers.test_couplers import four_bar
 from tests.support.arm import arm
 
 HEXAPOD = library.cubic_hexapod()

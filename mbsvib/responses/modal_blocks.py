@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 # Differences of eigenvectors lose the square of the relative distance of a pair; its invariant subspace loses nothing.
 CLOSE = 0.05
-# Vectors of a close pair of one motion are parallel but for the distance of its eigenvalues, at most CLOSE; those of two
-# equal motions of first order are as independent as motions are.
+# Vectors of a close pair of one motion are parallel but for the distance of its eigenvalues, at most CLOSE; those of
+# two equal motions of first order are as independent as motions are.
 INDEPENDENT = 0.2
 # Modal coordinates lose to rounding what their condition number times the growth of their shares is: here 1e-8.
 DEPENDENT = 1e8
