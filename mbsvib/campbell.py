@@ -274,19 +274,15 @@ def _sweep(model: Model, ratios: Mapping[str, float]) -> _Sweep:
 
 def _limits(sweep: _Sweep, w: Array, found: Sequence[Modes]) -> tuple[float, ...]:
     """Speeds at which modes begin or cease to grow, halved out to the last digit between those that are given."""
-    grows = [_grows(modes) for modes in found]
+    stable = [modes.stable for modes in found]
     result = []
-    for k in np.flatnonzero(np.diff(np.array(grows, dtype=int))).tolist():
+    for k in np.flatnonzero(np.diff(stable)).tolist():
         low, high = float(w[k]), float(w[k + 1])
         while low < 0.5 * (low + high) < high and high - low > XTOL * max(abs(low), abs(high)):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if _grows(sweep.at(middle)) == grows[k] else (low, middle)
+            low, high = (middle, high) if sweep.at(middle).stable == stable[k] else (low, middle)
         result.append(0.5 * (low + high))
     return tuple(result)
-
-
-def _grows(modes: Modes) -> bool:
-    return bool((_upper(modes).real > 0.0).any())
 
 
 def _critical(

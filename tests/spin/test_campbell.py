@@ -71,6 +71,20 @@ def test_jeffcott():
     np.testing.assert_allclose(critical, [10.0, 10.0, np.sqrt(50.0 / 0.06)], rtol=1e-11)
 
 
+def test_rounding_of_undamped_modes_is_no_limit():
+    """Bearings damp what bends the shaft; it turns and slides undamped, by real parts that are rounding."""
+    fan = mv.Model("fan")
+    fan.add_body("disk", 12.0, (0.10, 0.10, 0.19), position=(0, 0, 0.4))
+    fan.add_beam("shaft", None, "disk", {"type": "circle", "radius": 0.015}, {"E": 2.1e11, "nu": 0.3, "rho": 7800},
+                 start=(0, 0, 0), end=(0, 0, 0.4), elements=4)  # fmt: skip
+    for name, node, z in (("bearing1", "shaft.0", 0.0), ("bearing2", "shaft.2", 0.2)):
+        fan.add_bushing(name, "ground", node, (0, 0, z), (2e7, 1e7, 2e7, 0, 0, 0), (400, 400, 0, 0, 0, 0))
+    fan.add_rotor("wheel", "disk", 300.0, (0, 0, 1), inertia=0.19)
+    data = campbell(fan, np.linspace(0.0, 600.0, 7))
+    assert data.stable.all()
+    assert data.limits == ()
+
+
 def test_internal_damping_shows():
     data = campbell(shaft(1.0), [5.0, 14.9, 15.1, 20.0])
     assert data.stable.tolist() == [True, True, False, False]
