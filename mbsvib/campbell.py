@@ -16,6 +16,7 @@ import numpy as np
 from mbsvib import _checks as check
 from mbsvib._given import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
+from mbsvib.modes.result import growing
 from mbsvib.tracking import Station, alone, follow, reference, step, upper
 
 if TYPE_CHECKING:
@@ -88,7 +89,12 @@ class Campbell:
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
         """Whether no mode grows, at each speed, shape (n,)."""
-        return np.asarray((self.eigenvalues.real <= 0.0).all(axis=1))
+        return np.asarray(~self.growing.any(axis=1))
+
+    @property
+    def growing(self) -> NDArray[np.bool_]:
+        """Whether each mode grows, by more than rounding, at each speed, shape (n, modes)."""
+        return growing(self.eigenvalues, self.errors)
 
     def table(self) -> dict[str, Any]:
         """Return the table of frequencies as arguments of ``mbsvib.tables.text`` and ``show``.

@@ -50,7 +50,7 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
                     x = np.stack((data.speeds[:-1], data.speeds[1:], np.full(len(own), np.nan))).T.reshape(-1)
                     y = np.stack((*pieces, np.full(len(own), np.nan))).T.reshape(-1)
                     axes.plot(x, y, color=colour, linestyle=dash)
-            grows = data.eigenvalues[:, mode].real > 0.0
+            grows = data.growing[:, mode]
             if grows.any():
                 axes.plot(data.speeds[grows], frequency[grows], "x", color=colour, markersize=4.0)
         top = 1.08 * float(data.frequencies.max(initial=0.0)) or 1.0
@@ -66,7 +66,7 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
         met = {direction for row in data.directions[1:] for direction in row}
         handles = [Line2D([], [], color=style.INK, linestyle=dash, linewidth=1.2, label=direction or "to and fro")
                    for direction, dash in LINES.items() if direction in met]  # fmt: skip
-        if (data.eigenvalues.real > 0.0).any():
+        if data.growing.any():
             handles.append(Line2D([], [], marker="x", linestyle="none", color=style.INK, markersize=4.0, label="grows"))
         if handles:
             figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
