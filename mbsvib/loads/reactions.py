@@ -78,7 +78,7 @@ class Carriers:
         measured, terms = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
         shares = np.zeros((len(terms), len(cuts.names) - result.shape[1]))
         shares[np.arange(len(terms)), cuts.couplings.row[terms]] = cuts.couplings.value[terms]
-        return np.concatenate((result, self._of_rows(measured, self._measured(measured)) @ shares), axis=1)
+        return np.concatenate((result, self._of_rows(measured, self.measured(measured)) @ shares), axis=1)
 
     def _of_rows(self, rows: Rows, joint: Index) -> Array:
         """What relative displacements of the bodies of cut joints (n,) bring into all joints, (6 joints, n)."""
@@ -91,8 +91,8 @@ class Carriers:
         result *= sign
         return result.reshape(6 * len(self.first), len(joint))
 
-    def _measured(self, rows: Rows) -> Index:
-        """The cut joint that each measured row of a coupler belongs to."""
+    def measured(self, rows: Rows) -> Index:
+        """Return the cut joint that each measured row of a coupler belongs to."""
         cut = np.array(self.topology.cut, dtype=np.intp)
         if not len(rows.first):
             return cut[:0]

@@ -6,9 +6,9 @@ self-stress, w + S z holds the bodies as well as w. What is taken is the least s
     |force|^2 + |moment / L|^2:    w - S (S^T D^2 S)^-1 S^T D^2 w,    D = diag(1, 1 / L),
 
 moments about the joint's own point. L is the root mean square distance of these points from their mean, over all joints
-of loops that have joints or couplers in common. All joints of loops count, cut or not, so that the result is the same
-in all frames and for any choice of tree, order and coordinates. Joints that give way elastically, all with the same
-stiffness k along and k L^2 about what they lock, share forces in this way.
+of loops that have joints or couplers in common. All joints of loops that can carry a force count, cut or not, so that
+the result is the same in all frames and for any choice of tree, order and coordinates. Joints that give way
+elastically, all with the same stiffness k along and k L^2 about what they lock, share forces in this way.
 """
 
 from __future__ import annotations
@@ -202,14 +202,14 @@ def of_loops(carriers: Carriers, cuts: Cuts | None, reduction: Reduction, phi: A
     if cuts is None or not any(group.surplus for group in reduction.groups):
         return []
     wrenches = loops.reshape(6, -1, loops.shape[1])
-    through: NDArray[np.bool_] = np.array(wrenches.any(axis=0).T)
-    if cuts.couplings is not None:
-        coupled, column = np.nonzero(cuts.couplings.touched & (carriers.joint_of >= 0))
-        through[len(cuts.rows.first) + coupled, carriers.joint_of[column]] = True
+    through, bears = _through(carriers, cuts, wrenches)
     dependent = np.ones(phi.shape[1], dtype=bool)
     dependent[reduction.independent] = False
     result = []
     for rows, joints in parts(through):
+        rows, joints = rows[rows < len(phi)], joints[bears[joints]]
+        if not len(rows):
+            continue
         columns = np.flatnonzero(phi[rows].any(axis=0) & dependent)
         ends = (carriers.first[joints], carriers.second[joints])
         length = length_of(carriers.point[:, joints].T, *(carriers.position[:, bodies].T for bodies in ends))
@@ -220,6 +220,26 @@ def of_loops(carriers: Carriers, cuts: Cuts | None, reduction: Reduction, phi: A
         if stress is not None:
             result.append(stress)
     return result
+
+
+def _through(carriers: Carriers, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return a mask (rows, joints) of the joints in each loop, those that joints without locked directions close last,
+    and a mask of the joints that can carry a force: those that lock something, or that a coupler measures.
+    """
+    joints = carriers.topology.joints
+    through: NDArray[np.bool_] = np.array(wrenches.any(axis=0).T)
+    bears = np.array([bool(joint.locked) for joint in joints])
+    if cuts.couplings is not None:
+        first, touched, column = len(cuts.rows.first), cuts.couplings.touched, cuts.couplings.column
+        coupled, at = np.nonzero(touched & (carriers.joint_of >= 0))
+        through[first + coupled, carriers.joint_of[at]] = True
+        bears[carriers.joint_of[column[column >= 0]]] = True
+        bears[carriers.measured(cuts.couplings.measured)] = True
+    cut = np.array(carriers.topology.cut, dtype=np.intp)
+    loose = cut[[not joints[k].locked for k in cut.tolist()]]
+    around = carriers.behind[carriers.first[loose]] != carriers.behind[carriers.second[loose]]
+    around[np.arange(len(loose)), loose] = True
+    return np.concatenate((through, around)), bears
 
 
 def parts(through: NDArray[np.bool_]) -> list[tuple[Index, Index]]:

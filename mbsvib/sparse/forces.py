@@ -299,10 +299,12 @@ class Acting:
 
     def _longer(self, region: Region) -> Array:
         """How the weight 1 / L^2 of moments in a region changes with the pose, a row (size,)."""
-        apart = region.point - region.point.mean(axis=1, keepdims=True)
-        carrier = np.array([carrier_of(self.topology.joints[k], self.number) for k in region.joints.tolist()])
+        point = region.point[:, region.bearing]
+        apart = point - point.mean(axis=1, keepdims=True)
+        carrier = np.array([carrier_of(self.topology.joints[k], self.number)
+                            for k in region.joints[region.bearing].tolist()])  # fmt: skip
         ground = np.full(len(carrier), len(self.tree.parent))
-        rows = relative_rows(self.tree, self.place, Rows(ground, carrier, region.point, apart, np.zeros_like(apart)))
+        rows = relative_rows(self.tree, self.place, Rows(ground, carrier, point, apart, np.zeros_like(apart)))
         return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
 
     @cached_property

@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Region:
     """Loops with redundant constraints that have joints or couplers in common: their ``joints`` (j,) with ``point``
-    (3, j) and length L [m], and the ``bodies`` (b,) that hang on joints of the tree among them.
+    (3, j), the ``bearing`` ones of them that can carry a force with their length L [m], and the ``bodies`` (b,) that
+    hang on joints of the tree among them.
 
     ``gap`` (6 j, 6 b) is what joints see of the displacements of these bodies, ``rows`` (6 j, n) are the wrenches of
     all that joints lock and couplers tie, ``rank`` of whose n rows are independent; in both lengths are measured in L,
@@ -57,6 +58,7 @@ class Region:
     names: tuple[str, ...]
     joints: Index
     point: Array
+    bearing: Index
     length: float
     bodies: Index
     gap: csr_matrix
@@ -205,7 +207,7 @@ def regions(
 
     if not any(group.surplus for group in closure.groups):
         return {}
-    loop, joint = _through(topology, tree, closure)
+    loop, joint = _through(topology, tree, closure, number)
     loops = int(loop.max()) + 1
     shape = (loops + len(topology.joints),) * 2
     graph = csr_matrix((np.ones(len(loop), dtype=bool), (loop, loops + joint)), shape=shape)
@@ -225,14 +227,17 @@ def regions(
     return result
 
 
-def _through(topology: Topology, tree: Tree, closure: Constraints) -> tuple[Index, Index]:
+def _through(
+    topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int]
+) -> tuple[Index, Index]:
     """Pairs of a loop, first those of cut joints and then those of couplers, and a joint that is in it."""
     on = np.full(len(tree.parent) + 1, FLOATS)
     for branch in topology.branches:
         on[branch.body] = branch.joint
-    loop, where = np.unique(closure.loop[: len(closure.rows.first)], return_index=True)
-    first, second = closure.rows.first[where], closure.rows.second[where]
-    loops, joints = [loop], [np.array(topology.cut, dtype=np.intp)[loop]]
+    cut, loop = [topology.joints[k] for k in topology.cut], np.arange(len(topology.cut))
+    first = np.array([number[joint.first] for joint in cut], dtype=np.intp)
+    second = np.array([number[joint.second] for joint in cut], dtype=np.intp)
+    loops, joints = [loop], [np.array(topology.cut, dtype=np.intp)]
     if closure.couplers is not None:
         terms = closure.couplers.terms
         inside, coupler = terms.column >= 0, len(topology.cut) + terms.row
@@ -265,9 +270,11 @@ def _region(
     entries = [(i, row, six) for row, (i, six) in enumerate(locked)]
     entries += _of_couplers(topology, tree, closure, index_of, loops[loops >= len(topology.cut)], len(locked))
     ends = np.array([(number[part.first], number[part.second]) for part in parts]).T
-    length, of = length_of(point, *position[ends]), np.array(owner)
+    # joints that lock nothing and that no coupler measures carry no force
+    bearing, of = np.unique([i for i, _, _ in entries]), np.array(owner)
+    length = length_of(point[bearing], *position[ends[:, bearing]])
     rows = _rows(entries, len(parts), length)
-    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, length, bodies,
+    return Region(tuple([joint.name for joint in topology.joints]), joints, point.T, bearing, length, bodies,
                   _gaps(point, of[ends], position[bodies], length), rows, rows.shape[1] - surplus, of)  # fmt: skip
 
 

@@ -165,6 +165,32 @@ def test_loops_with_a_weld_in_common_share_their_forces(method):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_joints_that_lock_nothing_make_no_difference(method):
+    """Beside a door and a gate: a free joint between them, whether the tree goes through it or it closes a loop."""
+    model = door()
+    model.add_body("gate", 3.0, (0.2, 0.3, 0.4), (2.0, 0.3, 1.0))
+    model.add_joint("between", "free", "leaf", "gate", (5.0, 4.0, -3.0))
+    for name, z in (("below", 0.3), ("above", 1.5)):
+        model.add_joint(name, "revolute", "gate", "ground", (2.0, 0, z), axis=(0, 0, 1))
+    model.add_bushing("spring", "ground", "gate", (2.0, 0, 1.0), (0, 0, 0, 0, 0, 20.0))
+    model.add_load("wind", "gate", (1.0, 2.0, 3.0))
+    model.add_bushing("hold", "ground", "gate", (2.0, 0.3, 1.0), preload=(-1.0, -2.0, 0, 0, 0, 0))
+    model.add_input("push", "gate", (1.0, 2.0, 3.0, 0.3, 0.2, 0.1))
+    for name in ("low", "below", "above"):
+        model.add_force_output(f"{name} moment", name, "rx")
+    cuts = (["between", "low", "below"], ["low", "above", "below"], ["high", "low", "above"],
+            ["high", "between", "above"])  # fmt: skip
+    found = [model.linearize(method=method, cut=cut).frequency_response([2.0]) for cut in cuts]
+    np.testing.assert_allclose(found, [found[0]] * len(cuts), rtol=0, atol=1e-9 * np.abs(found[0]).max())
+    if method == "dense":
+        forces = [list(reactions(model, cut=cut).values()) for cut in cuts]
+        np.testing.assert_allclose(forces, [forces[0]] * len(cuts), rtol=0, atol=1e-9 * np.abs(forces[0]).max())
+    else:
+        expected = model.linearize(method="dense").frequency_response([2.0])
+        np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
 def test_units_make_no_difference():
     """Lengths in millimetres: the same forces, moments in N mm."""
     model = redundant("bennett")
