@@ -74,15 +74,17 @@ def largest(rows: Array, motions: Array) -> Array:
     return np.asarray(np.abs(rows) @ (column[:, None] * np.abs(motions / column[:, None]).max(axis=0, initial=0.0)))
 
 
-def unmoved(rows: Array, motions: Array) -> Array:
-    """Return rows (n, m) with their entries changed by as little as makes motions (m, f) of no effect on them.
+def unmoved(rows: Array, before: Array, kept: NDArray[np.intp]) -> Array:
+    """Return rows (n, k) with their entries changed by as little as makes motions of no effect on them.
 
-    Entries that are zero stay so.
+    The motions are those that leave the rows ``before`` (n, m) as they are, in the coordinates ``kept`` (k,). Entries
+    that are zero stay so. Units are those of the rows before: columns that are rounding would make the rounding of a
+    motion large.
     """
     result, pattern = rows.copy(), rows != 0.0
+    scale, motions = _scales(np.abs(before))[1][kept], free_motions(before)[kept]
     if not motions.shape[1]:
         return result
-    scale = _scales(np.abs(rows))[1]
     motions = motions / scale[:, None]
     motions = motions / np.linalg.norm(motions, axis=0)
     for used in np.unique(pattern, axis=0):

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.free_motions import free_motions, unmoved
+from mbsvib.free_motions import largest, unmoved
 from mbsvib.gram import product
 from mbsvib.inertia import check_mass
 from mbsvib.loops import ZERO_ENTRY, pivoted_qr
@@ -156,7 +156,7 @@ def _condensed(found: dict[str, Any], condensation: Condensation) -> dict[str, A
     for key in _ROWS:
         result[key] = found[key] @ t
     rows = result["elastic_rows"]
-    rows[np.abs(rows) <= ZERO_ENTRY * len(t) * (np.abs(found["elastic_rows"]) @ np.abs(t))] = 0.0
+    rows[np.abs(rows) <= ZERO_ENTRY * len(t) * largest(found["elastic_rows"], t)] = 0.0
     result["elastic_rows"] = _resting(rows, found, condensation.kept)
     stays = result["elastic_rows"].any(axis=1)
     for key in ("elastic_rows", "stiffness", "damping", "row_owner"):
@@ -185,7 +185,7 @@ def _resting(rows: Array, found: Mapping[str, Any], kept: Index) -> Array:
     stiff, acts = found["stiffness"] != 0.0, (found["stiffness"] != 0.0) | (found["damping"] != 0.0)
     result = rows.copy()
     for which, all_rows in ((stiff, found["elastic_rows"][stiff]), (acts & ~stiff, found["elastic_rows"][acts])):
-        result[which] = unmoved(rows[which], free_motions(all_rows)[kept])
+        result[which] = unmoved(rows[which], all_rows, kept)
     return result
 
 

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 import mbsvib as mv
 from tests.massless.scenes import along_z
+from tests.support.random_models import rotation
 from tests.support.relaxing import Relaxing
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -202,3 +203,27 @@ def test_a_weak_brake_beside_strong_ones(strong):
     poles = along_z({"a": 1.0, "b": 2.0, "c": 1.0}, springs).linearize().poles()
     assert np.count_nonzero(poles == 0.0) == 2
     assert_allclose(np.abs(poles + 1e-3 / 3.0).min(), 0.0, atol=1e-3 / 3.0 * 1e-6)
+
+
+@pytest.mark.parametrize("seed", [1, 4, 5, 7, 9])
+def test_springs_in_series_through_a_node_between_floating_bodies(seed):
+    """A node without mass between two bushings at one point: as one bushing of their series stiffness."""
+    rng = np.random.default_rng(seed)
+    points, axes = rng.uniform(-1, 1, (4, 3)), [rotation(rng) for _ in range(2)]
+    near, far = 10 ** rng.uniform(1, 5, (2, 6))
+    models = []
+    for node in (False, True):
+        model = mv.Model("floating")
+        model.add_body("a", 2.0, (0.1, 0.2, 0.15), points[0])
+        model.add_body("b", 1.0, (0.05, 0.06, 0.07), points[1])
+        model.add_joint("j", "revolute", "a", "b", points[2], orientation=axes[0])
+        if node:
+            model.add_body("node", 0.0, (0.0, 0.0, 0.0), points[0])
+            model.add_bushing("k", "a", "node", points[3], near, orientation=axes[1])
+            model.add_bushing("l", "node", "b", points[3], far, orientation=axes[1])
+        else:
+            model.add_bushing("both", "a", "b", points[3], near * far / (near + far), orientation=axes[1])
+        models.append(model)
+    expected, found = (model.linearize().modes().natural for model in models)
+    assert np.count_nonzero(found == 0.0) == 6
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
