@@ -170,9 +170,9 @@ def _of_rotating_dampers(model: Model, scene: Scene, motion: Array, position: Ar
 
 
 def _about_origin(part: Array, position: Array) -> Array:
-    """The sum of wrenches (6, bodies + 1, n) on all bodies, moments about the origin."""
+    """The sum of wrenches (6, bodies + 1, n) on all bodies and the ground, moments about the origin."""
     moment = part[3:] + crossed_product(position[..., None], part[:3])
-    result: Array = np.concatenate((part[:3], moment))[:, :-1].sum(axis=1)
+    result: Array = np.concatenate((part[:3], moment)).sum(axis=1)
     return result
 
 

@@ -47,12 +47,11 @@ def shared_wrenches(
     count = 0
     if shared.mass is not None:
         count = len(shared.mass.rows.first)
-        inertia -= _on_bodies(shared.mass, shared.mass.of(moved[:count]), position)
+        inertia -= _of_masses(shared.mass, shared.mass.of(moved[:count]), position)
         for column, source in scene.port.base_motions:
             wrench = np.array(source.wrench)
             carried = shared.mass.carried(wrench[:3], wrench[3:], np.array(source.position))
-            base[:, :, column] -= _on_bodies(shared.mass, carried, position)[:, :, 0]
-        inertia[:, -1] = base[:, -1] = 0.0  # it moves against inertial space, not against the ground
+            base[:, :, column] -= _of_masses(shared.mass, carried, position)[:, :, 0]
     if shared.elastic is not None:
         rows = shared.elastic.composite.of(moved[count:])
         elastic -= _on_bodies(shared.elastic.composite, shared.elastic.stiffness[:, None] * rows, position)
@@ -65,4 +64,16 @@ def _on_bodies(composite: Composite, forces: Array, position: Array) -> Array:
     rows = composite.rows
     each = Pairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     result: Array = np.einsum("cbr,rn->cbn", spread(each, position), composite.back(forces) * composite.rides[:, None])
+    return result
+
+
+def _of_masses(composite: Composite, forces: Array, position: Array) -> Array:
+    """Wrenches (6, bodies + 1, n) of forces (rows, n) along rows of masses, which move against inertial space: of the
+    ground those of nodes that it holds.
+    """
+    result, rows = _on_bodies(composite, forces, position), composite.rows
+    held = rows.second == position.shape[1] - 1
+    point, force, moment = (array[:, held] for array in (rows.point, rows.force, rows.moment))
+    wrench = np.concatenate((force, moment + np.cross(point, force, axis=0)))
+    result[:, -1] = wrench @ (composite.back(forces) * composite.rides[:, None])[held]
     return result

@@ -192,14 +192,16 @@ class Acting:
         return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
 
     def _sum(self, body: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """All forces on a body, its change of momentum; on the ground, what the bodies lack of theirs."""
+        """All forces on a body, its change of momentum; on the ground, what the bodies lack of theirs, and the nodes that
+        it holds.
+        """
         n = len(self.tree.parent)
-        moved, about = np.zeros(n + 1), np.zeros(3)
         if body < n:
-            moved[body], about = -1.0, self.tree.position[body]
+            moved = np.zeros(n + 1)
+            moved[body] = -1.0
+            inertia, base = self._of_inertia(Virtual(moved, wrench[:3], wrench[3:], self.tree.position[body]))
         else:
-            moved[:n] = 1.0
-        inertia, base = self._of_inertia(Virtual(moved, wrench[:3], wrench[3:], about))
+            inertia, base = self._resisted(self._carried(wrench, np.zeros(3)))
         lines = {2: inertia}
         if body == n and self._turning is not None:
             lines[0] = self._turning.on_ground(wrench)
@@ -292,6 +294,10 @@ class Acting:
             moved = np.concatenate((moved, _rigidly(self.shared.mass, motion)))
         if motion.follows is not None:
             moved = moved + self.factor @ motion.follows
+        return self._resisted(moved)
+
+    def _resisted(self, moved: Array) -> tuple[Array, Array]:
+        """The same for square roots of inertia times a motion."""
         through = np.zeros(len(self.port.input_units))
         for column, carried in self._base:
             through[column] = -(moved @ carried)
@@ -314,16 +320,14 @@ class Acting:
     @cached_property
     def _base(self) -> list[tuple[int, Array]]:
         """Square roots of inertia times the acceleration of all that the moving ground carries along."""
-        result = []
-        for column, source in self.port.base_motions:
-            linear, angular = np.array(source.wrench[:3]), np.array(source.wrench[3:])
-            n = len(self.tree.parent)
-            motion = Virtual(np.ones(n), linear, angular, np.array(source.position))
-            moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])
-            if self.shared is not None:
-                moved = self.shared.carried(moved, linear, angular, np.array(source.position))
-            result.append((column, moved[:, 0]))
-        return result
+        return [(column, self._carried(np.array(source.wrench), np.array(source.position)))
+                for column, source in self.port.base_motions]  # fmt: skip
+
+    def _carried(self, six: Array, origin: Array) -> Array:
+        """Square roots of inertia times a rigid motion (6,) of everything, the ground included, about an origin."""
+        motion = Virtual(np.ones(len(self.tree.parent)), six[:3], six[3:], origin)
+        moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])
+        return (moved if self.shared is None else self.shared.carried(moved, six[:3], six[3:], origin))[:, 0]
 
     @cached_property
     def _blended(self) -> csr_matrix | None:
