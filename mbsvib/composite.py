@@ -68,7 +68,8 @@ class Composite:
 
     def of(self, base: Array) -> Array:
         """Return the composite rows (rows, m) of the base rows (base, m)."""
-        parts = [np.matmul(matrix, base[index]).reshape(-1, base.shape[1]) for index, matrix in self.blocks]
+        parts = [np.matmul(matrix, base[index]).reshape(len(index) * matrix.shape[1], base.shape[1])
+                 for index, matrix in self.blocks]  # fmt: skip
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def back(self, forces: Array) -> Array:

@@ -97,7 +97,8 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     if is_loaded(model):
         from mbsvib.sparse.loads import geometric
 
-        found = geometric(model, topology, structure, place, closure, number, dict.fromkeys(shared_by.values()))
+        found = geometric(model, topology, structure, place, closure, number, springs,
+                          dict.fromkeys(shared_by.values()))  # fmt: skip
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
     loop_rows = closure.over_unknowns(structure, place)

@@ -192,9 +192,7 @@ class Acting:
         return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
 
     def _sum(self, body: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """All forces on a body, its change of momentum; on the ground, what the bodies lack of theirs, and the nodes that
-        it holds.
-        """
+        """All forces on a body, its change of momentum; on the ground, what bodies and its own nodes lack of theirs."""
         n = len(self.tree.parent)
         if body < n:
             moved = np.zeros(n + 1)

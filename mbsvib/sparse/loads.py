@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
+    from mbsvib.elements import Elements
     from mbsvib.kinematics import Array, Index
     from mbsvib.loads.felt import Felt
     from mbsvib.loads.wrenches import Applied
@@ -70,7 +71,7 @@ class Geometric:
 
 def geometric(
     model: Model, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int],
-    regions: Iterable[Region] = (),
+    springs: Elements, regions: Iterable[Region] = (),
 ) -> Geometric:  # fmt: skip
     """Return the geometric stiffness of a loaded mechanism.
 
@@ -88,6 +89,8 @@ def geometric(
         Locked rows of the cut joints.
     number : mapping
         Number of each body, ground included.
+    springs : Elements
+        What the rounding of the pose makes forces of.
     regions : iterable of Region
         Where redundant constraints are to share forces, so that they are of least norm; elsewhere they hold nothing.
 
@@ -107,8 +110,8 @@ def geometric(
     wrench, sizes = _on_bodies(acting.pairs, position)
     wrench[:3] += acting.weight
     sizes[0] += np.sqrt(np.square(acting.weight).sum(axis=0))
-    behind, size = _behind(tree, wrench, sizes)
     reach = max([float(np.abs(position).max()), *(abs(x) for joint in topology.joints for x in joint.position or ())])
+    behind, size = _behind(tree, wrench, sizes + _rounding(springs, reach, position))
     cut = _closed(tree, closure, behind, size, (model.name, topology), reach)
     if cut is not None:
         wrench = wrench + _on_bodies(cut, position)[0]
@@ -158,6 +161,15 @@ def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
         force, torque, turn = np.sqrt(np.square(np.array((pairs.force, pairs.torque, lever))).sum(axis=1))
         np.add.at(size, body, np.stack((force, torque + turn), axis=1))
     return wrench.T.copy(), size.T.copy()
+
+
+def _rounding(springs: Elements, reach: float, position: Array) -> Array:
+    """Sizes (2, bodies + 1) of forces and moments of which ``BALANCE`` is what springs make of rounded positions."""
+    rows = springs.rows
+    along, about = (np.linalg.norm(part, axis=0) for part in (rows.force, rows.moment))
+    amount = LEAST * np.abs(springs.stiffness) * (reach * along + about)
+    pairs = Pairs(rows.first, rows.second, rows.point, rows.point, amount * rows.force, amount * rows.moment)
+    return _on_bodies(pairs, position)[1]
 
 
 def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:

@@ -35,3 +35,19 @@ def test_shaking_a_beam_slowly_takes_its_mass(method):
     model = cantilever(False)
     found = model.linearize(method=method).frequency_response([0.0])[:3, 1, 0]
     np.testing.assert_allclose(found, -mass * np.array((1.0, 2.0, 0.5)), rtol=1e-9)
+
+
+def test_a_beam_between_locked_bodies():
+    """No degree of freedom, but mass of its own that the ground shakes."""
+    model = mv.Model("locked")
+    for name, x in (("a", 0.0), ("b", 0.5)):
+        model.add_body(name, 1.0, (0.1, 0.1, 0.1), (x, 0, 0))
+        model.add_joint(f"{name} fixed", "fixed", "ground", name)
+    model.add_beam("c", "a", "b", Rectangle(0.02, 0.03), Material(E=7e10, nu=0.3, rho=2700.0), start=(0, 0, 0),
+                   end=(0.5, 0, 0), elements=1)  # fmt: skip
+    model.add_base_motion("shake", "z")
+    model.add_force_output("sum", "ground", "z")
+    system = model.linearize()
+    assert system.dof == 0
+    mass = 2.0 + 0.02 * 0.03 * 2700.0 * 0.5
+    np.testing.assert_allclose(system.frequency_response([3.0]), np.full((1, 1, 1), -mass), rtol=1e-12)

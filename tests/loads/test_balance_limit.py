@@ -34,3 +34,19 @@ def test_the_limit_of_balance(make, size):
     for off in (1e-8, -1e-8):
         with pytest.raises(mv.EquilibriumError, match=r"'b'.*5\.0e-09"):
             make(off, size).linearize()
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+def test_what_springs_make_of_rounded_positions_is_balance(method):
+    """64 roundings of 2 m against 1e3 N/m are 3e-11 N: 1e-13 N of preload is none of a force, 1e-8 N is."""
+
+    def pressed(preload):
+        model = mv.Model("pressed")
+        model.add_body("b", 3.0, (0.1, 0.2, 0.3), (1.0, 2.0, 0))
+        model.add_joint("rail", "prismatic", "ground", "b")
+        model.add_bushing("k", "ground", "b", (1.0, 2.0, 0), (0, 0, 1e3, 0, 0, 0), preload=(0, 0, preload, 0, 0, 0))
+        return model.linearize(method=method)
+
+    assert pressed(1e-13).dof == 1
+    with pytest.raises(mv.EquilibriumError, match="'b' lacks"):
+        pressed(1e-8)
