@@ -8,7 +8,7 @@ import pytest
 import mbsvib as mv
 
 DOUBT = (r"loops closed by high: constraint pivots 4.0e-13 \(kept\) and 3.0e-14 \(dropped\) are too close to tell how "
-         r"many constraints are independent. Move the pose away from the singular one, or give the geometry with all")  # fmt: skip
+         r"many constraints are independent. Move the pose away from the singular one, or give the geometry")
 NEAR = r"loops closed by high: nearly singular pose \(smallest pivot 1.0e-05\);.*[Mm]ove the pose, or give joints"
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import qr
+from scipy.linalg import eigvals, qr
 
 from mbsvib import _checks as check
 from mbsvib._given import names
@@ -147,10 +147,15 @@ def _near(here: Stance, there: Stance) -> bool:
 
 
 def _same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
-    """Tell whether det(dPhi/dq) of the dependent coordinates keeps its sign, which it changes beyond a dead point."""
+    """Tell whether A = dPhi/dq of the dependent coordinates goes over into that of the next pose without a dead point.
+
+    Beyond a dead point an eigenvalue of A(here)^-1 A(there) has changed its sign, beyond those of two loops two have,
+    which the determinant does not tell.
+    """
     before, after = ((stance.closure * stance.scale)[:, depends] for stance in (here, there))
     rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
-    return bool(np.linalg.slogdet(before[rows])[0] == np.linalg.slogdet(after[rows])[0])
+    alpha, beta = eigvals(after[rows], before[rows], homogeneous_eigvals=True)
+    return bool(((alpha * beta.conj()).real > 0.0).all())
 
 
 def _unreachable(here: Stance, target: Array, names: list[str], done: float, left: float) -> ModelError:

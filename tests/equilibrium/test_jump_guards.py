@@ -45,18 +45,37 @@ def near_dead_points(count, least, most):
     return found
 
 
-@pytest.mark.parametrize("case", range(12))
-def test_the_same_side_of_a_dead_point(case):
-    points, by, coupler, rocker = near_dead_points(12, 1e-4, 5e-3)[case]
-    model = four_bar(points).moved({"j0.rz": by})
-    found = np.array([model.joints[f"j{i}"].position for i in range(4)])
+def pin(points, by, coupler, rocker):
+    """Where coupler and rocker meet as the crank has turned."""
     crank = turned(points, by)
-    np.testing.assert_allclose(found[1, :2], crank, atol=1e-9)
     along = points[3, :2] - crank
     gap = np.hypot(*along)
     part = (gap**2 + coupler**2 - rocker**2) / (2 * gap)
     across = side(points) * np.sqrt(coupler**2 - part**2) * np.array((-along[1], along[0])) / gap
-    np.testing.assert_allclose(found[2, :2], crank + part * along / gap + across, atol=1e-8)
+    return crank + part * along / gap + across
+
+
+@pytest.mark.parametrize("case", range(12))
+def test_the_same_side_of_a_dead_point(case):
+    points, by, *lengths = near_dead_points(12, 1e-4, 5e-3)[case]
+    model = four_bar(points).moved({"j0.rz": by})
+    found = np.array([model.joints[f"j{i}"].position for i in range(4)])
+    np.testing.assert_allclose(found[1, :2], turned(points, by), atol=1e-9)
+    np.testing.assert_allclose(found[2, :2], pin(points, by, *lengths), atol=1e-8)
+
+
+@pytest.mark.parametrize("case", [5, 8])
+def test_two_loops_at_their_dead_points_at_once(case):
+    """One crank drives two equal couplers and rockers: a determinant has the same sign where both have jumped."""
+    points, by, *lengths = near_dead_points(12, 1e-4, 5e-3)[case]
+    model = four_bar(points)
+    for name, i in (("b", 1), ("c", 2)):
+        model.add_body(f"{name}2", 1.0, (1, 1, 1), position=(points[i] + points[i + 1]) / 2)
+    for i, ends in enumerate((("a", "b2"), ("b2", "c2"), ("c2", "ground")), 1):
+        model.add_joint(f"k{i}", "revolute", *ends, position=points[i])
+    there = model.moved({"j0.rz": by})
+    for name in ("j2", "k2"):
+        np.testing.assert_allclose(there.joints[name].position[:2], pin(points, by, *lengths), atol=1e-8)
 
 
 @pytest.mark.parametrize("case", range(6))
