@@ -1,4 +1,4 @@
-"""Constraints that nearly depend on each other are refused or warned of: as a model, sparse, and as a variant."""
+"""Ranks in doubt are refused or warned of: of constraints, masses, forces; as a model, sparse, and as a variant."""
 
 import warnings
 
@@ -67,3 +67,37 @@ def test_a_rank_that_is_in_doubt_in_a_large_group(monkeypatch):
         model.add_joint(name, "distance", "ground", "ball", (0, 0, 0), end=end)
     with pytest.raises(mv.SingularPoseError, match=r"loops closed by r1, r2.* r3: constraint pivots .* too close to"):
         model.linearize(cut=["r1", "r2", "r3"], method="sparse")
+
+
+@pytest.mark.parametrize(("tilts", "told"), [
+    ((1e-12, 1e-14), r"coordinate 'p1\.z': it is in doubt whether this motion moves mass .* Make tiny masses zero, or"),
+    ((1e-11, 1e-11), r"coordinate 'q0\.z': the mass matrix is singular, .* make what is tiny exactly zero")])
+def test_masses_that_may_be_rounding(tilts, told):
+    """Two slides in line on each other move one mass along one line only, but for their tilts."""
+    model = mv.Model("slides")
+    for k, tilt in enumerate(tilts):
+        for name in "mb":
+            model.add_body(f"{name}{k}", float(name == "b"), (0, 0, 0), (k, 0, 0))
+        model.add_joint(f"p{k}", "prismatic", "ground", f"m{k}", axis=(0, 0, 1))
+        model.add_joint(f"q{k}", "prismatic", f"m{k}", f"b{k}", axis=(tilt, 0, 1))
+        model.add_bushing(f"k{k}", "ground", f"m{k}", (k, 0, 0), (0, 0, 5, 0, 0, 0))
+        model.add_bushing(f"l{k}", f"m{k}", f"b{k}", (k, 0, 0), (5, 5, 5, 0, 0, 0))
+    with pytest.raises(mv.MbsvibError, match=told):
+        model.linearize()
+
+
+@pytest.mark.parametrize("load", [None, (1.0, 2.0, 3.0)])
+def test_forces_in_guides_that_nearly_depend_on_each_other(load, monkeypatch):
+    """In a large group of loops; the dense path tells them."""
+    monkeypatch.setattr("mbsvib.sparse.self_stress.WHOLE", 0)
+    model = guides(1e-9, 0.5)
+    model.add_input("F", "slide", "x")
+    model.add_force_output("low.x", "low", "x")
+    model.add_force_output("high.x", "high", "x")
+    if load:
+        model.add_load("weight", "slide", force=load)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(mv.ModelError, match=r"forces in the joints low, high are not determined .*method='dense'"):
+            model.linearize(cut=["high"], method="sparse").frequency_response([2.0])
+        assert np.isfinite(model.linearize(cut=["high"], method="dense").frequency_response([2.0])).all()

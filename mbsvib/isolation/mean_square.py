@@ -99,13 +99,13 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     strength = root[:, None] * correlation * root
     balanced, (scale, _) = matrix_balance(whole, permute=False, separate=True)
     enters, leaves = enters / scale[:, None], leaves * scale
-    result = _lyapunov(balanced, enters, leaves, strength)
+    result = _lyapunov(space.name, balanced, enters, leaves, strength)
     through = (at_once(linear)[np.ix_(out, into)] @ fd @ np.diag(root) != 0.0).any(axis=1)
     result[through] = np.inf
     return result
 
 
-def _lyapunov(a: Array, b: Array, c: Array, strength: Array) -> Array:
+def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array:
     from scipy.linalg import schur, solve_continuous_lyapunov, solve_sylvester
 
     n = len(a)
@@ -119,7 +119,8 @@ def _lyapunov(a: Array, b: Array, c: Array, strength: Array) -> Array:
     if stable < n:
         rest = upper[stable:, stable:]
         if np.linalg.eigvals(rest).real.max() > 1e4 * slow:
-            raise ResponseError("rms: the system is not stable, so that its vibration grows without bound.")
+            raise ResponseError(f"rms: '{name}' is not stable, so that its vibration grows without bound. Hold or damp "
+                                f"what grows: its poles with positive real parts.")  # fmt: skip
         # block-diagonal: what does not decay is harmless only where no output shows it or no noise drives it
         mix = solve_sylvester(upper[:stable, :stable], -rest, -upper[:stable, stable:])
         driven, shown = b[stable:], c[:, stable:] + c[:, :stable] @ mix

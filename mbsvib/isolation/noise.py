@@ -202,7 +202,8 @@ def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> 
                             f"roots with negative real parts, or the noise would have no mean square.")  # fmt: skip
     b = np.zeros((n, 1))
     b[:1] = 1.0
-    return Shaped(_level(level), a * unit, b * unit, (top[1:] - top[0] * below[1:])[None, :], float(top[0]))
+    level = _level(level, "shaped noise")
+    return Shaped(level, a * unit, b * unit, (top[1:] - top[0] * below[1:])[None, :], float(top[0]))
 
 
 def table(points: ArrayLike, name: str = "spectrum") -> Table:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.mjcf.bodies import OWN
 from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.tendons import Path, joint_path, sums
 
@@ -91,8 +90,6 @@ def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons
     for target, factor in ((int(m.eq_obj1id[i]), 1.0), (int(m.eq_obj2id[i]), -float(data[1]))):
         if target < 0 or factor == 0.0:
             continue
-        if not of_tendons and OWN[int(m.jnt_type[target])] is None:
-            raise file.refuse("equality", i, f"'{file.name('joint', target)}' is no hinge and no slide.")
         path = tendons[target] if of_tendons else joint_path(scene, target)
         if path is None or path.ends:
             raise file.refuse("equality", i, f"its tendon '{file.name('tendon', target)}' is no fixed one.")

@@ -88,7 +88,7 @@ class MatrixDerivatives:
             )  # fmt: skip
         place = self.variables.index(variable)
         if self._plan.balanced is not None:  # what the equilibrium does is no product of few parts
-            p, q = factored(getattr(self, matrix)[place], matrix, SYMMETRIC)
+            p, q = factored(getattr(self, matrix)[place], matrix, variable, SYMMETRIC)
             return p.T, q.T
         return _factors(self._plan, place, matrix)
 
@@ -173,7 +173,7 @@ def _factors(plan: Plan, variable: int, matrix: str) -> tuple[Array, Array]:
     for family in plan.families:
         if isinstance(family, Whole):
             for row in family.rows[rate[family.rows] != 0.0].tolist():
-                p, q = family.factors(row, matrix)
+                p, q = family.factors(row, matrix, plan.variables.names[variable])
                 first.append(rate[row] * p)
                 second.append(q)
             continue

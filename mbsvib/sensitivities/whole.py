@@ -94,7 +94,7 @@ class Whole:
             for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
                 result[row] += counts * power * np.einsum("om,min->oin", self.slopes[key][k][o], right[:, 0])
 
-    def factors(self, row: int, matrix: str) -> tuple[Array, Array]:
+    def factors(self, row: int, matrix: str, name: str) -> tuple[Array, Array]:
         """Return P and Q (rank, m) with P^T Q + Q^T P the derivative of a matrix to one parameter.
 
         Parameters
@@ -103,6 +103,8 @@ class Whole:
             The parameter.
         matrix : str
             "M", "C" or "K".
+        name : str
+            What the derivative is to, for the message.
 
         Returns
         -------
@@ -114,18 +116,18 @@ class Whole:
         ModelError
             If the derivative is not symmetric, or not a number.
         """
-        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, ROUNDING)
+        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, name, ROUNDING)
 
 
-def factored(change: Array, matrix: str, rounding: float) -> tuple[Array, Array]:
+def factored(change: Array, matrix: str, name: str, rounding: float) -> tuple[Array, Array]:
     """Return P and Q (rank, m) with P^T Q + Q^T P a symmetric matrix.
 
     Parameters
     ----------
     change : array, shape (m, m)
         The derivative of a matrix.
-    matrix : str
-        Its name, for the message.
+    matrix, name : str
+        Which, and to what, for the message.
     rounding : float
         What is zero, against the largest entry.
 
@@ -141,8 +143,8 @@ def factored(change: Array, matrix: str, rounding: float) -> tuple[Array, Array]
     """
     size = np.abs(change).max(initial=0.0)
     if not np.abs(change - change.T).max(initial=0.0) <= rounding * size:
-        raise ModelError(f"factors: the derivative of {matrix} is not symmetric, or not a number, and has no such "
-                         f"factors; take the matrix itself.", element=matrix)  # fmt: skip
+        raise ModelError(f"factors: the derivative of {matrix} to '{name}' is not symmetric, or not a number, and has "
+                         f"no such factors; take the matrix itself.", element=name)  # fmt: skip
     sizes, vectors = np.linalg.eigh(0.5 * (change + change.T))
     acts = np.abs(sizes) > rounding * size
     return 0.5 * sizes[acts, None] * vectors.T[acts], vectors.T[acts]

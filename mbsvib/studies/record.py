@@ -80,8 +80,7 @@ class Record:
 
     def add(self, outcomes: Iterable[tuple[int, Outcome]]) -> None:
         """Write answers behind the others."""
-        if self._stream is None:
-            raise ValueError("the record is not open")
+        assert self._stream is not None
         self._stream.write("".join([_line(point, outcome) for point, outcome in outcomes]).encode())
         self._stream.flush()
         if monotonic() - self._synced > SYNC:

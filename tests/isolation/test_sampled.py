@@ -176,3 +176,5 @@ def test_what_is_refused():
     with pytest.raises(mv.ResponseError, match="no continuous equations"):
         loop().sampled(1e4).isolation([1.0]).under({"z": 1e-6})
     assert loop().sampled(1e4).isolation([1.0]).under({"z": 1e-6}, band=(1.0, 50.0)).acceleration[2] > 0
+    with pytest.raises(mv.ResponseError, match=r"band from 1 to 1e\+12 Hz .* a sampled response changes; give a narr"):
+        loop().sampled(1e4).isolation([1.0]).under({"z": 1e-6}, band=(1.0, 1e12))

@@ -57,6 +57,14 @@ def test_what_has_no_place_is_refused(tmp_path, words, told):
         mv.load_mjcf(write(tmp_path, words))
 
 
+def test_plugins_are_refused(tmp_path):
+    """One of those that come with MuJoCo."""
+    head = '<extension><plugin plugin="mujoco.pid"><instance name="p"><config key="kp" value="1"/></instance></plugin>'
+    plugin = '<plugin name="m" joint="hinge" plugin="mujoco.pid" instance="p" actdim="0"/>'
+    with pytest.raises(mv.ModelError, match="actuator 'm': is computed by a plugin"):
+        mv.load_mjcf(write(tmp_path, f"{head}</extension>{actuator(plugin)}"))
+
+
 @pytest.mark.parametrize(("attribute", "told"), [
     ('stiffness="1 2 3"', "joint 'hinge': stiffness of more than one"), ('springyield="20"', "yields for good")])
 def test_springs_that_are_not_linear_are_refused(tmp_path, attribute, told):

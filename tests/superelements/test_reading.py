@@ -1,6 +1,8 @@
 """Reduced matrices back from files that scipy and pyNastran have written, and from DMIG cards."""
 
 import struct
+import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -59,6 +61,17 @@ def test_op4(tmp_path, binary):
     assert model.linearize().dof == 15
     with pytest.raises(mv.ModelError, match=r"there is no such file"):
         read_op4(tmp_path / "other.op4")
+
+
+def test_op4_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", None)
+    with pytest.raises(mv.ModelError, match=r"read_op4 needs pyNastran: pip install 'mbsvib\[nastran\]'"):
+        read_op4(tmp_path / "pipe.op4")
+    monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", ModuleType("op4"))
+    for name in ("pyNastran", "pyNastran.op4"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    with pytest.raises(mv.ModelError, match=r"pipe\.op4: there is no such file"):
+        read_op4(tmp_path / "pipe.op4")
 
 
 def dmig(name, matrix, labels, large):

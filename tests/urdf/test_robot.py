@@ -210,6 +210,15 @@ def test_faulty_files_are_told(robot, words, told):
         mv.load_urdf(robot(words))
 
 
+def test_joints_with_several_freedoms_have_no_position_and_no_single_stiffness(robot):
+    path = robot(link("a") + link("b", 1.0) + joint("j", "floating", "a", "b"))
+    with pytest.raises(mv.ModelError, match=r"joint 'j': pose = 0\.5, but a floating joint has no position"):
+        mv.load_urdf(path, pose={"j": 0.5})
+    with pytest.raises(mv.ModelError, match="joint 'j': a floating joint takes six stiffnesses x y z rx ry rz"):
+        mv.load_urdf(path, stiffness=10.0)
+    assert mv.load_urdf(path, stiffness=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0), damping=0.1).linearize().dof == 6
+
+
 def test_faulty_arguments_are_told(tmp_path):
     with pytest.raises(mv.ModelError, match="Did you mean 'elbow'"):
         mv.load_urdf(ARM, pose={"elbo": 1.0})

@@ -1,0 +1,87 @@
+"""What studies of isolation refuse: each refusal names what was given and says what to do."""
+
+import sys
+from types import ModuleType
+
+import pytest
+
+import mbsvib as mv
+from mbsvib import isolation, studies
+from tests.isolation.scenes import active_strut, one_axis, two_masses
+
+
+def held(stiffness=None, damping=0.0):
+    """A payload on a guide, welded to it or on a bushing."""
+    model = mv.Model("shelf")
+    model.add_body("payload", 1.0, (1, 1, 1), (0, 0, 0.3))
+    if stiffness is None:
+        model.add_joint("weld", "fixed", "ground", "payload")
+        return model
+    model.add_joint("guide", "prismatic", "ground", "payload", axis=(0, 0, 1))
+    if stiffness or damping:
+        model.add_bushing("k", "ground", "payload", (0, 0, 0), (0, 0, stiffness, 0, 0, 0), (0, 0, damping, 0, 0, 0))
+    return model
+
+
+def plant(along=None):
+    """An active strut; beside it, or on its payload, a mass that slides."""
+    model = active_strut(damping=20.0)
+    if along is not None:
+        model.add_body("side", 1.0, (1, 1, 1), (0, 0, 1))
+        model.add_joint("rail", "prismatic", along, "side", axis=(1, 0, 0))
+        if along == "ground":
+            model.add_spring("k", "ground", "side", (1, 0, 1), (0, 0, 1), 100.0)
+    return isolation.actuated(model, "payload", legs=["leg"])
+
+
+def closed():
+    return plant().with_gains(isolation.velocity_feedback(plant(), 10.0))
+
+
+def under(model):
+    return isolation.study(model, "payload", frequencies=[1.0, 2.0]).under({"z": 1.0})
+
+
+def front():
+    goal = isolation.passive(two_masses(), "payload")
+    return goal.front({"lower.stiffness": (1e4, 1e5)}, -studies.frequency(1), studies.frequency(), [1000.0])
+
+
+REFUSALS = [
+    (lambda: closed().state_space("physical"), r"realization = 'physical'; a closed loop has only 'modal' states"),
+    (lambda: isolation.velocity_feedback(plant(), "strong"), r"velocity_feedback: gain = 'strong'; .*each of 1 leg"),
+    (lambda: isolation.study(held(), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),
+    (lambda: isolation.study(held(0.0), "payload"), r"nothing vibrates, .*; give frequencies \[Hz\]"),
+    (lambda: under(held(-10.0, 1.0)).rms, r"rms: 'shelf' is not stable.*Hold or damp what grows"),
+    (lambda: under(one_axis(-0.1)).rms, r"rms: 'one axis' is not stable.*Hold or damp what grows"),
+    (lambda: isolation.white("loud"), r"white noise: level = 'loud'; expected a density"),
+    (lambda: isolation.shaped([5], [1, 5], level="loud"), r"shaped noise: level = 'loud'; expected a density"),
+    (lambda: isolation.passive(held(0.0), "payload").stroke({"z": 1.0}), r"model 'shelf' has no leg, spring or damper"),
+    (front, r"front: 'all frequencies \[Hz\]' has 2 numbers; expected one, as largest\(\) makes"),
+    (lambda: isolation.actuated(two_masses(), "payload", base="stage", legs=["lower"]),
+     r"leg 'lower' is below the base 'stage'; choose legs above it"),
+    (lambda: isolation.skyhook(plant("payload"), 0.1, coordinates="modal"),
+     r"active: 'strut' has motions that no spring holds; .* needs a static stiffness"),
+    (lambda: isolation.lqg(plant("ground"), ["leg.stroke"], 1e-4), r"lqg: no stabilising law.*out of reach of the act"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("ask", "told"), REFUSALS, ids=[told[:30] for _, told in REFUSALS])
+def test_refusals_are_told(ask, told):
+    with pytest.raises(mv.MbsvibError, match=told):
+        ask()
+
+
+def test_hinf_without_a_law(monkeypatch):
+    control = ModuleType("control")
+    monkeypatch.setitem(sys.modules, "slycot", ModuleType("slycot"))
+    monkeypatch.setitem(sys.modules, "control", control)
+    with pytest.raises(mv.ResponseError, match=r"hinf: effort = 0.0; expected a positive number"):
+        isolation.hinf(plant(), ["leg.rate"], 0.0)
+
+    def fails(*_):
+        raise ArithmeticError("no gain is enough")
+
+    vars(control).update(ss=lambda *matrices: matrices, hinfsyn=fails, ControlArgument=TypeError)
+    with pytest.raises(mv.ResponseError, match=r"hinf: no law was found: no gain is enough"):
+        isolation.hinf(plant(), ["leg.rate"], 1.0)
