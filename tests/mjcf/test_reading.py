@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from tests.mjcf.scenes import FOUR_BAR, PENDULUM, ROD, SWING, body, world, write
+from tests.mjcf.scenes import ARM, FOUR_BAR, PENDULUM, ROD, SWING, body, world, write
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'mbsvib[mjcf]'")
 
@@ -23,6 +23,11 @@ def test_a_pendulum(tmp_path):
     np.testing.assert_allclose(system.modes().frequencies, [expected], rtol=1e-13)
     assert (system.inputs, system.outputs) == (("hinge.torque",), ("hinge.angle",))
     assert system.name == "scene"
+
+
+def test_springs_have_the_names_of_what_they_are_in(tmp_path):
+    model = mv.load_mjcf(write(tmp_path, ARM))
+    assert [*model.springs] == ["yaw.k", "roll.k", "reach.k", "wrist.k", "belt", "string", "servo.servo"]
 
 
 def test_a_double_pendulum(tmp_path):

@@ -42,7 +42,9 @@ def test_a_pendulum_swings_as_it_should(robot):
     system = mv.load_urdf(path, gravity=(0, 0, -9.81)).linearize()
     expected = np.sqrt(2.0 * 9.81 * 0.4 / (0.03 + 2.0 * 0.4**2)) / (2 * np.pi)
     np.testing.assert_allclose(system.modes().frequencies, [expected], rtol=1e-13)
-    assert (system.inputs, system.outputs) == (("hinge.torque",), ("hinge.angle",))
+    assert (system.name, system.inputs, system.outputs) == ("robot", ("hinge.torque",), ("hinge.angle",))
+    path.write_text(path.read_text(encoding="utf-8").replace(' name="robot"', ""), encoding="utf-8")
+    assert mv.load_urdf(path).name == "robot"
     assert system.frequency_response([0.0])[0, 0, 0].real == pytest.approx(1.0 / (2.0 * 9.81 * 0.4), rel=1e-12)
 
 
