@@ -254,6 +254,15 @@ def test_outputs_that_are_left_open_are_named(method, by):
     assert "does not determine all forces in A, B, C, D" in system.explain()
 
 
+def test_parts_name_their_own_outputs_that_are_left_open():
+    model = mv.library.four_bar()
+    for direction in ("x", "z", "rx"):
+        model.add_force_output(f"pin.{direction}", "A", direction)
+    system, _ = warned(model)
+    assert "outputs that depend on it: pin.z\n" in system.reachable(outputs=["pin.x", "pin.z"]).explain()
+    assert "outputs that depend on it" not in system.reachable(outputs=["pin.x"]).explain()
+
+
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_outputs_that_are_determined_are_not_warned_of(method):
     """Those of joints outside of loops, and of loops that are not redundant."""
