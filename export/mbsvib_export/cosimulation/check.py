@@ -138,9 +138,10 @@ def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[l
         sloped = able.providesIntermediateUpdate if unit.new else able.canInterpolateInputs
         if not sloped:
             lacking |= dict.fromkeys(("slopes", "iteration"), f"'{unit.name}' takes no inputs that change in a step")
-        elif not able.maxOutputDerivativeOrder:
+            continue
+        if not able.maxOutputDerivativeOrder:
             lacking["slopes"] = f"'{unit.name}' tells no slopes of outputs"
-        elif not able.canGetAndSetFMUstate:
+        if not able.canGetAndSetFMUstate:
             lacking["iteration"] = f"'{unit.name}' cannot repeat a step"
     for method, why in lacking.items():
         if method in wanted and masters is not None:

@@ -22,11 +22,12 @@ from tests.support.sizes import few
 H = 5e-4
 
 
-@pytest.fixture(scope="module", params=few(["3.0", "2.0"], 1))
+@pytest.fixture(scope="module", params=few([("2.0", "3.0"), ("3.0", "2.0")], 1), ids=" with ".join)
 def files(request, tmp_path_factory):
+    """Units of either version, which run with each other."""
     folder = tmp_path_factory.mktemp("units")
-    return (mx.to_fmu(plant(), folder / "plant.fmu", request.param),
-            mx.to_fmu(speed_feedback(), folder / "law.fmu", request.param))  # fmt: skip
+    return (mx.to_fmu(plant(), folder / "plant.fmu", request.param[0]),
+            mx.to_fmu(speed_feedback(), folder / "law.fmu", request.param[1]))  # fmt: skip
 
 
 @pytest.fixture(scope="module")

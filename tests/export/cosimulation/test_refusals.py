@@ -1,5 +1,6 @@
 """What cannot be co-simulated is refused by name, before anything runs."""
 
+import re
 import zipfile
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -116,6 +117,27 @@ def test_units_that_were_tampered_with(version, tmp_path):
         refused(words, path, speed_feedback(), H)
         with pytest.raises(mv.ExportError, match=words):
             state_space_of_unit(path)
+
+
+@pytest.mark.parametrize(("lacks", "told"), [
+    (("maxOutputDerivativeOrder", "canGetAndSetFMUstate"),
+     {"slopes": "'law' tells no slopes of outputs", "iteration": "'law' cannot repeat a step"}),
+    (("canInterpolateInputs",), dict.fromkeys(("slopes", "iteration"), "'law' takes no inputs that change in a step"))])
+def test_masters_that_a_unit_cannot_follow_are_left_out(lacks, told, tmp_path):
+    """Unless they were asked for by name."""
+    law = mx.to_fmu(speed_feedback(), tmp_path / "law.fmu", "2.0")
+
+    def less(name, content):
+        if name.endswith("Description.xml"):
+            content = re.sub(rb' (%s)="\w+"' % "|".join(lacks).encode(), b"", content)
+        return content
+
+    unit = rewritten(law.path, tmp_path / "less.fmu", less)
+    found = mx.check_cosimulation(plant(), unit, H, duration=H)
+    assert [each.method for each in found.masters] == ["jacobi", "gauss-seidel"]
+    assert found.remarks == tuple(f"Left out: {method}, as {why}." for method, why in told.items())
+    for method, why in told.items():
+        refused(f"'{method}' is not possible, as {why}", plant(), unit, H, masters=method)
 
 
 def test_reading_back_gives_every_bit_and_the_names(tmp_path):
