@@ -315,3 +315,23 @@ def test_joints_by_object_and_names_in_use():
     assert part.words() == {"name": "mesh", "first": "s0.j.rz", "second": "s1.j.rz", "ratio": 2.0}
     with pytest.raises(mv.ModelError, match="the name is taken by a gear"):
         model.add_body("mesh", 1.0, (1, 1, 1))
+
+
+@pytest.mark.parametrize("method", ["dense", "sparse"])
+@pytest.mark.parametrize("scale", [1.0, 1e14, 1e-14])
+def test_a_coupler_and_its_multiples_are_the_same(scale, method):
+    """Two wheels and a rack: a = -2 b, b = -100 z, and a = 200 z, which the others imply."""
+    model = mv.Model("rack")
+    for name, x in (("a", 0.0), ("b", 1.0)):
+        model.add_body(name, 1.0, (1, 1, 1), (x, 0, 0))
+        model.add_joint(f"j{name}", "revolute", "ground", name, (x, 0, 0), axis=(0, 0, 1))
+    model.add_body("rack", 4.0, (1, 1, 1), (0, 0, 1))
+    model.add_joint("rail", "prismatic", "ground", "rack", axis=(0, 0, 1))
+    model.add_bushing("k", "ground", "a", (0, 0, 0), (0, 0, 0, 0, 0, 5.0))
+    model.add_coupler("wheels", {"ja.rz": scale, "jb.rz": 2 * scale})
+    model.add_coupler("pinion", {"jb.rz": scale, "rail.z": 100 * scale})
+    model.add_coupler("again", {"ja.rz": 1.0, "rail.z": -200.0})
+    system = model.linearize(method=method)
+    assert (system.dof, system.redundant) == (1, ("again",))
+    frequency = system.modes(1).frequencies if method == "sparse" else system.modes().frequencies
+    np.testing.assert_allclose(frequency, np.sqrt(5.0 / (1 + 0.5**2 + 4.0 / 200**2)) / (2 * np.pi), rtol=1e-12)
