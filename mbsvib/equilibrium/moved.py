@@ -149,9 +149,11 @@ def _near(here: Stance, there: Stance) -> bool:
 def _same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
     """Tell whether A = dPhi/dq of the dependent coordinates goes over into that of the next pose without a dead point.
 
-    Beyond a dead point an eigenvalue of A(here)^-1 A(there) has changed its sign, beyond those of two loops two have,
-    which the determinant does not tell.
+    Beyond a dead point an eigenvalue of A(here)^-1 A(there) has changed its sign; where two loops pass theirs at once
+    two have, which the determinant does not tell.
     """
+    if not depends.any():  # all loops are redundant
+        return True
     before, after = ((stance.closure * stance.scale)[:, depends] for stance in (here, there))
     rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
     alpha, beta = eigvals(after[rows], before[rows], homogeneous_eigvals=True)
