@@ -52,7 +52,8 @@ def beyond():
 
 REFUSALS = [
     (lambda: st.placement({}), r"placement: targets = \{\}; expected a frequency \[Hz\] for each mode"),
-    (lambda: st.placement([3.0]), r"placement: targets = \[3\.0\]; expected a frequency \[Hz\] for each mode"),
+    (lambda: st.placement([3.0]),  # type: ignore[arg-type]
+     r"placement: targets = \[3\.0\]; expected a frequency \[Hz\] for each mode"),
     (lambda: st.frequency([]), r"frequency: mode = \[\]; expected numbers of modes, 1, 2, "),
     (lambda: st.optimize(slide(), MASS, -st.frequency(2)), r"mode 2 of 'slide' is asked for, which has modes 1 to 1"),
     (lambda: st.optimize(slide(0.0), MASS, -st.smallest(st.frequency())), r"'slide' has no modes but 1 rigid-body"),
