@@ -30,7 +30,8 @@ SAME = 1e-12
 def stiffened(model: Model) -> Model:
     """Return the same mechanism with fixed joints in place of beams and superelements, their nodes among its bodies.
 
-    The weight of beams is that of loads on the nodes, as linearize has it.
+    The weight of beams is that of loads on the nodes, as linearize has it; inputs and outputs, which may refer to
+    elements of beams, are left out.
 
     Parameters
     ----------
@@ -46,6 +47,7 @@ def stiffened(model: Model) -> Model:
         return model
     plain: Any = copy(model)
     plain._bodies, plain._joints, plain._composed, plain._topology = dict(model._bodies), dict(model._joints), {}, None
+    plain._inputs, plain._outputs = {}, {}
     flexible = cast("list[Beam | Superelement]", list(model._composed.values()))
     for part in flexible:
         for node, point in part.node_names.items():

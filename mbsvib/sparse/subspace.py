@@ -29,6 +29,8 @@ NOTHING = 1e-25
 # A shift within this share of the square of a frequency is on it, and moved aside by one of the shares that follow.
 ON = 1e-6
 ASIDE = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
+# Displacements below this share of the largest are rounding of rounding, and strains of these none.
+LOST = float(np.finfo(float).eps) ** 2
 # The count is taken this much (relative to the distance from the shift) before the last mode.
 BEFORE = 1e-6
 
@@ -249,6 +251,7 @@ def strains(system: SparseSystem, z: Array, rigid: int) -> tuple[Array, Array]:
         z[:, :rigid][np.abs(z[:, :rigid]) <= NOTHING * np.abs(z[:, :rigid]).max(axis=0)] = 0.0
     e = np.asarray(system.elastic_rows @ z)
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))
-    e[np.abs(e) <= NOISE * terms] = 0.0
+    most = np.outer(abs(system.elastic_rows).sum(axis=1), np.abs(z).max(axis=0, initial=0.0))
+    e[np.abs(e) <= np.maximum(NOISE * terms, LOST * most)] = 0.0
     e[np.flatnonzero(system.stiffness)[:, None], np.arange(rigid)] = 0.0
     return e, terms

@@ -98,3 +98,12 @@ def test_superelements_turn_their_axes():
     there = model.moved({"motor.rz": 0.7}, relaxed=True)
     np.testing.assert_allclose(there.linearize().modes().natural, model.linearize().modes().natural, rtol=1e-9)
     np.testing.assert_allclose(dict(there.superelements["flex"].nodes)["right"], turn(0.7) @ NODES[-1], atol=1e-14)
+
+
+def test_preloads_beside_outputs_of_forces_in_beams():
+    """What outputs and inputs refer to makes no difference to the preloads."""
+    plain, seen = arm(gravity=(0, 0, -G)), arm(gravity=(0, 0, -G))
+    seen.add_force_output("bent", "bar.e1", "ry")
+    found, expected = (model.equilibrium(preload=True) for model in (seen, plain))
+    assert found.springs["k"].preload == expected.springs["k"].preload
+    assert "bent" in found.linearize().outputs

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 import mbsvib as mv
 from tests.sparse import scenes
 from tests.support.compare import assert_same_eigenvalues
+from tests.support.random_models import spatial
 
 SCENES = {
     "floating": (lambda n: scenes.floating(n), 6),
@@ -128,3 +129,12 @@ def test_a_wheel_under_its_weight():
     model.add_joint("pin", "revolute", "ground", "bob", position=(1, 0, 0), axis=(0, 1, 0))
     found = model.linearize(method="sparse").modes(2).frequencies
     np.testing.assert_allclose(found, [0, np.sqrt(2 * 9.81 * 0.3 / 0.28) / (2 * np.pi)], rtol=1e-12, atol=1e-6)
+
+
+def test_dampers_of_motions_that_are_free_but_for_underflow():
+    """Coordinates of a rigid-body mode that are 1e-140 in place of 0 are not braked: the mode is exactly 0."""
+    model = spatial(4419614, bodies=2, floating=True)
+    dense = model.linearize(method="dense").modes()
+    found = model.linearize(method="sparse").modes(len(dense.frequencies))
+    assert np.count_nonzero(found.eigenvalues == 0) == np.count_nonzero(dense.eigenvalues == 0)
+    assert_allclose(found.natural, dense.natural, rtol=1e-9)
