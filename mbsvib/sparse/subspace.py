@@ -24,8 +24,6 @@ WHOLE = 24
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
-# Entries of a rigid-body mode below this share of its largest are rounding of zero, whatever their units.
-NOTHING = 1e-25
 # A shift within this share of the square of a frequency is on it, and moved aside by one of the shares that follow.
 ON = 1e-6
 ASIDE = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
@@ -246,9 +244,6 @@ def strains(system: SparseSystem, z: Array, rigid: int) -> tuple[Array, Array]:
     tuple of arrays, shape (rows, n)
         Elastic displacements, and the sum of the sizes of their terms.
     """
-    if rigid:
-        z = z.copy()
-        z[:, :rigid][np.abs(z[:, :rigid]) <= NOTHING * np.abs(z[:, :rigid]).max(axis=0)] = 0.0
     e = np.asarray(system.elastic_rows @ z)
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))
     most = np.outer(abs(system.elastic_rows).sum(axis=1), np.abs(z).max(axis=0, initial=0.0))
