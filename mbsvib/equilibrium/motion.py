@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import eigvals, qr
 
 from mbsvib.assembly import cut_rows
 from mbsvib.couplers.rows import with_couplers
@@ -234,3 +235,17 @@ def _smallest(a: Array, right: Array, limit: float) -> Array:
     u, values, v = np.linalg.svd(a, full_matrices=False)
     kept = values > limit * max(1.0, float(values.max(initial=0.0)))
     return np.asarray((u[:, kept].T @ right / values[kept]) @ v[kept])
+
+
+def same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
+    """Return whether dPhi/dq of the dependent coordinates, A, goes over into that of the next pose without a dead point.
+
+    Beyond a dead point an eigenvalue of A(here)^-1 A(there) has changed its sign; where two loops pass theirs at once
+    two have, which the determinant does not tell.
+    """
+    if not depends.any():  # all loops are redundant
+        return True
+    before, after = ((stance.closure * stance.scale)[:, depends] for stance in (here, there))
+    rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
+    alpha, beta = eigvals(after[rows], before[rows], homogeneous_eigvals=True)
+    return bool(((alpha * beta.conj()).real > 0.0).all())

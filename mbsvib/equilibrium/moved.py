@@ -7,12 +7,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigvals, qr
 
 from mbsvib import _checks as check
 from mbsvib._given import names
 from mbsvib.equilibrium.carry import carried
-from mbsvib.equilibrium.motion import along_tree, close, stance
+from mbsvib.equilibrium.motion import along_tree, close, same_side, stance
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.rigid import stiffened
 from mbsvib.errors import ModelError, nearest
@@ -122,7 +121,7 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
         # a motion of the others that is many times the one asked for is a jump, or a dead point
         small = np.abs(q / here.scale).max(initial=0.0) <= 10.0 * LONGEST
         there, left = close(here.moved(q), depends) if small else (here, np.inf)
-        if left <= max(TOLERANCE, there.rounding) and _near(here, there) and _same_side(here, there, depends):
+        if left <= max(TOLERANCE, there.rounding) and _near(here, there) and same_side(here, there, depends):
             here, done, step = there, done + share, min(2.0 * step, LONGEST / max(longest, LONGEST))
             continue
         step = 0.5 * share
@@ -144,20 +143,6 @@ def _near(here: Stance, there: Stance) -> bool:
     turned = np.einsum("kij,kij->k", here.pose.turn, there.pose.turn)
     went = np.abs(there.pose.centre - here.pose.centre).max()
     return bool(turned.min() > 1.0 + 2.0 * np.cos(5.0 * LONGEST) and went < 5.0 * LONGEST * here.size)
-
-
-def _same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
-    """Tell whether A = dPhi/dq of the dependent coordinates goes over into that of the next pose without a dead point.
-
-    Beyond a dead point an eigenvalue of A(here)^-1 A(there) has changed its sign; where two loops pass theirs at once
-    two have, which the determinant does not tell.
-    """
-    if not depends.any():  # all loops are redundant
-        return True
-    before, after = ((stance.closure * stance.scale)[:, depends] for stance in (here, there))
-    rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
-    alpha, beta = eigvals(after[rows], before[rows], homogeneous_eigvals=True)
-    return bool(((alpha * beta.conj()).real > 0.0).all())
 
 
 def _unreachable(here: Stance, target: Array, names: list[str], done: float, left: float) -> ModelError:

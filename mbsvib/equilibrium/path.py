@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.joints import NoWordsError
-from mbsvib.equilibrium.motion import Stance, close, stance
+from mbsvib.equilibrium.motion import Stance, close, same_side, stance
 from mbsvib.equilibrium.scaled import with_share
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.loops import EPS
@@ -57,15 +57,21 @@ class Found:
     stopped: str = ""
 
 
-def step_from(at: Stance, step: Array) -> Stance | None:
-    """Return the stance after a motion of all joints with loops closed, or None where there is none."""
+def step_from(at: Stance, step: Array, forces: Balance) -> Stance | None:
+    """Return the stance after a motion of all joints with loops closed, or None where there is none, or none on the
+    same side of a dead point of the coordinates that the forces in the first pose are stated in.
+    """
     try:
         there, left = close(at.moved(step))
     except NoWordsError:
         raise
     except (ModelError, SingularPoseError):
         return None
-    return there if left <= max(CLOSED, there.rounding) else None
+    if left > max(CLOSED, there.rounding):
+        return None
+    depends = np.ones(len(step), dtype=bool)
+    depends[forces.reduction.independent] = False
+    return there if at.cuts is None or same_side(at, there, depends) else None
 
 
 def forces_at(at: Stance) -> Balance | None:
@@ -116,7 +122,7 @@ def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]
         values, _ = stiffness(forces)
         if forces.share <= EPS or values[0] < -ZERO_STIFFNESS * np.abs(values).max():
             break
-        there = step_from(at, newton_step(forces))
+        there = step_from(at, newton_step(forces), forces)
         after = None if there is None else forces_at(there)
         if there is None or after is None or not after.share < forces.share:
             break
@@ -180,7 +186,7 @@ def _contracting(at: Stance) -> tuple[Found, bool]:
         before, length = length, float(np.abs(step / at.scale).max(initial=0.0))
         if length > CONTRACTION * before or length > LONGEST or len(residuals) > NEWTON_STEPS:
             break
-        there = step_from(at, step)
+        there = step_from(at, step, forces)
         after = None if there is None else forces_at(there)
         if there is None or after is None:
             stopped = "its loops cannot be closed any further"
@@ -247,7 +253,7 @@ def _downhill(at: Stance, forces: Balance) -> tuple[Stance, Balance] | None:
     step = step * min(1.0, LONGEST / float(np.abs(step / at.scale).max()))
     along = _work(forces, step)
     for _ in range(HALVINGS):
-        there = step_from(at, step)
+        there = step_from(at, step, forces)
         after = None if there is None else forces_at(there)
         if there is not None and after is not None:
             less = after.share < 0.5 * forces.share

@@ -83,3 +83,43 @@ def test_beyond_a_dead_point(case):
     points, by, *_ = near_dead_points(6, -0.05, -1e-3)[case]
     with pytest.raises(mv.ModelError, match=r"moved: the loops closed by j\d can be followed up to j0.rz = .* and no"):
         four_bar(points).moved({"j0.rz": by})
+
+
+def near_a_dead_point(seed):
+    """A four-bar whose coupler and rocker are nearly in line, under gravity in its plane."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0, 2 * np.pi)
+    start, end = np.array([0.3 * np.cos(angle), 0.3 * np.sin(angle), 0]), np.array([1.0, 0, 0])
+    line = end - start
+    length = np.linalg.norm(line)
+    along, bend = rng.uniform(0.3, 0.7), 10 ** rng.uniform(-2, -0.3) * rng.choice([-1, 1])
+    knee = start + along * line + 0.2 * bend * np.array([-line[1], line[0], 0]) / length
+    model = mv.Model(f"bars{seed}", gravity=9.81 / 2 * np.array([*rng.normal(size=2), 0]))
+    for name, one, other in (("crank", np.zeros(3), start), ("coupler", start, knee), ("rocker", knee, end)):
+        center = (one + other) / 2
+        model.add_body(name, rng.uniform(0.5, 2), (0.1, 0.1, 0.1), center + 0.1 * np.array([*rng.normal(size=2), 0]))
+    model.add_joint("o", "revolute", "ground", "crank", (0, 0, 0))
+    model.add_joint("a", "revolute", "crank", "coupler", start)
+    model.add_joint("b", "revolute", "coupler", "rocker", knee)
+    model.add_joint("d", "revolute", "ground", "rocker", end)
+    if rng.random() < 0.5:
+        model.add_bushing("k", "ground", "crank", (0, 0, 0), (0, 0, 0, 0, 0, rng.uniform(1, 10)))
+    return model
+
+
+@pytest.mark.parametrize("seed", [39, 235])
+def test_an_equilibrium_is_on_the_way_down(seed):
+    """Coupler and rocker keep the side to which they bend, as they do in steps of a thirtieth."""
+    def side(model):
+        start, knee, end = (np.array(model.joints[name].position) for name in "abd")
+        return np.sign(np.cross(knee - start, end - knee)[2])
+
+    model = near_a_dead_point(seed)
+    assert side(model.equilibrium()) == side(model)
+
+
+@pytest.mark.parametrize("seed", [189, 310])
+def test_a_branch_that_ends_at_a_dead_point_is_not_left_for_another(seed):
+    """In steps of a thirtieth it ends under the same share of the load."""
+    with pytest.raises(mv.EquilibriumError, match="it would snap through to a pose elsewhere"):
+        near_a_dead_point(seed).equilibrium()
