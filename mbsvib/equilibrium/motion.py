@@ -238,7 +238,7 @@ def _smallest(a: Array, right: Array, limit: float) -> Array:
 
 
 def same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
-    """Return whether dPhi/dq of the dependent coordinates, A, goes over into that of the next pose without a dead point.
+    """Return whether A = dPhi/dq of dependent coordinates goes over into that of the next pose without a dead point.
 
     Beyond a dead point an eigenvalue of A(here)^-1 A(there) has changed its sign; where two loops pass theirs at once
     two have, which the determinant does not tell.
