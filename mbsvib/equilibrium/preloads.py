@@ -68,7 +68,7 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
         for spring, wrench in zip(springs, wrenches, strict=True)
     })  # fmt: skip
     held = balance(stance(bare(result), at.pose))
-    if held.strict_share > BALANCE:
+    if held.strict_share > BALANCE and held.share > BALANCE:  # forces that are rounding balance as well
         names = ", ".join(f"'{spring.name}'" for spring in springs[:6]) + (", ..." if len(springs) > 6 else "")
         what, where = lacking(at, held)
         raise EquilibriumError(

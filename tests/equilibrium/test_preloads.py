@@ -144,3 +144,16 @@ def test_springs_of_random_mechanisms_hold_them(seed):
         held = reloaded(model, (5.0, -9.0, -25.0)).equilibrium(preload=True)
         assert in_balance(held)
         assert held.linearize().dof == model.linearize().dof
+
+
+def test_forces_that_are_rounding_need_no_preload():
+    """1e-14 N against 1e3 N/m is what rounding of the pose does, and balance as ``linearize`` has it."""
+    model = mv.Model("two")
+    for name, force in (("a", 20.0), ("b", 1e-14)):
+        model.add_body(name, 1.0, (0.1, 0.2, 0.25), (1.0, 2.0, 3.0))
+        model.add_joint(f"rail {name}", "prismatic", "ground", name, axis=(0, 0, 1))
+        model.add_bushing(f"k {name}", "ground", name, (1.0, 2.0, 3.0), (0, 0, 1e3, 0, 0, 0))
+        model.add_load(f"f {name}", name, (0, 0, force))
+    held = model.equilibrium(preload="k a")
+    np.testing.assert_allclose(held.springs["k a"].preload, (0, 0, -20.0, 0, 0, 0), rtol=1e-14)
+    assert held.linearize().dof == 2
