@@ -1,6 +1,7 @@
 """What a scene is asked, and how two sets of answers are compared."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -8,10 +9,12 @@ from tests.hunt.reference import matched
 
 # Relative accuracy that all answers must have, besides what rounding of the data does.
 RTOL = 1e-9
+# An eigenvalue that the tolerance cannot tell from 0 is surely 0 below this share of it, and in doubt above.
+SURELY = 0.1
 # The error that modes claim for themselves is accepted up to this; beyond it, a number must not come in silence.
 CLAIMED = 1e-6
-# Wrenches in the pose, as a share of the largest.
-OF_FORCES = 1e-8
+# Wrenches in the pose, as a share of the largest, and of the largest force that cancels in them.
+OF_FORCES, OF_CANCELLED = 1e-8, 64 * float(np.finfo(float).eps)
 UNDETERMINED = "not determined by the model (redundant joints)"
 
 
@@ -27,7 +30,7 @@ class Answers:
     eigenvalues: np.ndarray | None
     errors: np.ndarray | None
     response: np.ndarray
-    reactions: dict
+    reactions: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -35,8 +38,8 @@ class Question:
     """Angular frequencies, names of ports, and how far answers may be from each other."""
 
     omega: np.ndarray
-    inputs: tuple
-    outputs: tuple
+    inputs: tuple[Any, ...]
+    outputs: tuple[Any, ...]
     eigenvalues: np.ndarray
     eigenvalue_tolerance: np.ndarray
     response: np.ndarray
@@ -104,10 +107,10 @@ def compare_eigenvalues(own, values, tolerance):
 
 def compare_rigid(own, q):
     """Eigenvalues that are exactly 0: as many as the reference cannot tell from 0."""
-    zeros = int(np.sum(np.abs(q.eigenvalues) <= q.eigenvalue_tolerance))
+    most, least = (int(np.sum(np.abs(q.eigenvalues) <= share * q.eigenvalue_tolerance)) for share in (1.0, SURELY))
     exact = int(np.sum(own.eigenvalues == 0))
-    if exact != zeros:
-        raise Mismatch(f"{exact} eigenvalues are 0, not {zeros}; the smallest others are "
+    if not least <= exact <= most:
+        raise Mismatch(f"{exact} eigenvalues are 0, not {least} to {most}; the smallest others are "
                        f"{np.sort(np.abs(own.eigenvalues[own.eigenvalues != 0]))[:3]}")  # fmt: skip
 
 
@@ -125,10 +128,11 @@ def compare_responses(response, expected, q, rows=None):
             )  # fmt: skip
 
 
-def compare_reactions(reactions, expected, names, length):
+def compare_reactions(reactions, expected, names, equations):
     """Wrenches in joints in the pose."""
+    length = equations.length
     size = max((float(np.abs(w[:3]).max() + np.abs(w[3:]).max() / length) for w in expected.values()), default=0.0)
     for name in names:
         off = np.abs(reactions[name] - expected[name]) / np.array([1.0] * 3 + [length] * 3)
-        if off.max() > OF_FORCES * size:
+        if off.max() > OF_FORCES * size + OF_CANCELLED * equations.largest_term:
             raise Mismatch(f"reaction in '{name}' is {np.round(reactions[name], 6)}, not {np.round(expected[name], 6)}")

@@ -25,11 +25,9 @@ class Seeds:
 
 @pytest.fixture(scope="session")
 def seeds(pytestconfig):
-    """The seeds of this run, which the summary names; without ``--hunt-seed`` there is none."""
+    """The seeds of this run: those of every run, or what ``--hunt-seed`` asks for, which the summary names."""
     asked = pytestconfig.getoption("hunt_seed")
-    if asked is None:
-        pytest.skip("give --hunt-seed")
-    first = random.SystemRandom().getrandbits(30) if asked == "random" else int(asked)
+    first = random.SystemRandom().getrandbits(30) if asked == "random" else int(asked or FIRST)
     pytestconfig.hunt = Seeds(first, pytestconfig.getoption("hunt_count") or COUNT)
     return pytestconfig.hunt
 

@@ -1,6 +1,7 @@
 """A scene in the making: its calls, and what later calls may refer to."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -19,15 +20,15 @@ class Draft:
     """Calls so far; points of the bodies, and which of them spin, are massless or belong to a flexible part."""
 
     rng: np.random.Generator
-    features: frozenset
-    calls: list = field(default_factory=list)
-    points: dict = field(default_factory=lambda: {"ground": np.zeros(3)})
-    spinning: set = field(default_factory=set)
-    light: set = field(default_factory=set)
-    nodes: dict = field(default_factory=dict)
-    joints: dict = field(default_factory=dict)
-    loops: list = field(default_factory=list)
-    gravity: tuple | None = None
+    features: frozenset[str]
+    calls: list[Any] = field(default_factory=list)
+    points: dict[str, Any] = field(default_factory=lambda: {"ground": np.zeros(3)})
+    spinning: set[str] = field(default_factory=set)
+    light: set[str] = field(default_factory=set)
+    nodes: dict[str, Any] = field(default_factory=dict)
+    joints: dict[str, Any] = field(default_factory=dict)
+    loops: list[Any] = field(default_factory=list)
+    gravity: tuple[Any, ...] | None = None
 
     def add(self, call, prefix, /, **arguments):
         """Add a call under the next name with this prefix."""

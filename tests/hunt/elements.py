@@ -1,5 +1,7 @@
 """Springs, dampers, massless bodies, rotors, beams and superelements of random scenes."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.linalg import eigh
 
@@ -21,9 +23,10 @@ def springs(draft):
     for _ in range(int(rng.integers(0, 2)) + ("line spring" in features)):
         first, second = draft.pair()
         stiffness = float(10 ** rng.uniform(3, 4.5))
-        draft.add("spring", "line", first=first, second=second, start=draft.near(first, 0.5) if first != "ground" else
-                  draft.near(second, 1.0), end=draft.near(second, 0.5) if second != "ground" else draft.near(first, 1.0),
-                  stiffness=stiffness, damping=draft.damping(stiffness))  # fmt: skip
+        start = draft.near(first, 0.5) if first != "ground" else draft.near(second, 1.0)
+        end = draft.near(second, 0.5) if second != "ground" else draft.near(first, 1.0)
+        draft.add("spring", "line", first=first, second=second, start=start, end=end, stiffness=stiffness,
+                  damping=draft.damping(stiffness))  # fmt: skip
     if "damper alone" in features:
         first, second = draft.pair()
         if draft.chance(0.5):
@@ -36,8 +39,8 @@ def springs(draft):
     for feature in maxwells:
         first, second = draft.pair()
         k = float(10 ** rng.uniform(3, 4.5))
-        draft.add("maxwell", "maxwell", first=first, second=second, start=draft.near(first, 0.5), end=draft.near(second),
-                  stiffness=k, damping=k * float(10 ** rng.uniform(-3, -1)),
+        draft.add("maxwell", "maxwell", first=first, second=second, start=draft.near(first, 0.5),
+                  end=draft.near(second), stiffness=k, damping=k * float(10 ** rng.uniform(-3, -1)),
                   static_stiffness=k * float(rng.uniform(0.1, 1)) if "static" in feature else None)  # fmt: skip
 
 
@@ -107,7 +110,7 @@ def round_bushing(draft, first, second, axes, free):
     """A bushing that is the same from all sides of the axis; ``free``: it lets the second body spin."""
     a, z, tilt, turn = 10 ** draft.rng.uniform([3, 3, 2, 2], [4.5, 4.5, 3, 3])
     k = np.array([a, a, z, tilt, tilt, 0.0 if free else turn])
-    damped = not ("no damping" in draft.features) and (not free or draft.chance(0.5))
+    damped = "no damping" not in draft.features and (not free or draft.chance(0.5))
     draft.add("bushing", "bearing", first=first, second=second, position=draft.points[second], stiffness=k,
               damping=1e-3 * k if damped else None, orientation=axes)  # fmt: skip
 
@@ -200,9 +203,9 @@ def superelements(draft):
 def reduced(points, kept, stand):
     """M and K on the ends of a bent beam and its lowest modes held there; ``stand`` [N/m] holds all nodes."""
     area, iy, iz, j, e, g, rho = 8e-4, 6e-8, 4e-8, 1e-7, 3e8, 1.2e8, 1500.0
-    lengths = [float(np.linalg.norm(np.subtract(q, p))) for p, q in zip(points[:-1], points[1:], strict=True)]
+    lengths = [float(np.linalg.norm(np.subtract(q, p))) for p, q in pairwise(points)]
     frames = []
-    for p, q in zip(points[:-1], points[1:], strict=True):
+    for p, q in pairwise(points):
         x = np.subtract(q, p) / np.linalg.norm(np.subtract(q, p))
         z = np.cross(x, (0.3, -0.5, 0.8))
         z /= np.linalg.norm(z)

@@ -22,7 +22,8 @@ ORDERS = ("displacement", "velocity", "acceleration")
 @dataclass
 class Ports:
     """Rows of the outputs; ``size`` of the multipliers that they are made of, where components cancel, and ``outside``
-    the size of what inputs add to the sums directly.
+    the size of what inputs add to the sums directly; ``force`` is the largest component of outputs that are sums of
+    forces, with moments over the length.
     """
 
     Rq: np.ndarray
@@ -32,6 +33,7 @@ class Ports:
     D: np.ndarray
     size: np.ndarray
     outside: np.ndarray
+    force: np.ndarray
 
 
 class Equations:
@@ -115,8 +117,11 @@ class Equations:
         root = np.sqrt(springs)
         self.preloads = np.zeros(len(springs))
         if len(springs) and g.any():
-            # least energy: p^2 / k
-            self.preloads = root * np.linalg.lstsq((root[:, None] * (lines @ self.N)).T, self.N.T @ g, rcond=1e-12)[0]
+            # least energy: p^2 / k, of elements that motions of unit size strain by more than rounding
+            strains = lines @ self.N
+            strains[np.abs(strains) <= RANK * (np.abs(lines) @ self.unit[self.moving])[:, None]] = 0.0
+            self.preloads = root * np.linalg.lstsq((root[:, None] * strains).T, self.N.T @ g, rcond=1e-12)[0]
+        self.largest_term = (self.exact.sum.size * unit).max(initial=0.0)
         self.largest_force = np.abs(g * self.unit[self.moving]).max(initial=0.0)
         rest = g - lines.T @ self.preloads
         self.lacking, self.size_of_forces = self.N.T @ rest, np.abs(self.N).T @ np.abs(g)
@@ -216,8 +221,8 @@ class Equations:
 
     def _rotating(self):
         """Dampers between two bodies that spin together feel d' - W x d."""
-        own = {c.arguments["body"]: c.arguments["speed"] * np.array(c.arguments["axis"]) /
-               np.linalg.norm(c.arguments["axis"]) for c in self.scene.of("rotor") if "inertia" not in c.arguments}  # fmt: skip
+        rotors = [call.arguments for call in self.scene.of("rotor") if "inertia" not in call.arguments]
+        own = {a["body"]: a["speed"] * np.array(a["axis"]) / np.linalg.norm(a["axis"]) for a in rotors}
         for call in self.scene.of("bushing"):
             a = call.arguments
             spins = [own.get(a[end]) for end in ("first", "second")]
@@ -257,7 +262,7 @@ class Equations:
         p, r = len(calls), len(self.J)
         self.ports = Ports(*(np.zeros((p, self.size)) for _ in range(3)), np.zeros((p, r)),
                            np.zeros((p, self.B.shape[1])), np.zeros((p, r)),
-                           np.zeros((p, self.B.shape[1])))  # fmt: skip
+                           np.zeros((p, self.B.shape[1])), np.zeros(p))  # fmt: skip
         for i, call in enumerate(calls):
             (self._motion if call.kind == "output" else self._force)(i, call)
 
@@ -282,6 +287,7 @@ class Equations:
             ports.Rq[i], ports.Rv[i] = w @ stiff, w @ damped
             return
         ports.outside[i] = np.abs(w).max() * np.abs(self.forces).max(axis=0, initial=0.0)
+        ports.force[i] = np.abs(w * np.repeat((1.0, self.length), 3)).max()
         if kind == "joint":
             ports.Rq[i, : self.rigid] = -w @ self.parts_x[name]
             ports.Rl[i] = -w @ self.parts_l[name]

@@ -24,8 +24,8 @@ SIGNALS = ("reaction of input", "velocity", "acceleration", "relative output", "
 FORCES = ("joint force", "cut joint force", "spring force", "bushing force", "beam force", "maxwell force",
           "sum on body", "sum on ground")  # fmt: skip
 GLOBAL = ("floating", "locked", "far from origin")
-ALL = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS, *HOLDS,
-       *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
+ALL = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
+       *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
 
 # what one feature needs besides
 NEEDS = {
@@ -93,9 +93,9 @@ def plan(seed):
     rng = np.random.default_rng((seed, 1))
     share = rng.random()
     avoided = NOT_BATCH if share < FOR_BATCH else NOT_SPARSE if share < FOR_BATCH + FOR_SPARSE else avoided
-    for group, most in ((LOOP, 1.5), (REDUNDANT, 0.35), (COUPLERS, 0.5), (ELASTIC, 1.2), (DAMPING, 0.9), (MASSLESS, 0.3),
-                        (SPIN, 0.35), (BEAMS, 0.5), (SUPERELEMENTS, 0.15), (LOADS, 1.5), (BASE, 0.6), (SIGNALS, 2.0),
-                        (FORCES, 2.0), (GLOBAL, 0.25), (TREE, 1.0)):  # fmt: skip
+    for group, most in ((LOOP, 1.5), (REDUNDANT, 0.35), (COUPLERS, 0.5), (ELASTIC, 1.2), (DAMPING, 0.9),
+                        (MASSLESS, 0.3), (SPIN, 0.35), (BEAMS, 0.5), (SUPERELEMENTS, 0.15), (LOADS, 1.5),
+                        (BASE, 0.6), (SIGNALS, 2.0), (FORCES, 2.0), (GLOBAL, 0.25), (TREE, 1.0)):  # fmt: skip
         for _ in range(rng.poisson(most)):
             take(group[rng.integers(len(group))])
     if any(load in chosen for load in LOADS) and "locked" not in chosen and not any(hold in chosen for hold in HOLDS):

@@ -1,6 +1,7 @@
 """Beams and superelements after the text books: matrices on the displacements of their nodes, world axes."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -19,14 +20,14 @@ class Flexible:
     """
 
     name: str
-    nodes: tuple
+    nodes: tuple[Any, ...]
     internal: int
     mass: np.ndarray
     damping: np.ndarray
     stiffness: np.ndarray
-    elements: tuple = ()
+    elements: tuple[Any, ...] = ()
     springs: np.ndarray | None = None
-    under_tension: tuple = ()
+    under_tension: tuple[Any, ...] = ()
     beta: float = 0.0
     line: float = 0.0
 

@@ -19,7 +19,7 @@ def loads(draft):
     rng, features = draft.rng, draft.features
     if "gravity" in features:
         draft.gravity = tuple(float(v) for v in 9.81 * rotation(rng)[:, 2]) if draft.chance(0.5) else (0.0, 0.0, -9.81)
-    bodies = [name for name in draft.heavy] + list(draft.nodes)
+    bodies = [*draft.heavy, *draft.nodes]
     for feature in ("dead force", "dead torque", "follower force", "follower torque"):
         if feature not in features:
             continue
@@ -29,9 +29,9 @@ def loads(draft):
         draft.add("load", "load", body=body, follower=True if "follower" in feature else None,
                   position=at + rng.uniform(-0.3, 0.3, 3) if draft.chance(0.6) else None, **what)  # fmt: skip
     for i, call in enumerate(draft.calls):
-        if call.kind == "bushing" and "bushing preload" in features and draft.chance(0.6):
-            if not draft.spinning & {call.arguments["first"], call.arguments["second"]}:
-                draft.calls[i] = call.but(preload=20 * rng.normal(size=6) * [1, 1, 1, 0.3, 0.3, 0.3])
+        if (call.kind == "bushing" and "bushing preload" in features and draft.chance(0.6)
+                and not draft.spinning & {call.arguments["first"], call.arguments["second"]}):  # fmt: skip
+            draft.calls[i] = call.but(preload=20 * rng.normal(size=6) * [1, 1, 1, 0.3, 0.3, 0.3])
         if call.kind == "spring" and call.arguments.get("stiffness"):
             if "line preload" in features and draft.chance(0.7):
                 draft.calls[i] = call.but(preload=float(40 * rng.normal()))
@@ -71,7 +71,7 @@ def held(scene, rng, spinning=()):
     rows = np.concatenate([e.at(name, e.origins[name])[:, e.moving] @ e.N for name in names])
     unit = np.tile([1.0] * 3 + [1.0 / e.length] * 3, len(names))
     unit *= np.repeat([0.0 if name in spinning else 1.0 for name in names], 6)
-    for k, name in enumerate(names):  # a force through the centre of what spins goes round with nothing
+    for k in range(len(names)):  # a force through the centre of what spins goes round with nothing
         unit[6 * k : 6 * k + 3] = 1.0
     if not e.dof:
         return scene

@@ -13,13 +13,15 @@ from tests.hunt.pairs import load, pair
 
 @dataclass
 class Sum:
-    """Gradient and tangent that add up over elements."""
+    """Gradient and tangent that add up over elements, and the sizes of what adds up to the gradient."""
 
     gradient: np.ndarray
     tangent: np.ndarray
+    size: np.ndarray
 
     def add(self, index, gradient, tangent):
         self.gradient[index] += gradient
+        self.size[index] += np.abs(gradient)
         self.tangent[np.ix_(index, index)] += tangent
 
 
@@ -65,7 +67,7 @@ class ForcesInPose:
 
     def _free_forces(self):
         """Gradient of the potential less the loads, and tangent, of all but joints and beam elements."""
-        self.sum = Sum(np.zeros(self.size), np.zeros((self.size, self.size)))
+        self.sum = Sum(np.zeros(self.size), np.zeros((self.size, self.size)), np.zeros(self.size))
         for call in self.scene.of("spring"):
             self._line(call.arguments)
         for call in self.scene.of("bushing"):
@@ -129,7 +131,7 @@ class ForcesInPose:
 
     def under(self, multipliers, preloads):
         """Tangent of all, wrenches in joints by name, and the derivatives of their components by x and multipliers."""
-        total = Sum(self.sum.gradient.copy(), self.sum.tangent.copy())
+        total = Sum(self.sum.gradient.copy(), self.sum.tangent.copy(), self.sum.size.copy())
         rows = len(self.jacobian)
         world, by_x, by_l = ({name: np.zeros(shape) for name in self.views} for shape in (6, (6, self.size), (6, rows)))
         ends = [*self.start.values(), self.own][1:]

@@ -1,6 +1,7 @@
 """Joints and couplers of a scene as their calls describe them: axes, points, free directions, terms."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class JointView:
 
     name: str
     kind: str
-    free: tuple
+    free: tuple[Any, ...]
     first: str
     second: str
     axes: np.ndarray

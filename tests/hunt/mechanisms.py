@@ -59,7 +59,8 @@ def redundant(draft):
         other = {"coaxial hinges": draft.pick(("revolute", "cylindrical")), "parallel rails": "prismatic",
                  "hinge and ball on one axis": "spherical"}[feature]  # fmt: skip
         draft.joint(kind, base, name, at, axes)
-        again = draft.joint(other, *draft.pick(((base, name), (name, base))), at + draft.rng.uniform(0.2, 0.8) * axes[:, 2],
+        pair = draft.pick(((base, name), (name, base)))
+        again = draft.joint(other, *pair, at + draft.rng.uniform(0.2, 0.8) * axes[:, 2],
                             axes if draft.chance(0.5) else axes * np.array([-1, 1, -1]))  # fmt: skip
         draft.loops.append(again)
     if "planar four-bar" in draft.features:
@@ -95,8 +96,8 @@ def couplers(draft):
             slides, turns = [*slides, f"{name}.z"], [*turns, f"{name}.rz"]
         if feature == "coupler":
             chosen = rng.choice(known, int(rng.integers(2, 4)), replace=False)
-            draft.add("coupler", "coupler", coefficients={str(k): float(v) for k, v in
-                                                          zip(chosen, rng.normal(size=len(chosen)), strict=True)})  # fmt: skip
+            values = rng.normal(size=len(chosen)).tolist()
+            draft.add("coupler", "coupler", coefficients=dict(zip(map(str, chosen), values, strict=True)))
         elif feature == "rack":
             draft.add("rack", "rack", pinion=draft.pick(turns), rack=draft.pick(slides),
                       radius=float(rng.choice([-1, 1]) * rng.uniform(0.05, 0.3)))  # fmt: skip

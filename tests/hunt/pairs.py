@@ -1,8 +1,8 @@
 """What two bodies do to each other in any pose: rows of joints, springs and couplers with exact derivatives, by CasADi.
 
 A row is a function of the displacements (u, theta) of two bodies since the pose, each turned by exp(theta) about its
-centre; vectors are in the element's axes as they are in the pose. With A and B the two rotations, p_a and p_b the points
-that both bodies carry, d = A^T (p_b - p_a) and the relative rotation E = A^T B, the rows are
+centre; vectors are in the element's axes as they are in the pose. With A and B the two rotations, p_a and p_b the
+points that both bodies carry, d = A^T (p_b - p_a) and the relative rotation E = A^T B, the rows are
 
 - locked translations: that component of d; screw: d_z - pitch angle_z;
 - no rotation free: the rotation vector of E; one about e: the two others of E e; universal: e . E e2 of the axis e that
@@ -13,7 +13,7 @@ that both bodies carry, d = A^T (p_b - p_a) and the relative rotation E = A^T B,
 Each function is made once for its kind; ``tests/support/lagrangian.py`` says the same for whole models.
 """
 
-from functools import lru_cache
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -62,13 +62,14 @@ def _angle(axis, start, end):
     return ca.atan2(ca.dot(ca.cross(axis, across), end), ca.dot(across, end))
 
 
-@lru_cache(maxsize=None)
+@cache
 def pair(what, kind="", free=(), direction=""):
     """The function of one kind of rows: (multipliers, r_a, r_b, gap, other) -> values and derivatives in the pose.
 
-    ``what`` is "joint", "coordinate", "line" or "bushing"; r_a and r_b lead from the centres to the points, ``gap`` from
-    the first point to the second. Returns rows, Jacobian, Hessian of multipliers . rows, the wrench on the second body at
-    its point, and the derivatives of that wrench, in axes that the first body carries, by displacements and multipliers.
+    ``what`` is "joint", "coordinate", "line" or "bushing"; r_a and r_b lead from the centres to the points, ``gap``
+    from the first point to the second. Returns rows, Jacobian, Hessian of multipliers . rows, the wrench on the second
+    body at its point, and the derivatives of that wrench, in axes that the first body carries, by displacements and
+    multipliers.
     """
     x = ca.SX.sym("x", 12)
     ra, rb, gap, other = (ca.SX.sym(name, 3) for name in ("ra", "rb", "gap", "other"))
@@ -88,10 +89,7 @@ def pair(what, kind="", free=(), direction=""):
     gradient = ca.gradient(ca.dot(weights, phi), x) if phi.shape[0] else ca.SX.zeros(12)
     force = -gradient[6:9]
     moment = ca.inv(spatial_velocity(x[9:12]).T) @ -gradient[9:12] - ca.cross(b @ rb, force)
-    if what == "line":
-        parts = ca.vertcat(0, 0, -ca.sum1(weights), 0, 0, 0)
-    else:
-        parts = ca.vertcat(a.T @ force, a.T @ moment)
+    parts = ca.vertcat(0, 0, -ca.sum1(weights), 0, 0, 0) if what == "line" else ca.vertcat(a.T @ force, a.T @ moment)
     outputs = [phi, ca.jacobian(phi, x), ca.jacobian(gradient, x), ca.vertcat(force, moment), ca.jacobian(parts, x),
                ca.jacobian(parts, weights)]  # fmt: skip
     function = ca.Function("pair", [x, weights, ra, rb, gap, other], outputs)
@@ -104,9 +102,9 @@ def pair(what, kind="", free=(), direction=""):
     return evaluate
 
 
-@lru_cache(maxsize=None)
+@cache
 def load(follower):
-    """The function of a load: (force, torque, arm) -> generalised force on (u, theta) of its body, and its derivative."""
+    """The function of a load: (force, torque, arm) -> generalised force on (u, theta), and its derivative."""
     x = ca.SX.sym("x", 6)
     force, torque, arm = (ca.SX.sym(name, 3) for name in ("f", "t", "r"))
     turn = exponential(x[3:])

@@ -1,7 +1,8 @@
-"""Answers of the absolute equations: eigenvalues, responses and reactions, with how far rounding of the data moves them."""
+"""Answers of the absolute equations: eigenvalues, responses, reactions, and how far rounding of the data moves them."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigvals
@@ -14,10 +15,12 @@ CHANGE = 1e-14
 ALLOWED = 100.0
 # Of sums this share of the terms is allowed for.
 CANCELLATION = 1e-12
+# Motions are known to a few roundings of the largest coordinate, and forces in joints to those of all that act.
+ROUNDING = 64 * float(np.finfo(float).eps)
 # Responses are zero below this, in SI units.
 NOTHING = 1e-25
-# Shares of the largest 1 / (lambda - shift) below which a value is that of an eigenvalue at infinity.
-INFINITE = 1e-7
+# Singular values of M, and of C on motions without mass, below this share of the largest are rounding.
+MASSLESS = 1e-12
 # Forces in the pose that are left over by more than this share are no balance.
 BALANCE = 1e-8
 
@@ -30,16 +33,20 @@ class Matrices:
     C: np.ndarray
     K: np.ndarray
     B: np.ndarray
-    out: tuple
-    sizes: tuple
+    out: tuple[Any, ...]
+    sizes: tuple[Any, ...]
     of_multipliers: object
     D: np.ndarray
     outside: np.ndarray
+    reach: tuple[Any, ...]
+    of_forces: object
 
     def response(self, omega):
-        """Responses (outputs, inputs, frequencies), and the size of the terms that they are sums of."""
+        """Responses (outputs, inputs, frequencies), the size of the terms that they are sums of, and what they would be
+        if all coordinates moved by as much as the motion is large, or all forces acted on the joint.
+        """
         result = np.empty((*self.D.shape, len(omega)), complex)
-        size = np.empty(result.shape)
+        size, unit = np.empty(result.shape), np.empty(result.shape)
         for k, w in enumerate(omega):
             s = 1j * w
             z = np.linalg.solve(s * s * self.M + s * self.C + self.K, self.B) if len(self.M) else self.B.astype(complex)
@@ -47,10 +54,13 @@ class Matrices:
             result[:, :, k] = sum(s**i * rows @ z for i, rows in enumerate(self.out)) + self.D + of_forces
             size[:, :, k] = sum(abs(w) ** i * rows @ np.abs(z) for i, rows in enumerate(self.sizes)) + np.abs(self.D)
             size[:, :, k] += size_of_forces + self.outside
-        return result, size
+            reach = sum(abs(w) ** i * rows for i, rows in enumerate(self.reach))
+            unit[:, :, k] = reach[:, None] * np.linalg.norm(z, axis=0)
+            unit[:, :, k] += self.of_forces(abs(w), np.abs(z))
+        return result, size, unit
 
-    def eigenvalues(self, shift):
-        """The finite eigenvalues: those of the inverse about a shift that are not zero."""
+    def eigenvalues(self, shift, order):
+        """The finite eigenvalues: of the inverse about a shift, as many as there are, the largest."""
         m = len(self.M)
         if not m:
             return np.empty(0, complex)
@@ -60,8 +70,19 @@ class Matrices:
         right = np.block([[one, zero], [zero, scale**2 * self.M]])
         inverse = np.linalg.solve(left - shift / scale * right, right)
         values = eigvals(inverse)
-        large = np.abs(values) > INFINITE * np.abs(values).max()
+        large = np.argsort(-np.abs(values), kind="stable")[:order]
         return shift + scale / values[large]
+
+    @property
+    def order(self):
+        """The number of finite eigenvalues: two for each motion with mass, one where only dampers resist."""
+        if not len(self.M):
+            return 0
+        _, sizes, turn = np.linalg.svd(self.M)
+        without = turn[sizes <= MASSLESS * sizes[0]].T
+        damped = np.linalg.svd(without.T @ self.C @ without, compute_uv=False)
+        largest = np.linalg.norm(self.C, 2)
+        return 2 * len(self.M) - 2 * without.shape[1] + int(np.sum(damped > MASSLESS * largest))
 
 
 class Reference:
@@ -92,7 +113,7 @@ class Reference:
 
     @cached_property
     def eigenvalues(self):
-        values = self.matrices.eigenvalues(self.shift)
+        values = self.matrices.eigenvalues(self.shift, self.matrices.order)
         return values[np.argsort(np.abs(values), kind="stable")]
 
     @cached_property
@@ -100,18 +121,17 @@ class Reference:
         """Tolerance of each eigenvalue."""
         move = np.zeros(len(self.eigenvalues))
         for matrices in self.changed:
-            others = matrices.eigenvalues(self.shift)
-            if len(others) != len(move):
-                return np.full(len(move), np.inf)
+            others = matrices.eigenvalues(self.shift, self.matrices.order)
             _, distance = matched(self.eigenvalues, others)
             move = np.maximum(move, distance)
         return ALLOWED * move
 
     def response(self, omega):
         """Responses, and the tolerance of each entry."""
-        answer, size = self.matrices.response(omega)
+        answer, size, unit = self.matrices.response(omega)
         move = np.max([np.abs(matrices.response(omega)[0] - answer) for matrices in self.changed], axis=0)
-        return answer, ALLOWED * move + CANCELLATION * size + NOTHING
+        rounded = ROUNDING * unit.max(axis=2, keepdims=True)
+        return answer, ALLOWED * move + CANCELLATION * size + rounded + NOTHING
 
     @cached_property
     def determined(self):
@@ -152,13 +172,20 @@ def projected(e, rng=None):
         forces_in_joints = e.reactions(forces[i] - (s * s * m + s * c + k) @ (n @ z))
         return multiplied @ forces_in_joints, e.ports.size @ np.abs(forces_in_joints)
 
+    def of_forces(w, z):
+        """Size of all forces that act, unit by unit, for outputs that are sums of such forces."""
+        moved = np.abs(e.N) @ z
+        terms = np.abs(forces[i]) + w * w * np.abs(m) @ moved + w * np.abs(c) @ moved + np.abs(k) @ moved
+        return e.ports.force[:, None] * (e.unit[i][:, None] * terms).max(axis=0, initial=0.0)
+
     out = tuple(rows[:, i] @ n for rows in ports)
+    reach = tuple(np.abs(rows[:, i]) @ e.unit[i] for rows in ports)
     sizes = tuple(np.abs(rows[:, i]) @ np.abs(n) for rows in ports)
     mass, force = n.T @ m @ n, n.T @ forces[i]
     # accelerations at once, from which those of slow motions differ by little
     at_once = sizes[2] @ np.abs(np.linalg.lstsq(mass, force, rcond=1e-9)[0]) if e.dof else 0.0
     return Matrices(mass, n.T @ c @ n, n.T @ k @ n, force, out, sizes, of_multipliers, near(e.ports.D),
-                    e.ports.outside + at_once)  # fmt: skip
+                    e.ports.outside + at_once, reach, of_forces)  # fmt: skip
 
 
 def matched(values, others):

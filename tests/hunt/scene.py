@@ -4,6 +4,7 @@ import json
 import tempfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import mbsvib as mv
 
@@ -21,7 +22,7 @@ class Call:
 
     kind: str
     name: str
-    arguments: dict = field(default_factory=dict)
+    arguments: dict[str, Any] = field(default_factory=dict)
 
     def but(self, **changes):
         """The same call with other arguments; None takes one away."""
@@ -41,9 +42,9 @@ class Scene:
     """A mechanism as calls, the seed that it was made from, and the features that it has."""
 
     seed: int
-    calls: tuple
-    gravity: tuple | None = None
-    features: frozenset = frozenset()
+    calls: tuple[Any, ...]
+    gravity: tuple[Any, ...] | None = None
+    features: frozenset[str] = frozenset()
 
     def of(self, *kinds):
         """The calls of some kinds, in order."""
