@@ -12,6 +12,7 @@ from tests.export.plants import block_error, resonances, same_bits, stewart, sti
 from tests.massless.scenes import along_z
 from tests.support.compare import linearized
 from tests.support.random_models import closed_loops, open_trees
+from tests.support.sizes import examples
 
 TREES = open_trees(damped=st.booleans())
 ANY = st.one_of(TREES, open_trees(floating=st.just(True)), closed_loops(damped=st.booleans()))
@@ -22,6 +23,7 @@ def powers(space):
     return np.array([int(unit.split()[0][2:]) if unit.startswith("2^") else 0 for unit in space.state_units], dtype=int)
 
 
+@examples(20, slow=20)
 @given(ANY)
 def test_every_bit_comes_back(model):
     system = linearized(model)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -11,6 +11,7 @@ from mbsvib._checks import DIRECTIONS
 from mbsvib.model import ADDERS
 from tests.support.compare import linearized
 from tests.support.random_models import seeds, spatial
+from tests.support.sizes import examples
 
 OMEGA = np.array([0.7, 3.0, 11.0, 29.0, 150.0])
 
@@ -98,7 +99,7 @@ def shaken(model, centre):
     return result
 
 
-@settings(max_examples=50)
+@examples(16, slow=50)
 @given(seeds(), st.integers(2, 4), st.integers(0, 2))
 def test_on_a_shaker(seed, bodies, loops):
     """Whatever the ground does can be done by a body: absolute and relative outputs, forces, loops and all."""

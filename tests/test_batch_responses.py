@@ -52,6 +52,7 @@ def value_of(value, i):
     return value if np.ndim(value) == 0 else value[i]
 
 
+@examples(15, slow=25)
 @given(ANY, seeds())
 def test_modes_are_those_of_each_variant(model, seed):
     batch, _ = some_batch(model, seed)
@@ -69,6 +70,7 @@ def test_modes_are_those_of_each_variant(model, seed):
             assert np.array_equal(modes.body_shapes[name][i], one.body_shapes[name])
 
 
+@examples(15, slow=25)
 @given(ANY, seeds())
 def test_modes_solve_their_equations(model, seed):
     batch, _ = some_batch(model, seed)
@@ -81,7 +83,7 @@ def test_modes_solve_their_equations(model, seed):
             assert np.abs(modes.shapes.T @ system.M @ modes.shapes - np.eye(batch.dof)).max() < 1e-8
 
 
-@examples(12, slow=40)
+@examples(6, slow=40)
 @pytest.mark.parametrize("rtol", [1e-10, 1e-13])
 @given(model=st.one_of(open_trees(damped=st.booleans()), planar_loops()), seed=seeds())
 def test_errors_of_modes_are_honest(rtol, model, seed):
@@ -106,7 +108,7 @@ def test_frequency_response_is_that_of_each_variant(model, seed, count):
         assert_same_response(each, system.frequency_response(omega), rtol=1e-8)
 
 
-@examples(12, slow=40)
+@examples(8, slow=40)
 @given(st.one_of(open_trees(damped=st.booleans()), closed_loops(), planar_loops()), seeds())
 def test_frequency_response_against_the_reference(model, seed):
     batch, values = some_batch(model, seed, ("mass", "stiffness"), 2)
@@ -212,7 +214,7 @@ def test_what_inertia_does_not_reach_stays_small_far_above_the_modes():
     np.testing.assert_allclose(found[:, 1, 0], -(w**2) * exact, rtol=1e-11)
 
 
-@examples(12, slow=40)
+@examples(8, slow=40)
 @pytest.mark.parametrize("factor", [1.0, 30.0, 1e3, 1e5, 1e7])
 @given(model=open_trees(), seed=seeds())
 def test_dampers_of_any_strength(factor, model, seed):

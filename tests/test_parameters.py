@@ -16,6 +16,7 @@ from mbsvib.changes import rotations
 from mbsvib.parameters import unit
 from mbsvib.parts import Body, Bushing, Joint, Spring
 from tests.support.random_models import closed_loops, open_trees
+from tests.support.sizes import examples
 
 FULL = np.diag([4e4, 3e4, 2e4, 30.0, 20.0, 10.0])
 FULL[0, 5] = FULL[5, 0] = 50.0
@@ -96,6 +97,7 @@ def test_a_system_keeps_the_parameters_that_it_was_made_of():
     assert "late.mass" in model.parameters
 
 
+@examples(20, slow=20)
 @given(ANY)
 def test_values_as_they_are_change_nothing(model):
     again = model.with_values(dict(model.parameters))

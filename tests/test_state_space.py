@@ -29,7 +29,7 @@ def response(ss, omega):
     return np.stack([ss.C @ np.linalg.solve(1j * w * np.eye(n) - ss.A, ss.B) + ss.D for w in omega], axis=2)
 
 
-@examples(15, slow=40)
+@examples(10, slow=40)
 @BOTH
 @given(model=ANY)
 def test_frequency_response(realization, model):
@@ -39,6 +39,7 @@ def test_frequency_response(realization, model):
     assert_same_response(found, reference.frequency_response(omega), rtol=1e-7)
 
 
+@examples(15, slow=25)
 @BOTH
 @given(model=ANY)
 def test_poles(realization, model):
@@ -54,6 +55,7 @@ def test_poles(realization, model):
     assert_same_eigenvalues(kept, modes.eigenvalues[flexible], rtol=1e-5)
 
 
+@examples(15, slow=25)
 @given(ANY)
 def test_physical_states_are_coordinates_and_rates(model):
     system = linearized(model)
@@ -69,6 +71,7 @@ def test_physical_states_are_coordinates_and_rates(model):
     assert_allclose(system.M @ ss.B[m:], system.B, rtol=0, atol=1e-12 * np.abs(system.B).max(initial=1.0))
 
 
+@examples(15, slow=25)
 @given(ANY)
 def test_modal_states_are_blocks_of_one_mode_each(model):
     system = linearized(model)
@@ -85,6 +88,7 @@ def test_modal_states_are_blocks_of_one_mode_each(model):
         assert block[1, 1] == pytest.approx((one + two).real, rel=1e-9, abs=1e-12 * abs(two))
 
 
+@examples(15, slow=25)
 @given(ANY)
 def test_modal_states_lead_back_to_coordinates(model):
     """transform A_modal = A_physical transform, and likewise for B and C."""

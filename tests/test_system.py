@@ -31,14 +31,14 @@ ANY = st.one_of(open_trees(**WORDS), open_trees(floating=st.just(True)), closed_
 GROUNDED = st.one_of(open_trees(), closed_loops(), planar_loops())
 
 
-@examples(20, slow=40)
+@examples(12, slow=40)
 @given(ANY)
 def test_all_matrices(model):
     """M, C, K, B, Cq, Cv, Ca and D: base motion, relative ports and force outputs included."""
     assert_same_matrices(linearized(model), Exact(model))
 
 
-@examples(15, slow=40)
+@examples(6, slow=40)
 @given(st.one_of(open_trees(offset=st.just(1e4)), closed_loops(offset=st.just(1e4)), planar_loops(offset=st.just(1e4))))
 def test_all_matrices_ten_kilometres_away(model):
     """The data are doubles, exact where they are: distances between them lose nothing."""
@@ -93,6 +93,7 @@ def well_behaved(system):
     return distance.min(initial=1.0) > 1e-3
 
 
+@examples(15, slow=25)
 @given(GROUNDED, st.integers(0, 100))
 def test_insertion_order(model, order):
     first, second = linearized(model), linearized(rebuilt(model, order=order))
@@ -100,6 +101,7 @@ def test_insertion_order(model, order):
     assert_same_answers(first, second, rtol=1e-9)
 
 
+@examples(15, slow=25)
 @given(GROUNDED)
 def test_first_and_second_swapped(model):
     first, second = linearized(model), linearized(swapped(model))
@@ -107,6 +109,7 @@ def test_first_and_second_swapped(model):
     assert_same_answers(first, second, rtol=1e-9)
 
 
+@examples(15, slow=25)
 @given(GROUNDED, seeds())
 def test_moved_ten_kilometres(model, seed):
     """Moving rounds the positions to 1e-12 m, and the answers change by as much."""
@@ -116,6 +119,7 @@ def test_moved_ten_kilometres(model, seed):
     assert_same_answers(first, second, rtol=1e-7)
 
 
+@examples(15, slow=25)
 @given(GROUNDED, seeds())
 def test_world_turned(model, seed):
     first, second = linearized(model), linearized(turned(model, rotation(np.random.default_rng(seed))))

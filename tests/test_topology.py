@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import mbsvib as mv
 from tests.support.compare import linearized
 from tests.support.random_models import closed_loops, open_trees, planar, planar_loops, rebuilt
+from tests.support.sizes import examples
 
 DEGREES = {"revolute": 1, "prismatic": 1, "cylindrical": 2, "spherical": 3}
 
@@ -147,6 +148,7 @@ def test_two_joints_between_the_same_bodies_make_a_loop():
     assert all(name.startswith("high.") for name in system.redundant)
 
 
+@examples(20, slow=20)
 @given(st.integers(0, 2**31), st.integers(0, 10))
 def test_the_order_of_the_calls_changes_neither_count_nor_cumulative_freedom(seed, order):
     model = planar(seed, bodies=4, loops=2)

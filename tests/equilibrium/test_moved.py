@@ -64,8 +64,9 @@ def values_of(model, rng, size=0.7):
 
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("fixed", "custom")])
-def test_every_kind_of_joint_stays_assembled_and_stays_the_same_joint(kind, swap):
-    for seed in range(3):
+@pytest.mark.parametrize("seeds", few([range(1), range(1, 3)], 1))
+def test_every_kind_of_joint_stays_assembled_and_stays_the_same_joint(kind, swap, seeds):
+    for seed in seeds:
         model = single(kind, seed, swap)
         there = model.moved(values_of(model, np.random.default_rng(seed)))
         check_pose(model, there)
@@ -89,7 +90,7 @@ def test_two_steps_of_one_joint_are_one(kind):
     assert np.allclose(back.bodies["far"].position, model.bodies["far"].position, rtol=0, atol=1e-14)
 
 
-@examples(15, slow=40)
+@examples(10, slow=40)
 @given(seeds())
 def test_random_trees_against_the_exact_constraints(seed):
     kinds = tuple(kind for kind in KINDS if kind != "custom")

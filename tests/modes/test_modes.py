@@ -12,6 +12,7 @@ from tests.support.compare import assert_same_eigenvalues, linearized, nearest_p
 from tests.support.digits import mp
 from tests.support.exact import Exact
 from tests.support.random_models import closed_loops, open_trees, planar_loops, rebuilt, rotation, spatial
+from tests.support.sizes import examples, few
 
 SMALL = st.one_of(
     open_trees(ports=st.just(False), kinds=st.just(("revolute", "universal", "spherical", "screw", "custom"))),
@@ -27,6 +28,7 @@ def modes_of(model, limit=9):
     return system, system.modes()
 
 
+@examples(15, slow=25)
 @given(SMALL)
 def test_damped_eigenvalues(model):
     _, modes = modes_of(model)
@@ -34,6 +36,7 @@ def test_damped_eigenvalues(model):
     assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues)
 
 
+@examples(15, slow=25)
 @given(st.one_of(open_trees(ports=st.just(False), damped=st.just(False)), planar_loops(damped=st.just(False))))
 def test_undamped_frequencies(model):
     _, modes = modes_of(model, limit=30)
@@ -43,6 +46,7 @@ def test_undamped_frequencies(model):
     assert not modes.damping_ratios.any()
 
 
+@examples(12, slow=28)
 @given(FLOATING)
 def test_rigid_body_modes_are_exact_zeros(model):
     _, modes = modes_of(model)
@@ -55,6 +59,7 @@ def test_rigid_body_modes_are_exact_zeros(model):
     assert_same_eigenvalues(modes.eigenvalues, reference.eigenvalues)
 
 
+@examples(15, slow=25)
 @given(UNSTABLE)
 def test_negative_stiffness(model):
     _, modes = modes_of(model)
@@ -63,6 +68,7 @@ def test_negative_stiffness(model):
     assert modes.stable == bool((reference.eigenvalues.real <= 0).all())
 
 
+@examples(16, slow=24)
 @given(st.one_of(SMALL, FLOATING, UNSTABLE))
 def test_error_estimates_hold(model):
     """The true error is never far above the promised one."""
@@ -87,6 +93,7 @@ def test_error_estimates_hold_at_length(model, seed):
                 assert abs(found - expected) <= (10 * promised[complex(found)] + 4e-16) * abs(expected)
 
 
+@examples(20, slow=20)
 @given(st.one_of(SMALL, FLOATING, UNSTABLE))
 def test_eigenvalues_come_in_pairs_in_ascending_order(model):
     system, modes = modes_of(model, limit=30)
@@ -100,6 +107,7 @@ def test_eigenvalues_come_in_pairs_in_ascending_order(model):
     assert modes.errors.shape == (2 * system.dof,)
 
 
+@examples(20, slow=20)
 @given(st.one_of(SMALL, FLOATING))
 def test_shapes_solve_the_quadratic_problem(model):
     system, modes = modes_of(model, limit=30)
@@ -119,6 +127,7 @@ def test_real_shapes_are_normalized_by_mass(model):
     assert_allclose(gram, np.eye(system.dof), atol=1e-8)
 
 
+@examples(12, slow=28)
 @given(SMALL)
 def test_body_shapes_are_the_displacements_of_the_bodies(model):
     system, modes = modes_of(model, limit=30)
@@ -132,6 +141,7 @@ def test_body_shapes_are_the_displacements_of_the_bodies(model):
         assert reference.violation(column) <= 1e-12 * max(1, max(np.abs(x).max() for x in column.values()))
 
 
+@examples(20, slow=20)
 @given(SMALL)
 def test_frequencies_and_ratios_follow_from_the_eigenvalues(model):
     _, modes = modes_of(model, limit=30)
@@ -274,7 +284,7 @@ def stiff_chain(n, stiffness_decades, mass_decades, seed=0, damped=False):
     return model
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", few(range(6), 3))
 def test_frequencies_over_many_decades(seed):
     """Stiffness over 12 and mass over 8 decades: ten digits of every frequency, where eigh(K, M) has none."""
     model = stiff_chain(12, 12, 8, seed)

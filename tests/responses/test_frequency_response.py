@@ -224,6 +224,7 @@ def test_no_frequency_and_no_port():
     assert model.linearize().frequency_response([1.0]).shape == (0, 0, 1)
 
 
+@examples(20, slow=20)
 @given(open_trees(damped=st.booleans()))
 def test_negative_frequencies_are_conjugate(model):
     system = linearized(model)
@@ -243,6 +244,7 @@ def test_one_frequency_at_a_time_is_the_same(model):
         assert_allclose(one[:, :, 0], whole[:, :, k], rtol=1e-10, atol=1e-13 * np.abs(whole[:, :, k]).max(initial=0))
 
 
+@examples(20, slow=20)
 @given(open_trees(kinds=st.just(("revolute", "spherical", "universal"))))
 def test_reciprocity(model):
     """The displacement at A under a force at B is the one at B under the force at A."""

@@ -139,6 +139,7 @@ def test_a_diverging_mode_grows_as_it_should():
     assert_allclose(system.time_response(t, 0 * t, initial=([1.0], [0.0]))[0], np.cosh(2 * t), rtol=1e-12)
 
 
+@examples(15, slow=25)
 @given(SMALL, seeds())
 def test_finer_samples_of_the_same_input_change_nothing(model, seed):
     """Exact for what is linear between the samples: a step of half the length gives the same."""
@@ -172,6 +173,7 @@ def test_a_sine_settles_on_the_frequency_response(seed):
     assert (error <= (2 * np.pi / 128) ** 2 / 8 * gain + 1e-8 * np.abs(g).max()).all()
 
 
+@examples(12, slow=28)
 @given(SMALL, seeds())
 def test_superposition_and_shift_of_time(model, seed):
     system = linearized(model)

@@ -45,7 +45,7 @@ ANY = st.one_of(
 )  # fmt: skip
 
 
-@examples(12, slow=40)
+@examples(8, slow=40)
 @given(ANY)
 def test_random_mechanisms(model):
     """Modes, responses and forces in joints, of which those that couplers transmit are a part."""
