@@ -1,5 +1,7 @@
 """Finite rotations against mpmath."""
 
+from functools import cache
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -19,9 +21,15 @@ def log(r):
     return axial * (mp.atan2(sine, (r[0, 0] + r[1, 1] + r[2, 2] - 1) / 2) / sine if sine else 1)
 
 
+@cache
+def turn(w):
+    with mp.workdps(60):
+        return mp.expm(mp.matrix(_skew(w)))
+
+
 def product(e, w):
     with mp.workdps(60):
-        return log(mp.expm(mp.matrix(_skew(e))) * mp.expm(mp.matrix(_skew(w))))
+        return log(turn(tuple(e)) * turn(w))
 
 
 def _skew(w):

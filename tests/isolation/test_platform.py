@@ -107,7 +107,9 @@ def exactly(geometry, at):
         axis = mp.matrix([u0[1] * u1[2] - u0[2] * u1[1], u0[2] * u1[0] - u0[0] * u1[2], u0[0] * u1[1] - u0[1] * u1[0]])
         sine, cosine = mp.norm(axis), sum(p * q for p, q in zip(u0, u1, strict=True))
         w = axis * (mp.atan2(sine, cosine) / sine) if sine else axis
-        turn = mp.expm(mp.matrix([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]))
+        spin = mp.matrix([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+        angle = mp.norm(w)
+        turn = mp.eye(3) + mp.sinc(angle) * spin + mp.sinc(angle / 2) ** 2 / 2 * spin * spin
         for stem, point in leg.points.items():
             p = a1 + turn * (mp.matrix([mp.mpf(float(c)) for c in point]) - a0)
             p += mp.mpf(leg.shares[stem]) * (l1 - l0) * u1

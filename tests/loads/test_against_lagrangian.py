@@ -41,7 +41,7 @@ def off(model, system):
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("seed", few(range(8), 2))
+@pytest.mark.parametrize("seed", few(range(8), 1))
 def test_stiffness_of_random_mechanisms(scene, seed):
     model, system = linearized(seed, **SCENES[scene])
     if system is None or not system.dof:
@@ -51,7 +51,7 @@ def test_stiffness_of_random_mechanisms(scene, seed):
 
 @pytest.mark.parametrize("loops", [0, 1])
 @pytest.mark.parametrize("kind", [*JOINTS, "custom"])
-@pytest.mark.parametrize("seeds", few([range(2), range(2, 6)], 1))
+@pytest.mark.parametrize("seeds", few([range(1), range(1, 6)], 1))
 def test_every_kind_of_joint(kind, loops, seeds):
     """Trees of a single kind, and loops in which cut joints are of this kind."""
     compared = 0

@@ -29,7 +29,7 @@ def relaxing(seed, under_load):
     return model
 
 
-@examples(2, slow=5)
+@examples(1, slow=6)
 @pytest.mark.parametrize("under_load", [False, True])
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seed=seeds())

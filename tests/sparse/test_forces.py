@@ -51,7 +51,7 @@ def smallest_pivot(system):
     return min((group.kept for group in system.constraints.groups), default=1.0)
 
 
-@examples(12, slow=40)
+@examples(10, slow=40)
 @given(ANY)
 def test_random_mechanisms(model):
     """Frequency responses, and those in time and of states with all modes."""
@@ -78,7 +78,7 @@ def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypat
     """Of least norm, at rest and as the pose changes; by dense factors and by the sparse ones of large groups."""
     for load in (False, True):
         model, _ = overconstrained.ALL[name]()
-        model = with_forces(held(model) if load else model)
+        model = with_forces(held(model) if load else model, bodies=())
         model.add_input("push", list(model.bodies)[-1], (1.0, 2.0, 3.0, 0.3, 0.2, 0.1))
         expected = model.linearize(method="dense").frequency_response(OMEGA)
         for most in (250_000, 0):
@@ -221,7 +221,7 @@ def test_superelements_share_mass_and_stiffness():
 
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
-@pytest.mark.parametrize("seed", few(range(6), 2))
+@pytest.mark.parametrize("seed", few(range(6), 1))
 @pytest.mark.parametrize("words", [
     {"bodies": 4}, {"bodies": 5, "loops": 2}, {"bodies": 3, "floating": True},
 ])  # fmt: skip

@@ -97,9 +97,9 @@ def uneven(n, seed=0):
     return m, k, rng.uniform(0, 1, n) * 1e-4 * np.sqrt(k * m)  # damping ratios from 3e-8
 
 
-def test_response_of_an_uneven_chain():
+@pytest.mark.parametrize("n", few([700, 1500], 1))
+def test_response_of_an_uneven_chain(n):
     """Every output quantity, at, between and far from resonances, base motion included."""
-    n = 1500
     data = uneven(n)
     inputs, outputs = (0, n - 1), [("displacement", n - 1), ("velocity", n // 2), ("acceleration", 0)]
     system = sliding_chain(*data, inputs, outputs, base=True).linearize()
@@ -119,10 +119,10 @@ def test_static_compliance_of_a_shaft():
     assert_allclose(torsional(n).linearize().static_compliance(), [[n / 1e4]], rtol=1e-12)
 
 
-@pytest.mark.parametrize("near", few([0.0, 5.0], 1))
-def test_coupled_damping_against_transfer_matrices(near):
+@pytest.mark.parametrize("case", few([(250, 0.0), (800, 0.0), (800, 5.0)], 1))
+def test_coupled_damping_against_transfer_matrices(case):
     """A damper at every seventh joint: eigenvalues that no undamped mode has, each a root in 40 digits."""
-    n = 800
+    n, near = case
     modes = scenes.dashed(n).linearize(method="sparse").modes(6, near=near)
     assert not modes.classical
     damping = [0.0 if i % 7 else 30.0 for i in range(n)]
