@@ -35,20 +35,25 @@ def test_an_export_does_not_replace_its_model(run, tmp_path, suffix):
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("png", PNG), ("pdf", b"%PDF"), ("svg", b"<?xml")])
-def test_formats_go_by_the_suffix(run, tmp_path, suffix, start):
+def test_formats_go_by_the_suffix(run, tmp_path, suffix, start, monkeypatch):
+    monkeypatch.setattr("mbsvib.plots.step", lambda *_, **__: Figure())
     assert run(f"step slider.yaml -i F -o x --until 1 -f figure.{suffix}").exit_code == 0
     assert (tmp_path / f"figure.{suffix}").read_bytes().startswith(start)
 
 
-def test_the_first_of_many_is_drawn_and_said(run, tmp_path):
+def test_the_first_of_many_is_drawn_and_said(run, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("mbsvib.plots.bode", lambda system, *names, **_: drawn.append(names) or Figure())
     result = run("bode stewart")
     assert "Drawn: Fx to x" in result.stdout
     assert "Fy, Fz" in result.stdout
+    assert drawn == [(["Fx"], ["x"])]
     assert (tmp_path / "stewart-bode.png").exists()
     assert "Drawn" not in run("bode stewart -i Fx -o x -o ry --from 100 --to 2000 -f two.png").stdout
 
 
-def test_figures_replace_what_was_there(run, tmp_path):
+def test_figures_replace_what_was_there(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("mbsvib.plots.bode", lambda *_, **__: Figure())
     (tmp_path / "slider-bode.png").write_bytes(b"old" * 100_000)
     run("bode slider.yaml")
     data = (tmp_path / "slider-bode.png").read_bytes()

@@ -50,7 +50,7 @@ def test_library_model(tmp_path, name, suffix):
 def test_axes_of_unit_length_keep_every_bit(tmp_path, suffix):
     """Axes are brought to unit length when they are given: once more must not change a bit."""
     model, rng = mv.Model("axes"), np.random.default_rng(0)
-    for i, (axis, y_axis) in enumerate(rng.normal(size=(200, 2, 3))):
+    for i, (axis, y_axis) in enumerate(rng.normal(size=(80, 2, 3))):
         model.add_body(f"b{i}", 1.0, (1, 1, 1))
         model.add_rotor(f"r{i}", f"b{i}", 3.0, axis, inertia=0.1)
         model.add_beam(f"beam{i}", f"b{i}", None, {"type": "circle", "radius": 0.01},

@@ -116,7 +116,7 @@ def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
         assert model.linearize().dof < system.dof
 
 
-@examples(6, slow=12)
+@examples(4, slow=12)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):

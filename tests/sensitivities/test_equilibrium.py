@@ -26,7 +26,7 @@ def settled(model, system, name, of):
     return (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h), h
 
 
-@examples(2, slow=6)
+@examples(1, slow=7)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
 def test_differences_of_random_equilibria(seed):

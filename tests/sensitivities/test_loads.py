@@ -15,7 +15,7 @@ from tests.support.sizes import examples
 # redundant constraints are welcome here: what they leave open is compared as well
 pytestmark = pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
 
-@examples(3, slow=8)
+@examples(2, slow=6)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
 def test_forces_of_random_mechanisms(seed):

@@ -73,7 +73,7 @@ def test_unknown_names_are_refused_with_the_nearest():
         found.factors("bob.mass", "B")
 
 
-@examples(6, slow=15)
+@examples(4, slow=12)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(st.one_of(seeds().map(lambda seed: spatial(seed, bodies=3, loops=seed % 3)),
                  seeds().map(lambda seed: planar(seed, bodies=3, loops=1))), seeds())  # fmt: skip

@@ -80,7 +80,7 @@ def check(model, rng, count=4):
         assert (np.abs(found[k] - expected) <= limit).all(), names[k]
 
 
-@examples(4, slow=8)
+@examples(3, slow=9)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):

@@ -83,7 +83,7 @@ def aligned(shapes, mass, start):
     return shapes * (np.abs(phase) / phase)
 
 
-@examples(5, slow=10)
+@examples(3, slow=9)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):

@@ -39,7 +39,7 @@ def test_uneven_steps_initial_states_and_all_kinds_of_outputs(hold):
         assert (np.abs(row - expected).max(axis=1) <= 1e-7 * np.abs(expected).max(axis=1) + 1e-12).all(), name
 
 
-@examples(5, slow=12)
+@examples(3, slow=9)
 @pytest.mark.filterwarnings("ignore::mbsvib.errors.NearSingularWarning")
 @given(seeds())
 def test_differences_of_random_mechanisms(seed):

@@ -11,6 +11,7 @@ import mbsvib as mv
 from tests.support import overconstrained
 from tests.support.compare import assert_same_eigenvalues, assert_same_response, both_ways
 from tests.support.random_models import closed_loops, open_trees, planar_loops
+from tests.support.sizes import examples
 
 ANY = st.one_of(
     open_trees(), open_trees(negative=st.just(True)), open_trees(floating=st.just(True)), closed_loops(),
@@ -36,6 +37,7 @@ def motion_of(shape):
     return whole / np.linalg.norm(whole, axis=0)
 
 
+@examples(16, slow=24)
 @given(ANY)
 def test_modes(model):
     dense, sparse = both(model)
@@ -46,6 +48,7 @@ def test_modes(model):
     assert other.missed == 0
 
 
+@examples(14, slow=26)
 @given(ANY)
 def test_shapes(model):
     """Modes that stand apart move the bodies in the same way, but for a (complex) factor."""
@@ -75,6 +78,7 @@ def test_frequency_response(model):
     assert (np.abs(found - expected) <= (1e-10 * size + noise) / pivot).all()
 
 
+@examples(14, slow=26)
 @given(ANY)
 def test_static_compliance(model):
     dense, sparse = both(model)
@@ -85,6 +89,7 @@ def test_static_compliance(model):
     assert_allclose(sparse.static_compliance(), expected, rtol=0, atol=1e-8 * np.abs(expected).max(initial=1e-30))
 
 
+@examples(20, slow=20)
 @given(ANY, st.data())
 def test_some_modes(model, data):
     """The lowest ones and those around a frequency are the dense path's."""
@@ -123,6 +128,7 @@ def test_overconstrained_mechanisms(name):
     assert_same_eigenvalues(sparse.modes(sparse.dof).eigenvalues, dense.modes().eigenvalues, rtol=1e-12)
 
 
+@examples(14, slow=26)
 @given(ANY)
 def test_reduced_by_all_modes_is_the_whole(model):
     """Modal coordinates of every mode: the same responses in time and frequency, from small dense matrices."""

@@ -100,7 +100,8 @@ def test_the_largest_stable_step_is_where_the_units_begin_to_grow(files):
 def test_feedthrough_lags_a_step(tmp_path):
     """Velocity feedback with a direct part: Gauss-Seidel is of first order then."""
     masters = ("gauss-seidel", "iteration")
-    found = mx.check_cosimulation(plant("velocity"), controller(-40.0, through=-40.0), H, masters=masters)
+    found = mx.check_cosimulation(plant("velocity"), controller(-40.0, through=-40.0), H, masters=masters,
+                                  duration=128 * H)  # fmt: skip
     assert found["gauss-seidel"].order == pytest.approx(1, abs=0.15)
     assert found["iteration"].order == pytest.approx(2, abs=0.15)
     assert found.passed
@@ -113,7 +114,8 @@ def test_acceleration_is_measured_by_a_controller_without_feedthrough():
 
 
 def test_without_free_inputs_states_start_at_nominal_values():
-    found = mx.check_cosimulation(plant(disturbance=False), speed_feedback(), H, masters=("jacobi", "iteration"))
+    masters = ("jacobi", "iteration")
+    found = mx.check_cosimulation(plant(disturbance=False), speed_feedback(), H, masters=masters, duration=128 * H)
     assert found.excitation == {}
     assert "nominal" in str(found)
     assert found.passed

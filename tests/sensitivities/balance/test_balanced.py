@@ -35,7 +35,7 @@ def with_ports(model, rng):
     return model
 
 
-@examples(8, slow=25)
+@examples(5, slow=28)
 @QUIET
 @given(seeds())
 def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
@@ -55,7 +55,7 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     assert np.abs(left + system.K.T).max() <= 1e-13 * size
 
 
-@examples(2, slow=6)
+@examples(1, slow=7)
 @QUIET
 @given(seeds())
 def test_differences_of_whole_equations(seed):
