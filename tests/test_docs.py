@@ -13,7 +13,7 @@ from mbsvib.cli._app import app
 
 DOCS = Path(__file__).parent.parent / "docs"
 PAGES = sorted((DOCS / "pages").rglob("*.md"))
-SLOW = {"isolation", "seeing"}
+SLOW = {"isolation", "seeing", "tools"}
 RUN = [pytest.param(page, marks=pytest.mark.slow if page.stem in SLOW else ()) for page in PAGES]
 
 

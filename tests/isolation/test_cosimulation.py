@@ -27,7 +27,7 @@ def test_largest_stable_steps_are_those_of_sampled_loops():
 def test_force_feedback_as_units():
     plant = isolation.actuated(active_strut(damping=60.0), "payload", "leg", directions="z")
     law = isolation.force_feedback(plant, 140.0, leak=5.0)
-    check = mx.check_cosimulation(plant.system, law.state_space(), 1e-3, masters="iteration")
+    check = mx.check_cosimulation(plant.system, law.state_space(), 1e-3, masters="iteration", duration=0.128)
     assert check.growth == pytest.approx(plant.with_gains(law).poles().real.max(), rel=1e-9)
     assert check["iteration"].difference < 1e-9
     assert check["iteration"].order == pytest.approx(2.0, abs=0.2)

@@ -104,6 +104,7 @@ def test_too_many_pairs_are_left_out_and_counted():
     model = mv.Model("many")
     for i in range(14):
         model.add_body(f"b{i}", 1.0, (1, 1, 1), (i, 0, 0))
+        model.add_joint(f"j{i}", "prismatic", "ground", f"b{i}", axis=(1, 0, 0))
         model.add_bushing(f"k{i}", f"b{i - 1}" if i else "ground", f"b{i}", (i - 0.5, 0, 0), (1e3,) * 6, (1.0,) * 6)
         model.add_input(f"F{i}", f"b{i}", "x")
         model.add_output(f"x{i}", f"b{i}", "x")

@@ -5,6 +5,7 @@ import pytest
 
 from tests.stress.compare import assert_honest, damped_errors, modes_of, undamped_errors
 from tests.stress.families import ladder, linkage, wide
+from tests.support.sizes import few
 
 UNDAMPED = {
     "chain": lambda seed: wide(seed),
@@ -66,7 +67,7 @@ def check_damped(family, shares, seeds):
     return np.concatenate(bounds)
 
 
-@pytest.mark.parametrize("shares", ["any", "critical"])
+@pytest.mark.parametrize("shares", few(["any", "critical"], 1))
 @pytest.mark.parametrize("family", DAMPED)
 def test_damped(family, shares):
     """Dampers that are anything between nothing and a million times critical, in no proportion to the stiffness."""

@@ -51,7 +51,9 @@ def logarithm(e):
     tangent = axial(e) / (2 * cosine**2)
     s = ca.dot(tangent, tangent)
     near = s < 1e-2
-    series = sum((-s) ** k / (2 * k + 1) for k in range(9))
+    series = 0.0
+    for k in range(8, -1, -1):
+        series = 1 / (2 * k + 1) - s * series
     root = ca.sqrt(ca.if_else(near, 1.0, s))
     return 2 * tangent * ca.if_else(near, series, ca.atan(root) / root)
 
@@ -192,17 +194,16 @@ class Lagrangian:
         if gravity is not None:
             v -= sum(body.mass * ca.dot(ca.DM(gravity), frames[body.name].centre) for body in self.bodies)
         force = self._forces(frames, x)
-        gradient = ca.gradient(v, x) - force
         self._pose = [centre, ca.horzcat(*turn), x]
-        self._symbols = gradient, phi, ca.jacobian(phi, x)
-        self._first = ca.Function("first", self._pose, list(self._symbols))
+        self._symbols = v, force, phi
+        self._first = ca.Function("first", self._pose, [ca.gradient(v, x) - force, phi, ca.jacobian(phi, x)])
 
     @cached_property
     def _second(self):
         """The tangent, for a pose and multipliers: most of the work, which not everybody needs."""
-        gradient, phi, jacobian = self._symbols
-        multipliers = ca.SX.sym("lambda", phi.shape[0])
-        tangent = ca.jacobian(gradient + jacobian.T @ multipliers, self._pose[-1])
+        v, force, phi = self._symbols
+        multipliers, x = ca.SX.sym("lambda", phi.shape[0]), self._pose[-1]
+        tangent = ca.hessian(v + ca.dot(phi, multipliers), x)[0] - ca.jacobian(force, x)
         return ca.Function("second", [*self._pose, multipliers], [tangent])
 
     def _forces(self, frames, x):
