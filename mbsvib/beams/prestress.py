@@ -26,8 +26,8 @@ from mbsvib.parts import load as _load
 
 # Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
 NOISE = 1e-14
-# Coordinates that strain elements by less than this share of the one that strains them most (energies, as roots) do so
-# by the rounding of loops; stiffnesses and lengths of one beam span far less.
+# Coordinates that strain elements by less than this share of the one that strains them most, or than joints would with
+# open loops (energies, as roots), do so by the rounding of loops; stiffnesses and lengths of one beam span far less.
 STRAINED = 1e-11
 
 if TYPE_CHECKING:
@@ -97,9 +97,10 @@ def carried(model: Model, beams: Sequence[Beam]) -> dict[str, Bushing]:
     rows = np.array([row for row, _ in which])
     direction = view.springs.unit[rows].argmax(axis=1)
     felt, root = found["elastic_rows"][rows], np.sqrt(found["stiffness"][rows])
+    apart = relative.dense(view.locked, view.locked + len(view.springs.owner))[rows]
     residual = load(view, relative, reduction, found, model.name, checked=False).residual
     preload = np.zeros((len(names), 6))
-    preload[[i for _, i in which], direction] = spread(felt, root, -residual)
+    preload[[i for _, i in which], direction] = spread(felt, apart, root, -residual)
     result = {}
     for name, six in zip(names, preload.tolist(), strict=True):
         spring = model.springs[name]
@@ -108,13 +109,15 @@ def carried(model: Model, beams: Sequence[Beam]) -> dict[str, Bushing]:
     return result
 
 
-def spread(rows: Array, root: Array, needed: Array) -> Array:
+def spread(rows: Array, apart: Array, root: Array, needed: Array) -> Array:
     """Return forces p of least energy with rows^T p = needed, where elements can hold it.
 
     Parameters
     ----------
     rows : array, shape (n, m)
         Deformations of the elements per coordinate.
+    apart : array, shape (n, joint coordinates)
+        The same per joint coordinate, as if loops were open.
     root : array, shape (n,)
         Square roots of their stiffness.
     needed : array, shape (m,)
@@ -125,8 +128,8 @@ def spread(rows: Array, root: Array, needed: Array) -> Array:
     array, shape (n,)
         One force for each row.
     """
-    energy = np.sqrt(np.square(rows * root[:, None]).sum(axis=0))
-    rows = rows * (energy > STRAINED * energy.max(initial=0.0))
+    energy, most = (np.sqrt(np.square(part * root[:, None]).sum(axis=0)) for part in (rows, apart))
+    rows = rows * (energy > STRAINED * max(energy.max(initial=0.0), most.max(initial=0.0)))
     single = np.count_nonzero(rows, axis=1) == 1
     own = {int(np.flatnonzero(rows[i])[0]): int(i) for i in np.flatnonzero(single)}
     held = np.flatnonzero(rows.any(axis=0))

@@ -9,6 +9,7 @@ from scipy.special import jv
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle
+from mbsvib.beams.prestress import spread
 from tests.beams.reference import assembled, matrices
 
 ALLOY = Material(E=7e10, nu=0.3, rho=2700.0)
@@ -176,6 +177,17 @@ def test_gears_beside_a_loaded_column():
     wheels = np.sqrt(spring / (inertia[0] + ratio**2 * inertia[1])) / (2 * np.pi)
     expected = np.sort([wheels, *column(3, -500.0).modes().frequencies])
     assert model.linearize().modes().frequencies == pytest.approx(expected, rel=1e-10)
+
+
+def test_strains_that_are_rounding_of_loops_carry_nothing():
+    """Bodies that loops lock to each other strain the beam between them by 1e-16 of what open loops would."""
+    rng = np.random.default_rng(0)
+    apart, root = rng.uniform(-1, 1, (6, 6)), np.array([500.0, 20.0, 20.0, 4.0, 5.0, 5.0])
+    rounding = 1e-16 * rng.uniform(-1, 1, (6, 7))
+    assert not spread(rounding, apart, root, 1e-13 * rng.uniform(-1, 1, 7)).any()
+    strained = np.concatenate((rng.uniform(-1, 1, (6, 1)), rounding[:, 1:]), axis=1)
+    forces = spread(strained, apart, root, np.full(7, 3.0))
+    assert strained[:, 0] @ forces == pytest.approx(3.0)
 
 
 def test_superelements_under_load_are_refused():

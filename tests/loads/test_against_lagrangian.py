@@ -41,7 +41,7 @@ def off(model, system):
 
 @pytest.mark.filterwarnings("ignore::mbsvib.NearSingularWarning")
 @pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("seed", few(range(8), 1))
+@pytest.mark.parametrize("seed", few([1, 0, *range(2, 8)], 1))
 def test_stiffness_of_random_mechanisms(scene, seed):
     model, system = linearized(seed, **SCENES[scene])
     if system is None or not system.dof:

@@ -73,7 +73,7 @@ def test_random_mechanisms(model):
     assert np.abs(found - expected).max() < 1e-8 / kept * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", overconstrained.ALL)
+@pytest.mark.parametrize("name", few(sorted(overconstrained.ALL, key=lambda name: name.startswith("slider ")), 8))
 def test_redundant_constraints_share_forces_as_on_the_dense_path(name, monkeypatch):
     """Of least norm, at rest and as the pose changes; by dense factors and by the sparse ones of large groups."""
     for load in (False, True):

@@ -1,5 +1,7 @@
 """Optimisation: gradients of quantities, closed-form optima, and what is refused."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -41,20 +43,29 @@ QUANTITIES = {
 }  # fmt: skip
 
 
+VARIABLES = ("k2.stiffness", "k2.damping", "small.mass", "k1.stiffness")
+
+
+@cache
+def place(variable=None, change=0.0):
+    """The absorber, with one of its variables changed."""
+    model = absorber(40.0, 0.8, below=2.0)
+    if variable is not None:
+        model = model.with_values({variable: model.parameters[variable] + change})
+    return st.place.Place.of(model.linearize(), VARIABLES)
+
+
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_gradients_are_those_of_the_values(name):
-    variables = ("k2.stiffness", "k2.damping", "small.mass", "k1.stiffness")
-    model = absorber(40.0, 0.8, below=2.0)
-    quantity = QUANTITIES[name]
-    place = lambda m: st.place.Place.of(m.linearize(), variables)  # noqa: E731
-    here = quantity.at(place(model))
+    quantity, model = QUANTITIES[name], absorber(40.0, 0.8, below=2.0)
+    here = quantity.at(place())
     found, size = here.slope, np.abs(here.value).max()
-    for i, variable in enumerate(variables):
+    for i, variable in enumerate(VARIABLES):
         p = model.parameters[variable]
         h = 1e-4 * p
 
-        def at(change, variable=variable, p=p):
-            return quantity.at(place(model.with_values({variable: p + change}))).value
+        def at(change, variable=variable):
+            return quantity.at(place(variable, change)).value
 
         expected = (8.0 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12.0 * h)
         assert np.allclose(found[:, i], expected, rtol=1e-6, atol=1e-8 * size / p), variable
