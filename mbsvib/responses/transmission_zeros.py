@@ -12,7 +12,7 @@ Source: Emami-Naeini & Van Dooren, Automatica 18 (1982).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.modes.general import General
+    from mbsvib.responses.general_responses import Realization
+    from mbsvib.responses.resolvent import Resolvent
     from mbsvib.system import System
 
     Array = NDArray[np.float64]
@@ -89,10 +91,13 @@ def transmission_zeros(
         return np.zeros(0, dtype=complex)
     a, b, c, d, still, unit = _realized(system, modal, sources, results)
     found = _finite_zeros(a, b, c, d) * unit
-    total = modal_sum(system, modal, sources, results)
+    total = _transfer(system, modal, (sources, results), found)
     found = _refined(modal, total, found)
     found = _at_rest(system, modal, total, found, (sources, results), still)
-    found = found[_known(modal, total, found, _noise(system, modal, sources, results, found))]
+    if isinstance(total, ModalSum):
+        found = found[_known(modal, total, found, _noise(system, modal, sources, results, found))]
+    elif total.finite_zeros() != len(found) + still:
+        found = found[_known(modal, total, found, total.noise(found))]
     found = np.concatenate((np.zeros(still), found))
     return found[np.lexsort((-found.imag, np.abs(found)))]
 
@@ -145,12 +150,7 @@ def _realized(
                 still += 1 if cv[i].any() else 2
                 cq[i], cv[i], ca[i] = cv[i] + ca[i], 0.0, 0.0
     if not isinstance(modal, Damped):
-        from mbsvib.responses.general_responses import realization
-
-        part = replace(system, Cq=cq, Cv=cv, Ca=ca, D=d, B=system.B[:, sources],
-                       inputs=tuple([system.inputs[i] for i in sources]),
-                       outputs=tuple([system.outputs[i] for i in results]))  # fmt: skip
-        equations = realization(part, modal.state)
+        equations = _part(system, modal, (sources, results), {"Cq": cq, "Cv": cv, "Ca": ca, "D": d})
         unit = float(modal.state.scale.max(initial=0.0)) or 1.0
         return (*_even((equations.a, equations.b, equations.c, equations.d), unit), still, unit)
     scale, a = energy_matrix(modal)
@@ -163,6 +163,18 @@ def _realized(
     whole = np.concatenate((np.zeros_like(b), b))
     unit = float(np.sqrt(np.abs(modal.square)).max())
     return (*_even((a, whole, c, at_once), unit or 1.0), still, unit)
+
+
+def _part(
+    system: System, modal: General, ports: tuple[list[int], list[int]], matrices: dict[str, Any]
+) -> Realization:
+    """The equations in energy coordinates from some inputs to some outputs, with matrices of these outputs."""
+    from mbsvib.responses.general_responses import realization
+
+    sources, results = ports
+    part = replace(system, B=system.B[:, sources], inputs=tuple([system.inputs[i] for i in sources]),
+                   outputs=tuple([system.outputs[i] for i in results]), **matrices)  # fmt: skip
+    return realization(part, modal.state)
 
 
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
@@ -226,7 +238,7 @@ def _rank(matrix: Array, size: float) -> tuple[int, Array]:
     return int(np.count_nonzero(np.abs(upper.diagonal()) > RANK * size)), turn
 
 
-def _refined(modal: Damped | General, total: ModalSum, zeros: Complex) -> Complex:
+def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex) -> Complex:
     """Improve each zero as long as the smallest singular value of the transfer matrix falls."""
     undamped = isinstance(modal, Damped) and not modal.gamma.any()
     z = zeros.copy()
@@ -255,8 +267,8 @@ def _refined(modal: Damped | General, total: ModalSum, zeros: Complex) -> Comple
 
 
 def _at_rest(
-    system: System, modal: Damped | General, total: ModalSum, z: Complex, ports: tuple[list[int], list[int]],
-    still: int,
+    system: System, modal: Damped | General, total: ModalSum | Resolvent, z: Complex,
+    ports: tuple[list[int], list[int]], still: int,
 ) -> Complex:  # fmt: skip
     """Put zeros next to 0 there if the static response is zero to rounding, or if poles are at 0 that it does not show:
     rigid-body modes that no input reaches, or no output sees. ``still`` of the zeros at 0 are left out.
@@ -279,13 +291,14 @@ def _at_rest(
     if near.any():
         origin = np.zeros(1, dtype=complex)
         value, left, right = _smallest(total.at(origin))
-        noise = np.einsum("no,oin,ni->n", np.abs(left), _noise(system, modal, *ports, origin), np.abs(right))
+        rounding = _noise(system, modal, *ports, origin) if isinstance(total, ModalSum) else total.noise(origin)
+        noise = np.einsum("no,oin,ni->n", np.abs(left), rounding, np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:
             return np.where(near, 0.0, z)
     return z
 
 
-def _beside_rigid(total: ModalSum, poles: Complex, z: Complex, lowest: float, still: int) -> Complex:
+def _beside_rigid(total: ModalSum | Resolvent, poles: Complex, z: Complex, lowest: float, still: int) -> Complex:
     """Put as many zeros of a square system at 0 as its determinant, c s^(zeros - poles) near 0, says with its poles.
 
     Poles and zeros elsewhere are divided out, so that the power is a whole number at any points near 0.
@@ -304,7 +317,22 @@ def _beside_rigid(total: ModalSum, poles: Complex, z: Complex, lowest: float, st
     return z
 
 
-def _known(modal: Damped | General, total: ModalSum, z: Complex, noise: Array) -> NDArray[np.bool_]:
+def _transfer(
+    system: System, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
+) -> ModalSum | Resolvent:
+    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that it is no such sum."""
+    from mbsvib.responses.general_responses import trusted
+    from mbsvib.responses.resolvent import Resolvent
+
+    sources, results = ports
+    if isinstance(modal, Damped) or trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z)):
+        return modal_sum(system, modal, sources, results)
+    matrices = {name: getattr(system, name)[results] for name in ("Cq", "Cv", "Ca")}
+    equations = _part(system, modal, ports, matrices | {"D": system.D[np.ix_(results, sources)]})
+    return Resolvent.of(equations.a, equations.b, equations.c, equations.d)
+
+
+def _known(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array) -> NDArray[np.bool_]:
     """Tell which zeros rounding leaves where they are."""
     if not len(z):
         return np.zeros(0, dtype=bool)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -251,3 +252,28 @@ def test_rigid_body_modes_of_which_a_pair_meets_some(quantity):
     expected = determinant_zeros(Exact(model), [0], [0])
     assert_same_eigenvalues(model.linearize().transmission_zeros(), expected, rtol=1e-9)
     assert np.count_nonzero(expected == 0) == 4 + ("displacement", "velocity", "acceleration").index(quantity)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_beside_eigenvalues_that_meet(seed):
+    """A preloaded node without mass creeps at 1 / 0.01 s in six directions: sums over modes need not be transfer
+    functions there. Zeros and poles make the ratio of responses all the same.
+    """
+    rng = np.random.default_rng(seed)
+    model, preload = mv.Model("node"), rng.normal(size=6)
+    model.add_body("b", 3.0, (0.2, 0.25, 0.18), position=(0.4, 0, -0.6))
+    model.add_body("n", 0.0, (0, 0, 0), position=(0.7, 0.1, -0.5))
+    turn, springs = rng.uniform(-1, 1, 3), 10.0 ** rng.uniform(1, 3, 6)
+    model.add_bushing("hold", "ground", "b", (0.2, 0.2, -0.8), 1e3 * rng.uniform(1, 2, 6), rng.uniform(1, 2, 6))
+    model.add_bushing("tie", "b", "n", (0.6, 0.1, -0.5), springs, 0.01 * springs, orientation=turn, preload=preload)
+    model.add_load("t", "b", torque=rng.normal(size=3))
+    axes = Rotation.from_rotvec(turn).as_matrix()
+    model.add_load("n0", "n", -axes @ preload[:3], position=(0.6, 0.1, -0.5), torque=-axes @ preload[3:])
+    model = model.equilibrium(preload="hold")
+    model.add_input("f", "n", rng.normal(size=6), relative_to="b")
+    model.add_output("y", "b", rng.normal(size=6), relative_to="n")
+    system = model.linearize()
+    zeros, poles, s = system.transmission_zeros(), system.poles(), np.array([2j, 30j, 200j])
+    ratio = np.exp(np.log(s[:, None] - zeros).sum(axis=1) - np.log(s[:, None] - poles).sum(axis=1))
+    response = system.frequency_response(s.imag)[0, 0]
+    np.testing.assert_allclose(ratio / ratio[0], response / response[0], rtol=1e-8)
