@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import eigvalsh
+from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
 from tests.modes.test_modes import oscillator
