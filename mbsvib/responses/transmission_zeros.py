@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.modes.general import General
-    from mbsvib.responses.general_responses import Realization
     from mbsvib.responses.resolvent import Resolvent
     from mbsvib.system import System
 
@@ -139,8 +138,6 @@ def _realized(
     """A, B, C, D in energy coordinates, in units of the highest frequency and all of unit size; how many zeros at 0
     were left out: a velocity is a displacement times s, and a square system has just one zero more; and the unit.
     """
-    from mbsvib.responses.energy_schur import energy_matrix
-
     d = system.D[np.ix_(results, sources)].copy()
     cq, cv, ca = (c[results] for c in (system.Cq, system.Cv, system.Ca))
     still = 0
@@ -149,32 +146,34 @@ def _realized(
             if not cq[i].any() and not d[i].any() and cv[i].any() + ca[i].any() == 1:
                 still += 1 if cv[i].any() else 2
                 cq[i], cv[i], ca[i] = cv[i] + ca[i], 0.0, 0.0
+    matrices = {"Cq": cq, "Cv": cv, "Ca": ca, "D": d}
+    speeds = np.sqrt(np.abs(modal.square)) if isinstance(modal, Damped) else modal.state.scale
+    unit = float(speeds.max(initial=0.0)) or 1.0
+    return (*_even(_in_energy(system, modal, (sources, results), matrices), unit), still, unit)
+
+
+def _in_energy(
+    system: System, modal: Damped | General, ports: tuple[list[int], list[int]], matrices: dict[str, Any]
+) -> tuple[Array, Array, Array, Array]:
+    """A, B, C, D in energy coordinates from some inputs to some outputs, with matrices of these outputs."""
+    sources, results = ports
     if not isinstance(modal, Damped):
-        equations = _part(system, modal, (sources, results), {"Cq": cq, "Cv": cv, "Ca": ca, "D": d})
-        unit = float(modal.state.scale.max(initial=0.0)) or 1.0
-        return (*_even((equations.a, equations.b, equations.c, equations.d), unit), still, unit)
+        from mbsvib.responses.general_responses import realization
+
+        part = replace(system, B=system.B[:, sources], inputs=tuple([system.inputs[i] for i in sources]),
+                       outputs=tuple([system.outputs[i] for i in results]), **matrices)  # fmt: skip
+        equations = realization(part, modal.state)
+        return equations.a, equations.b, equations.c, equations.d
+    from mbsvib.responses.energy_schur import energy_matrix
+
     scale, a = energy_matrix(modal)
-    b = modal.shapes.T @ system.B[:, sources]
-    cq, cv, ca = cq @ modal.shapes, cv @ modal.shapes, ca @ modal.shapes
+    b, d = modal.shapes.T @ system.B[:, sources], matrices["D"]
+    cq, cv, ca = (matrices[name] @ modal.shapes for name in ("Cq", "Cv", "Ca"))
     at_once = d + ca @ b
     at_once[np.abs(at_once) <= CANCELLED * EPS * (np.abs(d) + np.abs(ca) @ np.abs(b))] = 0.0
     gamma = ca * modal.gamma if modal.gamma.ndim == 1 else ca @ modal.gamma
     c = np.concatenate(((cq - ca * modal.square) / scale, cv - gamma), axis=1)
-    whole = np.concatenate((np.zeros_like(b), b))
-    unit = float(np.sqrt(np.abs(modal.square)).max())
-    return (*_even((a, whole, c, at_once), unit or 1.0), still, unit)
-
-
-def _part(
-    system: System, modal: General, ports: tuple[list[int], list[int]], matrices: dict[str, Any]
-) -> Realization:
-    """The equations in energy coordinates from some inputs to some outputs, with matrices of these outputs."""
-    from mbsvib.responses.general_responses import realization
-
-    sources, results = ports
-    part = replace(system, B=system.B[:, sources], inputs=tuple([system.inputs[i] for i in sources]),
-                   outputs=tuple([system.outputs[i] for i in results]), **matrices)  # fmt: skip
-    return realization(part, modal.state)
+    return a, np.concatenate((np.zeros_like(b), b)), c, at_once
 
 
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
@@ -321,15 +320,19 @@ def _transfer(
     system: System, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
 ) -> ModalSum | Resolvent:
     """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that it is no such sum."""
-    from mbsvib.responses.general_responses import trusted
+    from mbsvib.responses import frequency_response, general_responses
     from mbsvib.responses.resolvent import Resolvent
 
     sources, results = ports
-    if isinstance(modal, Damped) or trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z)):
+    if isinstance(modal, Damped):
+        forces = modal.shapes.T @ system.B[:, sources]
+        summed = modal.vectors is None or frequency_response.trusted(modal, forces, np.abs(z))
+    else:
+        summed = general_responses.trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z))
+    if summed:
         return modal_sum(system, modal, sources, results)
     matrices = {name: getattr(system, name)[results] for name in ("Cq", "Cv", "Ca")}
-    equations = _part(system, modal, ports, matrices | {"D": system.D[np.ix_(results, sources)]})
-    return Resolvent.of(equations.a, equations.b, equations.c, equations.d)
+    return Resolvent.of(*_in_energy(system, modal, ports, matrices | {"D": system.D[np.ix_(results, sources)]}))
 
 
 def _known(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array) -> NDArray[np.bool_]:

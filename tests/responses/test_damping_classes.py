@@ -67,6 +67,19 @@ def test_mode_shapes(case):
     assert not np.abs(k @ shapes[:, : modes.rigid]).max(initial=0.0) > 1e-9 * np.abs(k).max()
 
 
+def test_zeros(case):
+    """With the poles they make each response but for a factor."""
+    _, p, system = case
+    w = np.array([0.4, 13.0, 37.3])
+    expected, poles, s = frequency_response(p, w), np.linalg.eigvals(by_hand(p)[0]), 1j * w[:, None]
+    for o, output in enumerate(system.outputs):
+        for i, source in enumerate(system.inputs):
+            if np.abs(expected[o, i]).min() > 1e-9 * np.abs(expected[:, i]).max():
+                zeros = system.transmission_zeros(source, output)
+                ratio = np.exp(np.log(s - zeros).sum(axis=1) - np.log(s - poles).sum(axis=1)) / expected[o, i]
+                assert_allclose(ratio / ratio[0], 1.0, rtol=1e-7)
+
+
 def test_frequency_responses(case):
     _, p, system = case
     expected = frequency_response(p, OMEGA)
