@@ -119,7 +119,13 @@ def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | Non
     """
     sigma = found.operator.sigma
     small = reduced(system, found.z, found.rigid)
-    ritz = undamped(small, RTOL)
+    try:
+        ritz = undamped(small, RTOL)
+    except np.linalg.LinAlgError:
+        raise ResponseError(
+            f"modes: the search for the lowest modes of '{system.name}' found motions that depend on each other, "
+            f"beside motions that hardly any stiffness holds; take linearize(method='dense')."
+        ) from None  # fmt: skip
     if sigma > 0.0:
         centre = found.centre
         distance = np.abs(np.sqrt(np.abs(ritz.square)) - centre)
