@@ -53,7 +53,7 @@ STATIC_ROUNDINGS = 30.0
 CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where a pole at 0 shows by its growth
 GROWS = 3.0
 # Zeros at 0 come out within these shares of the lowest pole, the farther off the more of them there are.
-NEAR_RIGID = (1e-5, 1e-4, 1e-3)
+NEAR_RIGID = (1e-3, 1e-4, 1e-5)
 # A power that is off a whole number by more is that of other zeros, which are near 0 but not there.
 WHOLE_POWER = 0.1
 AT_POLE = 1e-6  # zeros so near to a pole are those of modes that are not reached or not shown
@@ -279,7 +279,8 @@ def _at_rest(
         if not np.isfinite(lowest):
             return z
         if len(ports[0]) == len(ports[1]):
-            return _beside_rigid(total, poles, z, lowest, still)
+            noise = _noise(system, modal, *ports, z) if isinstance(total, ModalSum) else total.noise(z)
+            return _beside_rigid(total, poles, (z, _known(modal, total, z, noise)), lowest, still)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
@@ -297,17 +298,21 @@ def _at_rest(
     return z
 
 
-def _beside_rigid(total: ModalSum | Resolvent, poles: Complex, z: Complex, lowest: float, still: int) -> Complex:
+def _beside_rigid(
+    total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, still: int
+) -> Complex:
     """Put as many zeros of a square system at 0 as its determinant, c s^(zeros - poles) near 0, says with its poles.
 
-    Poles and zeros elsewhere are divided out, so that the power is a whole number at any points near 0.
+    Poles and zeros elsewhere, and those near 0 that are known, are divided out, so that the power is a whole number at
+    any points near 0.
     """
+    z, known = zeros
     with np.errstate(all="ignore"):
         s = 1j * lowest * CLOSER
         size = np.log(np.abs(np.linalg.det(total.at(s).transpose(2, 0, 1))))
         size = size + np.log(np.abs(s[:, None] - poles[poles != 0.0])).sum(axis=1)
         for share in NEAR_RIGID:
-            far = z[np.abs(z) > share * lowest]
+            far = z[(np.abs(z) > share * lowest) | known & (z != 0.0)]
             left = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
             power = (left[0] - left[1]) / np.log(CLOSER[0] / CLOSER[1])
             count = np.round(power) + np.count_nonzero(poles == 0.0) - still
