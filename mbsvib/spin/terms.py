@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ModelError
+from mbsvib.free_motions import CANCELLED
 from mbsvib.parts import BaseMotion, Bushing
 from mbsvib.spin.steady import check_steady, cross, own_spin, tensor, together, world
 
@@ -51,16 +52,17 @@ def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, An
     _check_surroundings(model)
     motion = found["body_motion"]
     m = motion.shape[-1]
-    parts = {"gyroscopic": np.zeros((m, m)), "circulatory": np.zeros((m, m))}
+    parts = {name: (np.zeros((m, m)), np.zeros((m, m))) for name in ("gyroscopic", "circulatory")}
     for i, momentum in momenta(model, scene):
-        turn = motion[i, 3:]
-        parts["gyroscopic"] -= turn.T @ cross(momentum) @ turn
+        _add(parts["gyroscopic"], motion[i, 3:], cross(momentum))
     for damper in rotating_dampers(model, scene, motion):
-        parts["circulatory"] -= damper.relative.T @ damper.wrench
+        _add(parts["circulatory"], damper.relative, damper.matrix)
     _with_forces(model, scene, found)
     result = dict(found)
     for name, letter in (("gyroscopic", "C"), ("circulatory", "K")):
-        part = 0.5 * (parts[name] - parts[name].T)
+        whole, terms = parts[name]
+        part = 0.5 * (whole - whole.T)
+        part[np.abs(part) <= CANCELLED * terms] = 0.0
         if part.any():
             before = found.get(name)
             result[name] = part if before is None else before + part
@@ -68,10 +70,16 @@ def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, An
     return result
 
 
+def _add(part: tuple[Array, Array], rows: Array, matrix: Array) -> None:
+    """Subtract R^T A R, and add up the sizes of its terms."""
+    part[0][:] -= rows.T @ matrix @ rows
+    part[1][:] += np.abs(rows).T @ (np.abs(matrix) + np.abs(matrix).T) @ np.abs(rows)
+
+
 @dataclass(frozen=True, slots=True)
 class RotatingDamper:
     """A bushing between bodies ``first`` and ``second`` (numbers) that spin together: its ``relative`` displacement
-    (6, m) at its ``point``, and the ``wrench`` C_d [W]x relative (6, m) on the second body, world axes.
+    (6, m) at its ``point``, and the ``matrix`` C_d [W]x (6, 6) that makes it a wrench on the second body, world axes.
     """
 
     name: str
@@ -79,7 +87,12 @@ class RotatingDamper:
     second: int
     point: Array
     relative: Array
-    wrench: Array
+    matrix: Array
+
+    @property
+    def wrench(self) -> Array:
+        """The wrench C_d [W]x relative (6, m)."""
+        return self.matrix @ self.relative
 
 
 def momenta(model: Model, scene: Scene) -> list[tuple[int, Array]]:
@@ -132,8 +145,8 @@ def rotating_dampers(model: Model, scene: Scene, motion: Array) -> list[Rotating
             a, b = number[spring.first], number[spring.second]
             seen = [_at(motion[i], scene.bodies[i].position, spring.position) for i in (a, b)]
             relative = seen[1] - seen[0]
-            result.append(RotatingDamper(spring.name, a, b, np.array(spring.position), relative,
-                                         damping @ turning @ relative))  # fmt: skip
+            relative[np.abs(relative) <= CANCELLED * (np.abs(seen[0]) + np.abs(seen[1]))] = 0.0
+            result.append(RotatingDamper(spring.name, a, b, np.array(spring.position), relative, damping @ turning))
     return result
 
 
