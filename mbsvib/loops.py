@@ -272,6 +272,7 @@ def _solve(
         dependent, others = candidate[dependent], np.concatenate((candidate[others], held))
     # dtrtrs would wait for a second thread, however small the loop
     block = blas.dtrsm(1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
+    block[np.abs(block) <= noise / kept] = 0.0  # what joints do not move by but for rounding would hold free motions
     block *= -scale.take(dependent)[:, None] / scale.take(others)
     return group, columns.take(dependent), columns.take(others), block
 
