@@ -52,8 +52,8 @@ class Resolvent:
         size = float(np.linalg.norm(self.t))
         result = np.empty((*self.d.shape, len(s)))
         for i, point in enumerate(s.tolist()):
-            seen = np.linalg.norm(self._solved(point, self.c.T, 1), axis=0)
-            driven = np.linalg.norm(self._states(point), axis=0)
+            seen = np.linalg.norm(np.abs(self._solved(point, self.c.T, 1)), axis=0)
+            driven = np.linalg.norm(np.abs(self._states(point)), axis=0)
             result[..., i] = EPS * ((abs(point) + size) * np.outer(seen, driven) + np.abs(self.d))
         return result
 

@@ -9,6 +9,7 @@ from scipy.linalg import eigvalsh
 from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
+from mbsvib.responses.resolvent import Resolvent
 from tests.modes.test_modes import oscillator
 from tests.support import fast_digits
 from tests.support.compare import assert_same_eigenvalues, linearized
@@ -277,3 +278,15 @@ def test_beside_eigenvalues_that_meet(seed):
     ratio = np.exp(np.log(s[:, None] - zeros).sum(axis=1) - np.log(s[:, None] - poles).sum(axis=1))
     response = system.frequency_response(s.imag)[0, 0]
     np.testing.assert_allclose(ratio / ratio[0], response / response[0], rtol=1e-8)
+
+
+def test_zeros_on_poles_that_meet():
+    """Solutions are infinite there, without a warning."""
+    resolvent = Resolvent.of(-np.eye(3), np.ones((3, 1)), np.ones((1, 3)), np.zeros((1, 1)))
+    at = np.array([-1.0, 1.0j, np.nan], dtype=complex)
+    assert np.isfinite(resolvent.noise(at)[0, 0]).tolist() == [False, True, False]
+    with np.errstate(invalid="ignore"):
+        values = resolvent.at(at)[0, 0]
+    assert np.isfinite(values).tolist() == [False, True, False]
+    assert values[1] == pytest.approx(3.0 / (1.0 + 1.0j))
+    assert resolvent.finite_zeros() == 2
