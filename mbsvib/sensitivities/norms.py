@@ -38,6 +38,7 @@ BLOCK = 4_000_000
 # The response has its peaks below this times the fastest eigenvalue, and is that at infinity from there; heights that
 # differ by less are the same.
 LAST, FAR, ROUNDING = 1e3, 1e6, 1e-9
+EPS = float(np.finfo(float).eps)
 # Points at which a response is looked at for being 0, times a pole's size: right of the imaginary axis, on no pole.
 ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
 # A response below this share of what it were if nothing cancelled is 0.
@@ -184,8 +185,9 @@ def _ports(system: System, inputs: Ports, outputs: Ports) -> tuple[list[int], li
 
 
 def _lasting(system: System) -> int | None:
-    """The number, from 1, of the first mode that does not decay."""
-    modes = np.flatnonzero(system._clean_modes.pairs.real.max(axis=1, initial=-np.inf) >= 0.0)
+    """The number, from 1, of the first mode that does not decay by more than rounding of its frequency."""
+    pairs = system._clean_modes.pairs
+    modes = np.flatnonzero((pairs.real >= -EPS * np.abs(pairs)).any(axis=1))
     return int(modes[0]) + 1 if len(modes) else None
 
 
