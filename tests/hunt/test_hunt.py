@@ -17,6 +17,8 @@ SCENES_OF_FEATURE, SHARE_OF_PAIRS, SCENES_OF_CHECK = 4, 0.97, 10
 SHOWN, SHRUNK = 30, 3
 # Seeds of scenes that are tried in every run, and the share of features that they reach.
 SOME, SHARE_OF_FEATURES = (103, 33, 19, 34, 148, 28, 93, 15, 130, 59, 20), 0.9
+# Seeds of scenes beyond those 500 that failed once.
+ONCE = (5070, 7001, 7032, 7061, 7114)
 
 
 def report(record):
@@ -33,6 +35,12 @@ def test_some_scenes():
     assert not record.failures, report(record)
     assert all(record.outcomes[check, "held"] for check in CHECKS)
     assert sum(record.features[feature] > 0 for feature in ALL) >= SHARE_OF_FEATURES * len(ALL)
+
+
+@pytest.mark.slow
+def test_scenes_that_failed_once():
+    record = hunt(ONCE)
+    assert not record.failures, report(record)
 
 
 @pytest.mark.slow

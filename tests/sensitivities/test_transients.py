@@ -180,3 +180,15 @@ def test_transmissibility_has_no_feedthrough_to_rounding():
     assert np.isfinite(found.slopes).all()
     expected = difference(isolator(), system, "mass.mass", lambda s: s.h2_norm([], "floor", "way").value)
     assert found.slopes[1] == pytest.approx(expected, rel=1e-8)
+
+
+def test_a_mode_whose_decay_is_rounding_has_no_h2_norm():
+    """The Lyapunov equation of a mode with a damping ratio of 1e-20 is singular in double precision."""
+    model = mv.Model("slide")
+    model.add_body("b", 2.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "b", axis=(0, 0, 1))
+    model.add_bushing("k", "ground", "b", (0, 0, 0), (0, 0, 200.0, 0, 0, 0), (0, 0, 4e-19, 0, 0, 0))
+    model.add_input("f", "b", "z")
+    model.add_output("z", "b", "z")
+    with pytest.raises(mv.ResponseError, match="mode 1 does not decay"):
+        model.linearize().h2_norm()
