@@ -39,8 +39,7 @@ RANK = 2e-13
 # A feedthrough whose inverse is larger is not inverted; its zeros are those of a pencil.
 REGULAR = 1e3
 # A Newton step that moves a zero by more than this share of it is no correction of rounding errors.
-CORRECTION = 1e-3
-NEWTON_STEPS = 4
+CORRECTION, NEWTON_STEPS = 1e-3, 4
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
 # What belongs to zeros at infinity comes out finite where the peeling is ill-conditioned: along a chain of many masses,
 # for one. It is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the
@@ -48,8 +47,7 @@ SECANT = 1e-4  # distance of the secant's points, as a share of that to the near
 GROWTH = 1e3
 COARSE = 0.25
 # A double zero at 0 comes out at the square root of rounding. It is at 0 if the static response is zero to rounding.
-AT_REST = 1e-5
-STATIC_ROUNDINGS = 30.0
+AT_REST, STATIC_ROUNDINGS = 1e-5, 30.0
 CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where a pole at 0 shows by its growth
 GROWS = 3.0
 # Zeros at 0 come out within these shares of the lowest pole, the farther off the more of them there are.
@@ -93,10 +91,8 @@ def transmission_zeros(
     total = _transfer(system, modal, (sources, results), found)
     found = _refined(modal, total, found)
     found = _at_rest(system, modal, total, found, (sources, results), still)
-    if isinstance(total, ModalSum):
-        found = found[_known(modal, total, found, _noise(system, modal, sources, results, found))]
-    elif total.finite_zeros() != len(found) + still:
-        found = found[_known(modal, total, found, total.noise(found))]
+    if isinstance(total, ModalSum) or total.finite_zeros() != len(found) + still:
+        found = found[_known(modal, total, found, _rounding(system, modal, total, (sources, results), found))]
     found = np.concatenate((np.zeros(still), found))
     return found[np.lexsort((-found.imag, np.abs(found)))]
 
@@ -279,8 +275,8 @@ def _at_rest(
         if not np.isfinite(lowest):
             return z
         if len(ports[0]) == len(ports[1]):
-            noise = _noise(system, modal, *ports, z) if isinstance(total, ModalSum) else total.noise(z)
-            return _beside_rigid(total, poles, (z, _known(modal, total, z, noise)), lowest, still)
+            known = _known(modal, total, z, _rounding(system, modal, total, ports, z))
+            return _beside_rigid(total, poles, (z, known), lowest, still)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
@@ -291,7 +287,7 @@ def _at_rest(
     if near.any():
         origin = np.zeros(1, dtype=complex)
         value, left, right = _smallest(total.at(origin))
-        rounding = _noise(system, modal, *ports, origin) if isinstance(total, ModalSum) else total.noise(origin)
+        rounding = _rounding(system, modal, total, ports, origin)
         noise = np.einsum("no,oin,ni->n", np.abs(left), rounding, np.abs(right))
         if value[0] <= STATIC_ROUNDINGS * noise[0]:
             return np.where(near, 0.0, z)
@@ -355,8 +351,15 @@ def _known(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noi
     return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))
 
 
+def _rounding(
+    system: System, modal: Damped | General, total: ModalSum | Resolvent, ports: tuple[list[int], list[int]], z: Complex
+) -> Array:
+    """Rounding of the transfer matrix at the points z, (outputs, inputs, n)."""
+    return _noise(system, modal, *ports, z) if isinstance(total, ModalSum) else total.noise(z)
+
+
 def _noise(system: System, modal: Damped | General, sources: list[int], results: list[int], z: Complex) -> Array:
-    """Rounding of the transfer matrix at the points z, (outputs, inputs, n): a shape has that of its largest part."""
+    """Rounding of a sum over modes at the points z, (outputs, inputs, n): a shape has that of its largest part."""
     if not isinstance(modal, Damped):
         return _general_noise(system, modal, (sources, results), z)
     b = np.abs(modal.shapes.T @ system.B[:, sources])

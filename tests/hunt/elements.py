@@ -3,9 +3,9 @@
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh
 
 from tests.beams.reference import assembled, matrices
+from tests.superelements.craig_bampton import on_ends
 from tests.support.random_models import rotation
 
 
@@ -212,12 +212,4 @@ def reduced(points, kept, stand):
         frames.append(np.column_stack((x, np.cross(z, x), z)))
     k, m = assembled(points, frames, lambda i: matrices(lengths[i], area, iy, iz, j, e, g, rho))
     k += stand * np.eye(len(k))
-    ends, inner = [*range(6), *range(len(k) - 6, len(k))], list(range(6, len(k) - 6))
-    _, modes = eigh(k[np.ix_(inner, inner)], m[np.ix_(inner, inner)])
-    basis = np.zeros((len(k), 12 + kept))
-    basis[ends, range(12)] = 1.0
-    basis[inner, :12] = -np.linalg.solve(k[np.ix_(inner, inner)], k[np.ix_(inner, ends)])
-    basis[np.ix_(inner, range(12, 12 + kept))] = modes[:, :kept]
-    stiffness = basis.T @ k @ basis
-    stiffness[:12, 12:], stiffness[12:, :12] = 0.0, 0.0
-    return basis.T @ m @ basis, stiffness
+    return on_ends(k, m, kept)

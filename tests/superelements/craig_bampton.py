@@ -24,8 +24,12 @@ def reduced(kept):
     frames = beam("frames", None, None).beams["pipe"].frames()
     numbers = (SECTION.A, SECTION.Iy, SECTION.Iz, SECTION.J, ALLOY.E, ALLOY.shear_modulus, ALLOY.rho)
     k, m = assembled(NODES, [axes for _, axes in frames], lambda i: matrices(frames[i][0], *numbers))
-    ends = [*range(6), *range(len(k) - 6, len(k))]
-    inner = list(range(6, len(k) - 6))
+    return on_ends(k, m, kept)
+
+
+def on_ends(k, m, kept):
+    """M and K on the first and the last node, six coordinates each, and the lowest modes that are held there."""
+    ends, inner = [*range(6), *range(len(k) - 6, len(k))], list(range(6, len(k) - 6))
     _, modes = eigh(k[np.ix_(inner, inner)], m[np.ix_(inner, inner)])
     basis = np.zeros((len(k), 12 + kept))
     basis[ends, range(12)] = 1.0
