@@ -25,8 +25,8 @@ from rich.console import Console
 from rich.table import Table
 
 from mbsvib import library
-from mbsvib.batch.modes import batch_modes
 from mbsvib.modes import modes
+from mbsvib.modes.batch import batch_modes
 
 MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 LOOKED_AT = 20  # variants that are computed by themselves

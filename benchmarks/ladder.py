@@ -20,7 +20,7 @@ import scipy.linalg as la
 from rich.console import Console
 from rich.table import Table
 
-from mbsvib.modes.rungs import by_factors, by_jacobi, by_products
+from mbsvib.linalg.eigensolvers import by_factors, by_jacobi, by_products
 from mbsvib.modes.undamped import _Scene, refined
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from mbsvib.api.model import Model
 from mbsvib.errors import (
     AccuracyWarning,
     EquilibriumError,
@@ -16,18 +17,17 @@ from mbsvib.errors import (
     SingularPoseError,
     UndeterminedForceWarning,
 )
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, studies
-    from mbsvib.assembly import linearize
+    from mbsvib.api.system import System
+    from mbsvib.equations.assembly import linearize
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
     from mbsvib.modes import Modes
-    from mbsvib.state_space import StateSpace
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
-    from mbsvib.system import System
     from mbsvib.urdf import load_urdf
 
 __version__ = "0.1.0"
@@ -66,13 +66,13 @@ __all__ = [
 
 _HOMES = {
     "Modes": "mbsvib.modes",
-    "StateSpace": "mbsvib.state_space",
-    "System": "mbsvib.system",
+    "StateSpace": "mbsvib.responses.state_space",
+    "System": "mbsvib.api.system",
     "from_dh": "mbsvib.library",
     "isolation": "mbsvib.isolation",
     "library": "mbsvib.library",
     "plots": "mbsvib.plots",
-    "linearize": "mbsvib.assembly",
+    "linearize": "mbsvib.equations.assembly",
     "load": "mbsvib.files",
     "load_mjcf": "mbsvib.mjcf",
     "load_urdf": "mbsvib.urdf",

@@ -113,7 +113,7 @@ def run(mutant: Mutant, folder: Path, tests: Tests, limit: float, stamp: int) ->
 
 
 def sampled(package: str, count: int, seed: int) -> list[Mutant]:
-    """Mutants of a module or package, one a line; of a package without its folders where it is a root."""
+    """Mutants of a module or package, one a line; of ``mbsvib`` itself the files beside its folders."""
     base = ROOT / "export" if package.startswith("mbsvib_export") else ROOT
     top = base / package.replace(".", "/")
     files = [top.with_suffix(".py")] if top.with_suffix(".py").exists() else (
@@ -128,7 +128,7 @@ def sampled(package: str, count: int, seed: int) -> list[Mutant]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--package", required=True, help="mbsvib.couplers, mbsvib.loops, ...; mbsvib: root modules")
+    parser.add_argument("--package", required=True, help="mbsvib.modes, mbsvib.kinematics.loops, ...")
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--limit", type=float, default=60.0, help="seconds of tests for each mutant")

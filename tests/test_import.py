@@ -21,7 +21,7 @@ def loaded(code):
 @pytest.mark.parametrize("code", ["pass", LINEARIZE])
 def test_nothing_heavy_is_loaded(code):
     modules = loaded(code)
-    assert "mbsvib.model" in modules
+    assert "mbsvib.api.model" in modules
     assert not [name for name in HEAVY if name in modules]
 
 

@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import mbsvib as mv
-from mbsvib import assembly, loops, mobility
+from mbsvib.equations import assembly
+from mbsvib.kinematics import loops, mobility
 from mbsvib.modes import damped, undamped
 from mbsvib.modes import result as modal
 from mbsvib.responses import frequency_response
@@ -252,9 +253,9 @@ def test_parts_of_the_program_that_a_scene_does_not_need_are_not_loaded():
     answer = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=True)
     loaded = answer.stdout.split()
     for name in (
-            "mbsvib.sparse", "mbsvib.batch", "mbsvib.modes", "mbsvib.modes.damped", "mbsvib.modes.undamped",
-            "mbsvib.modes.general", "mbsvib.responses.frequency_response",
-            "mbsvib.responses.time_response", "mbsvib.state_space", "scipy.sparse.linalg"
+            "mbsvib.sparse", "mbsvib.equations.batch_assembly", "mbsvib.modes", "mbsvib.modes.damped",
+            "mbsvib.modes.undamped", "mbsvib.modes.general", "mbsvib.responses.frequency_response",
+            "mbsvib.responses.time_response", "mbsvib.responses.state_space", "scipy.sparse.linalg"
     ):  # fmt: skip
         assert name not in loaded
 
@@ -264,11 +265,11 @@ def test_outputs_that_are_not_asked_for_change_nothing(model):
     """Of a model with fewer ports the same rows and columns come out, bit for bit."""
     lean = mv.Model(model.name)
     for part in (*model.bodies.values(), *model.joints.values(), *model.springs.values(), *model.inputs.values()):
-        getattr(lean, mv.model.ADDERS[type(part)])(**part.words())
+        getattr(lean, mv.api.model.ADDERS[type(part)])(**part.words())
     kept = [name for i, name in enumerate(model.outputs) if i % 3 == 0]
     for name in kept:
         part = model.outputs[name]
-        getattr(lean, mv.model.ADDERS[type(part)])(**part.words())
+        getattr(lean, mv.api.model.ADDERS[type(part)])(**part.words())
     whole, part = model.linearize(), lean.linearize()
     rows = [whole.outputs.index(name) for name in kept]
     for key in ("M", "C", "K", "B"):

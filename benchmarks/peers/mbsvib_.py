@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import mbsvib
 from benchmarks.peers import harness
 from benchmarks.peers.scenes import SCENES
+from mbsvib.api.system import System
 from mbsvib.modes import modes
 from mbsvib.modes.undamped import undamped
-from mbsvib.system import System
 
 NOTE = "eigenvalues, shapes and an error estimate for each"
 

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.changes import scale_of
-from mbsvib.equations import MATRICES
+from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
-from mbsvib.parameters import unit
+from mbsvib.mechanism.changes import scale_of
+from mbsvib.mechanism.parameters import unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.parameters import Parameters
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.mechanism.parameters import Parameters
 
     Array = NDArray[np.float64]
     Matrices = dict[str, Array]

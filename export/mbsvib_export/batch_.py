@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import a_path
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.batch import Batch
+    from mbsvib.api.batch import Batch
 
     Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
     ResponseError
         If the realization is unknown.
     """
-    from mbsvib.batch import Batch
+    from mbsvib.api.batch import Batch
 
     if not isinstance(batch, Batch):
         raise ExportError(f"to_npz_batch: batch = {type(batch).__name__}; expected a Batch "

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations import MATRICES
+from mbsvib.api.system import System
+from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError
-from mbsvib.system import System
 from mbsvib_export.affine import affine
 from mbsvib_export.casadi_exponential import exponential_step
 from mbsvib_export.neutral import refuse_many, state_space_of
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.state_space import StateSpace
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
     from mbsvib_export.neutral import SystemData
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.balancing import exponents
+from mbsvib.linalg.balancing import exponents
 
 if TYPE_CHECKING:
-    from mbsvib.state_space import StateSpace
+    from mbsvib.responses.state_space import StateSpace
 
 # Pade approximant of degree 13 and the norm up to which it is right to rounding.
 # Source: N. J. Higham, "The scaling and squaring method for the matrix exponential revisited" (2005), table 2.3.

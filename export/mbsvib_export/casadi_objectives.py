@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equilibrium.settled import settled
+from mbsvib.api.system import System
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import ExportError, MbsvibError
-from mbsvib.system import System
 from mbsvib_export.casadi_ import INSTALL
 from mbsvib_export.neutral import refuse_many
 from mbsvib_export.packages import need

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import tables
-from mbsvib._given import a_path
+from mbsvib.api.system import System
+from mbsvib.common import tables
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib.system import System
 from mbsvib_export.neutral import SystemData, refuse_many
 from mbsvib_export.responses import check_points, poles, response_error, second_order_response, state_space_response
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.state_space import StateSpace
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.uff_ import ResponseData
 
     Array = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 from typing import TYPE_CHECKING, overload
 
+from mbsvib.api.system import System
 from mbsvib.errors import ExportError
-from mbsvib.system import System
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import refuse_many, state_space_of
 from mbsvib_export.packages import need
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     import control
     from numpy.typing import ArrayLike
 
-    from mbsvib.batch import Batch
-    from mbsvib.sparse import SparseSystem
-    from mbsvib.state_space import StateSpace
+    from mbsvib.api.batch import Batch
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
 _INSTALL = "control>=0.10.1"
@@ -76,7 +76,7 @@ def to_control(
         If an input and an output have one name: ``control.interconnect`` would wire the system to itself.
     """
     control = need("control", "to_control", _INSTALL)
-    from mbsvib.batch import Batch
+    from mbsvib.api.batch import Batch
 
     if isinstance(system, Batch):
         return [to_control(each, realization, dt) for each in system.state_space(realization)]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import a_path
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import system_data_of
@@ -23,7 +23,7 @@ from mbsvib_export.packages import need
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from mbsvib.system import System
+    from mbsvib.api.system import System
     from mbsvib_export.neutral import SystemData
 
 _INSTALL = "mbsvib[hdf5]"

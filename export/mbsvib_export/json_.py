@@ -17,7 +17,7 @@ from mbsvib_export.whole_file import write_whole
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
     from mbsvib_export.neutral import SystemData
 
 

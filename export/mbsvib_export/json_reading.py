@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib.state_space import StateSpace
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData
 

@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import a_path
+from mbsvib.api.system import System
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib.state_space import StateSpace
-from mbsvib.system import System
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.errors import ExportError
-from mbsvib.state_space import StateSpace
-from mbsvib.system import System
+from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

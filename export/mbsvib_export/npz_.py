@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import a_path
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib.state_space import StateSpace
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
 from mbsvib_export.whole_file import write_whole
@@ -29,7 +29,7 @@ from mbsvib_export.whole_file import write_whole
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
 TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
 STATE_TEXTS = ("states", "state_units")

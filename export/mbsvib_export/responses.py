@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.balancing import exponents
 from mbsvib.errors import ExportError
+from mbsvib.linalg.balancing import exponents
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.state_space import StateSpace
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
     Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from mbsvib_export.packages import need
 if TYPE_CHECKING:
     from scipy import signal
 
-    from mbsvib.state_space import StateSpace
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.errors import ExportError
-from mbsvib.system import System
 from mbsvib_export.names_ import SignalNames
 from mbsvib_export.neutral import refuse_many
 from mbsvib_export.packages import need

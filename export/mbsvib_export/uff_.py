@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import a_path
+from mbsvib.api.system import System
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib.system import System
 from mbsvib_export.neutral import SystemData, refuse_many
 from mbsvib_export.packages import need
 from mbsvib_export.responses import second_order_response

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from typing import IO, TYPE_CHECKING
 
-from mbsvib import whole_file
-from mbsvib._given import a_path
+from mbsvib.common import atomic_file as whole_file
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:

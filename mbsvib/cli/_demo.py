@@ -24,9 +24,10 @@ def demo(
     folder: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")] = FOLDER,
 ) -> None:
     """Compute the Stewart platform end to end: modes, Bode plots, step response, files in a folder."""
-    from mbsvib import library, plots, tables
+    from mbsvib import library, plots
     from mbsvib.cli._drawing import write_figure
     from mbsvib.cli._records import csv_text
+    from mbsvib.common import tables
     from mbsvib.files import save
     from mbsvib_export import to_json, to_npz
     from mbsvib_export.whole_file import write_whole

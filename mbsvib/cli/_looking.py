@@ -12,7 +12,8 @@ from mbsvib.cli._lookup import ModelArgument, system_of
 
 def models() -> None:
     """List the built-in models."""
-    from mbsvib import library, tables
+    from mbsvib import library
+    from mbsvib.common import tables
 
     rows = [(name, words) for name, (_, words) in library.models().items()]
     note = "Members of the families by the chapter's names too: C50RF1, T5PF1, L20SF1 (size and joint)."
@@ -27,7 +28,7 @@ def modes(
     """Print natural frequencies, damping ratios and what moves most in each mode."""
     if as_csv and as_json:
         raise shell.UsageProblem("modes: --csv and --json together; choose one of them.")
-    from mbsvib import tables
+    from mbsvib.common import tables
 
     result = system_of(model).modes()
     if as_csv or as_json:

@@ -11,8 +11,8 @@ from mbsvib.cli._shell import UsageProblem
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from mbsvib.model import Model
-    from mbsvib.system import System
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
 
 SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".urdf")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperGroup
 
-from mbsvib import tables
+from mbsvib.common import tables
 from mbsvib.errors import (
     AccuracyWarning,
     LeftOutWarning,

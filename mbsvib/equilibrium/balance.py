@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.assembly import matrices, scene
-from mbsvib.equilibrium.carry import carried
+from mbsvib.equations.assembly import matrices, scene
+from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.errors import NearSingularWarning
-from mbsvib.kinematics import arm
-from mbsvib.loops import EPS, reduce
+from mbsvib.kinematics.loops import EPS, reduce
+from mbsvib.kinematics.relative_motion import arm
 
 if TYPE_CHECKING:
     from mbsvib.equilibrium.motion import Stance
-    from mbsvib.kinematics import Array
-    from mbsvib.loops import Reduction
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Array
 
 
 # Positions are rounded by eps of the mechanism's size: what that does to its forces is this share of a size of them.
@@ -89,7 +89,7 @@ def balance(at: Stance) -> Balance:
     kept = reduction.independent
     residual = acting = np.zeros(len(kept))
     if numbers.loads is not None:
-        from mbsvib.loads.loaded import load
+        from mbsvib.equations.loaded import load
 
         statics = load(numbers, relative, reduction, found, model.name, checked=False)
         residual, acting = statics.residual, statics.size

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib._checks import DIRECTIONS
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.equilibrium.joints import rotations, two_axes
-from mbsvib.equilibrium.rotations import logarithm
 from mbsvib.errors import ModelError
-from mbsvib.kinematics import relative_motion
+from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
-    from mbsvib.couplers.rows import Couplings
+    from mbsvib.api.model import Model
+    from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics import Array, Twists
-    from mbsvib.model import Model
-    from mbsvib.parts import Joint
+    from mbsvib.kinematics.couplers import Couplings
+    from mbsvib.kinematics.relative_motion import Array, Twists
 
 # Rotation vectors shorter than this [rad] are rounding of a pose that Newton's method has found.
 TURNED = 1e-9

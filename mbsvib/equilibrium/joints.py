@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._checks import DIRECTIONS
-from mbsvib.equilibrium.rotations import exponential, logarithm
+from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rotations import exponential, logarithm
 
 if TYPE_CHECKING:
-    from mbsvib._checks import Vector
+    from mbsvib.common.arguments import Vector
+    from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics import Array
-    from mbsvib.parts import Joint
+    from mbsvib.kinematics.relative_motion import Array
 
 ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
 # sin of the angle by which the frame of a custom joint may have left the one that its locked translations need

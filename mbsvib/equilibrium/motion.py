@@ -8,28 +8,28 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigvals, qr
 
-from mbsvib.assembly import cut_rows
-from mbsvib.couplers.rows import with_couplers
-from mbsvib.equilibrium.carry import skeleton
+from mbsvib.elements import Bushing
+from mbsvib.equations.assembly import cut_rows
 from mbsvib.equilibrium.couplers import point_of, terms, travelled
 from mbsvib.equilibrium.joints import displacement, opening
-from mbsvib.equilibrium.rotations import exponential
-from mbsvib.kinematics import relative_motion, twists
-from mbsvib.length import length_of
-from mbsvib.loops import EPS, RANK_FACTOR
-from mbsvib.parts import Bushing
-from mbsvib.topology import FLOATS, span
+from mbsvib.equilibrium.moved_parts import skeleton
+from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.kinematics.couplers import with_couplers
+from mbsvib.kinematics.loops import EPS, RANK_FACTOR
+from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.linalg.rotations import exponential
+from mbsvib.mechanism.topology import FLOATS, span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from mbsvib.api.model import Model
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics import Array, Twists
-    from mbsvib.loops import Cuts
-    from mbsvib.model import Model
-    from mbsvib.topology import Topology
+    from mbsvib.kinematics.loops import Cuts
+    from mbsvib.kinematics.relative_motion import Array, Twists
+    from mbsvib.mechanism.topology import Topology
 
 CORRECTIONS = 25
 # Singular values of the scaled loop equations below this are redundant rows. Rows are of the size of one; in loops that

@@ -8,25 +8,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib._given import names
-from mbsvib.equilibrium.carry import carried
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import names
+from mbsvib.equilibrium.flexible_parts import stiffened
 from mbsvib.equilibrium.motion import along_tree, close, same_side, stance
+from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.equilibrium.pose import start
-from mbsvib.equilibrium.rigid import stiffened
 from mbsvib.errors import ModelError, nearest
-from mbsvib.kinematics import arm
-from mbsvib.loops import reduce
-from mbsvib.topology import span
+from mbsvib.kinematics.loops import reduce
+from mbsvib.kinematics.relative_motion import arm
+from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
+    from mbsvib.api.model import Model
     from mbsvib.equilibrium.motion import Stance
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.2, 1e-5

@@ -14,14 +14,14 @@ import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.joints import NoWordsError
+from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.motion import Stance, close, same_side, stance
-from mbsvib.equilibrium.scaled import with_share
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.loops import EPS
+from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
 # A pose counts as found when less than this share of the forces is left over, and no step makes it less.
 FOUND = 1e-10

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.rotations import orthonormal
+from mbsvib.linalg.rotations import orthonormal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import eigenrows
+from mbsvib.elements import Bushing, Spring
+from mbsvib.equations.spring_rows import eigenrows
+from mbsvib.equations.statics import BALANCE
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.carry import bare
+from mbsvib.equilibrium.messages import lacking
 from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.moved_parts import bare
 from mbsvib.equilibrium.pose import start
-from mbsvib.equilibrium.refusal import lacking
 from mbsvib.errors import EquilibriumError, ModelError, nearest
-from mbsvib.kinematics import Rows, relative_motion
-from mbsvib.loads.statics import BALANCE
-from mbsvib.loops import EPS
-from mbsvib.parts import Bushing, Spring
-from mbsvib.rebuilding import rebuilt
+from mbsvib.kinematics.loops import EPS
+from mbsvib.kinematics.relative_motion import Rows, relative_motion
+from mbsvib.mechanism.rebuilding import rebuilt
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.api.model import Model
     from mbsvib.equilibrium.balance import Balance
     from mbsvib.equilibrium.motion import Stance
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
 # Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
 RANK = 1e-10

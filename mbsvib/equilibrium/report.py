@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.rotations import logarithm
 from mbsvib.errors import MbsvibError, counted
+from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
+    from mbsvib.api.model import Model
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.modes import Modes
 
 
@@ -52,7 +52,7 @@ class Equilibrium:
 
     @cached_property
     def _modes(self) -> Modes | None:
-        from mbsvib.sparse.system import SparseSystem
+        from mbsvib.api.sparse_system import SparseSystem
 
         system = self.model.linearize()
         if not system.dof:

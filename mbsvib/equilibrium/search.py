@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib._given import names
+from mbsvib.common.expected import names
 from mbsvib.equilibrium.balance import balance
-from mbsvib.equilibrium.carry import bare, carried
+from mbsvib.equilibrium.load_steps import with_share
+from mbsvib.equilibrium.messages import lacking
 from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.moved_parts import bare, carried
 from mbsvib.equilibrium.path import FOUND, descend, follow, is_stable, stiffness
 from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.preloads import without_rounding
-from mbsvib.equilibrium.refusal import lacking
 from mbsvib.equilibrium.report import Equilibrium, displacements
-from mbsvib.equilibrium.scaled import with_share
 from mbsvib.errors import EquilibriumError, ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.api.model import Model
     from mbsvib.equilibrium.path import Found
-    from mbsvib.model import Model
 
 
 def equilibrium(model: Model, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements import Maxwell, Spring
 from mbsvib.equilibrium.joints import NoWordsError
-from mbsvib.equilibrium.rotations import inverse_jacobian, logarithm, second_order
 from mbsvib.errors import ModelError
-from mbsvib.parts import Maxwell, Spring
+from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
+    from mbsvib.elements import Bushing
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics import Array
-    from mbsvib.parts import Bushing
+    from mbsvib.kinematics.relative_motion import Array
 
 # A force below this share of stiffness times length is rounding of the length.
 ROUNDING = 1e-15

@@ -7,13 +7,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.files.document import Document, Place
 from mbsvib.files.reading import read
 from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, options, unfit, words
-from mbsvib.mechanism import GROUND
-from mbsvib.model import Model
+from mbsvib.mechanism.mechanism import GROUND
 
 # keys at the top level besides the sections and the words of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from mbsvib._given import a_path
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ModelError, nearest
 from mbsvib.files.document import Document, fault
 from mbsvib.files.json_text import read_json

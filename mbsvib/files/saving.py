@@ -6,13 +6,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from mbsvib._given import a_model
+from mbsvib.api.model import ADDERS, Model
+from mbsvib.common.atomic_file import write_whole
+from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError
 from mbsvib.files.reading import suffix_of
 from mbsvib.files.text import json_text, yaml_text
 from mbsvib.files.words import SECTIONS, VERSION, head_words, words
-from mbsvib.model import ADDERS, Model
-from mbsvib.whole_file import write_whole
 
 
 def save(model: Model, path: str | PathLike[str]) -> Path:

@@ -7,7 +7,7 @@ from functools import cache
 from inspect import Parameter, signature
 from typing import Any
 
-from mbsvib.model import Model
+from mbsvib.api.model import Model
 
 VERSION = 1
 

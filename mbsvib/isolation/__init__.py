@@ -26,6 +26,7 @@ from mbsvib.isolation.controller import (
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import Isolation, study
 from mbsvib.isolation.margins import Margins
+from mbsvib.isolation.maxwell_parts import unfolded
 from mbsvib.isolation.noise import BaseNoise, Shaped, Table, shaped, table, white
 from mbsvib.isolation.octaves import vc_curve
 from mbsvib.isolation.pareto import Front
@@ -35,7 +36,6 @@ from mbsvib.isolation.root_locus import RootLocus, root_locus
 from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.synthesis import hinf, lqg
-from mbsvib.isolation.unfolded import unfolded
 from mbsvib.isolation.vibration import Vibration
 
 __all__ = [

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib._given import a_model, names
+from mbsvib.common.expected import a_model, names
+from mbsvib.elements import Bushing
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.figures import DISPLACEMENTS, Isolation, figures
-from mbsvib.isolation.scene import Scene, scene
-from mbsvib.mechanism import GROUND
-from mbsvib.parts import Bushing
+from mbsvib.isolation.study_scene import Scene, scene
+from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
     from mbsvib.isolation.closed_loop import ClosedLoop
     from mbsvib.isolation.controller import Controller
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
-    from mbsvib.state_space import StateSpace
-    from mbsvib.system import System
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.responses.state_space import StateSpace
 
 SENSORS = ("tension", "stroke", "rate", "acceleration")
 HELD = 1e-12  # stiffness in parts of the largest, below which a motion is not held

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.system import System
+from mbsvib.api.system import System
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mbsvib.isolation.mean_square import Linear
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
 # A Markov parameter below this share of the terms that it is the sum of is rounding: sums over a hundred motions lose
 # two or three of sixteen digits.

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements import Bushing, Joint, Maxwell, Spring
 from mbsvib.errors import ModelError
-from mbsvib.parts import Bushing, Joint, Maxwell, Spring
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
     Connection = Bushing | Joint | Maxwell | Spring
 

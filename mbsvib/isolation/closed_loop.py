@@ -10,24 +10,24 @@ import numpy as np
 
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.isolation.figures import figures
+from mbsvib.isolation.integrand import response
 from mbsvib.isolation.mean_square import Resolution
 from mbsvib.isolation.participation import eigen, sources
 from mbsvib.isolation.pole_track import GROWS, vibrates
-from mbsvib.isolation.summed import response
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.isolation.actuated import Active
     from mbsvib.isolation.controller import Controller
     from mbsvib.isolation.figures import Isolation
     from mbsvib.isolation.margins import Margins
     from mbsvib.isolation.sampled import SampledLoop
-    from mbsvib.kinematics import Array
-    from mbsvib.state_space import StateSpace
-    from mbsvib.system import System
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.responses.state_space import StateSpace
 
     Complex = NDArray[np.complex128]
 
@@ -185,7 +185,7 @@ class ClosedLoop:
         ResponseError
             If the realization is another one.
         """
-        from mbsvib.state_space import StateSpace
+        from mbsvib.responses.state_space import StateSpace
 
         if realization != "modal":
             raise ResponseError(f"state_space: realization = {realization!r}; a closed loop has only 'modal' states.")
@@ -333,7 +333,7 @@ class ClosedLoop:
         return self.law.name
 
     def table(self) -> dict[str, Any]:
-        """Return the table of the modes of the closed loop as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the table of the modes of the closed loop as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -349,7 +349,7 @@ class ClosedLoop:
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements import Spring
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.summed import response
-from mbsvib.parts import Spring
+from mbsvib.isolation.integrand import response
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.responses.transmission_zeros import numbers
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.isolation.actuated import Active
-    from mbsvib.kinematics import Array
-    from mbsvib.system import System
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 
@@ -58,7 +58,7 @@ class Collocation:
     pairs: tuple[Pair, ...]
 
     def table(self) -> dict[str, Any]:
-        """Return the report as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the report as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -74,7 +74,7 @@ class Collocation:
         return {"title": f"Collocation: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

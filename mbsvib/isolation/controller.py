@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.figures import ACCELERATIONS
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.isolation.actuated import Active
-    from mbsvib.kinematics import Array
-    from mbsvib.state_space import StateSpace
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.responses.state_space import StateSpace
 
     Complex = NDArray[np.complex128]
 
@@ -57,7 +57,7 @@ class Controller:
 
     def state_space(self) -> StateSpace:
         """Return the law as a state space with names, ready for ``mbsvib_export.to_control``."""
-        from mbsvib.state_space import StateSpace
+        from mbsvib.responses.state_space import StateSpace
 
         n = len(self.A)
         return StateSpace(self.name, "controller", self.A.copy(), self.B.copy(), self.C.copy(), self.D.copy(),

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mbsvib.api.model import Model
     from mbsvib.isolation.figures import Isolation
-    from mbsvib.model import Model
     from mbsvib.studies import Optimum
 
 
@@ -33,7 +33,7 @@ class Design:
         return self.optimum.success
 
     def table(self) -> dict[str, Any]:
-        """Return variables, objective and figures as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return variables, objective and figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -47,7 +47,7 @@ class Design:
         return table
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

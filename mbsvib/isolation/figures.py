@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.asymptote import Asymptote, asymptote
+from mbsvib.isolation.integrand import response as summed
 from mbsvib.isolation.mean_square import resolution
-from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
-from mbsvib.isolation.summed import response as summed
-from mbsvib.mechanism import GROUND
+from mbsvib.isolation.study_scene import DIRECTIONS, Scene, scene
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.responses import extrema
-from mbsvib.system import System
 
 if TYPE_CHECKING:
     import os
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.api.model import Model
     from mbsvib.isolation.mean_square import Linear
     from mbsvib.isolation.vibration import Vibration
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 
@@ -213,14 +213,14 @@ class Isolation:
         return vibration(self, base_noise(spectra, self.scene.moved, correlation), band)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of figures as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
         dict
             Title, columns, rows and notes.
         """
-        from mbsvib.isolation.writing import isolation_table
+        from mbsvib.isolation.tables import isolation_table
 
         return isolation_table(self)
 
@@ -237,12 +237,12 @@ class Isolation:
         Path
             The path.
         """
-        from mbsvib.isolation.writing import isolation_csv
+        from mbsvib.isolation.tables import isolation_csv
 
         return isolation_csv(self, path)
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -13,8 +13,8 @@ from mbsvib.isolation.chains import chains_between, same
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from mbsvib.api.model import Model
     from mbsvib.isolation.chains import Chain, Leg
-    from mbsvib.model import Model
 
 
 def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None) -> tuple[Leg, ...]:

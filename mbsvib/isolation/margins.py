@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.isolation.closed_loop import ClosedLoop
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 
@@ -60,7 +60,7 @@ class Margins:
         return float(np.degrees(2.0 * np.arcsin(min(0.5 * self.modulus, 1.0))))
 
     def table(self) -> dict[str, Any]:
-        """Return the margins as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the margins as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -81,7 +81,7 @@ class Margins:
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from mbsvib.api.system import System
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.asymptote import direct as at_once
 from mbsvib.responses import extrema
-from mbsvib.system import System
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.isolation.closed_loop import ClosedLoop
     from mbsvib.isolation.noise import BaseNoise, Shaped
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
     Linear: TypeAlias = System | ClosedLoop

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError, nearest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib._given import reals
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import reals
 from mbsvib.errors import nearest
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
 # Plateaus [m/s]: each half the one before, rounded as the source has them
 VC = {"VC-A": 50e-6, "VC-B": 25e-6, "VC-C": 12.5e-6, "VC-D": 6.25e-6, "VC-E": 3.12e-6, "VC-F": 1.56e-6, "VC-G": 0.78e-6}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from mbsvib.isolation.design import Design
     from mbsvib.isolation.passive import Bounds, Passive
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.studies import Constraint, Quantity
 
 
@@ -30,7 +30,7 @@ class Front:
     designs: tuple[Design, ...] = field(repr=False)
 
     def table(self) -> dict[str, Any]:
-        """Return the front as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the front as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -45,7 +45,7 @@ class Front:
         return {"title": f"Pareto front of {self.designs[0].model.name}", "columns": columns, "rows": rows, "notes": []}
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

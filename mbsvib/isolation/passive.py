@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib.equilibrium.settled import settled
+from mbsvib.common import arguments as check
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures
 from mbsvib.isolation.noise import base_noise
-from mbsvib.isolation.scene import DIRECTIONS, Scene, scene
+from mbsvib.isolation.study_scene import DIRECTIONS, Scene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
-from mbsvib.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
 from mbsvib.studies.responses import Peak, band_of
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.model import Model
     from mbsvib.isolation.noise import BaseNoise
     from mbsvib.isolation.pareto import Front
-    from mbsvib.model import Model
     from mbsvib.studies import Constraint
 
     Bounds = Mapping[str, tuple[float | None, float | None] | None]

@@ -15,22 +15,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
+from mbsvib.elements.ports import Port
 from mbsvib.errors import ModelError, nearest
-from mbsvib.isolation.following import Following
+from mbsvib.isolation.leg_motion import Following
 from mbsvib.isolation.legs import legs_between
 from mbsvib.isolation.rings import UNITS, ring_of
-from mbsvib.mechanism import GROUND
-from mbsvib.parts.ports import Port
+from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.api.model import Model
     from mbsvib.isolation.chains import Leg
     from mbsvib.isolation.rings import Ring
-    from mbsvib.model import Model
 
     Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._checks import shown
-from mbsvib._given import mode_index, reals
+from mbsvib.common.arguments import shown
+from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.pole_track import AT_REST, Track, least_damping, moved, ratios, stable
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mbsvib.isolation.actuated import Active
     from mbsvib.isolation.controller import Controller
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 
@@ -111,7 +111,7 @@ class RootLocus:
         Returns
         -------
         dict
-            Title, columns, rows and notes, as arguments of ``mbsvib.tables.text`` and ``show``.
+            Title, columns, rows and notes, as arguments of ``mbsvib.common.tables.text`` and ``show``.
         """
         rows: list[tuple[Any, ...]] = []
         zeros = self._zeros()
@@ -148,7 +148,7 @@ class RootLocus:
         return result | dict(zip(np.flatnonzero(self.moved).tolist(), left.tolist(), strict=True))
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

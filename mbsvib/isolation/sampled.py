@@ -16,8 +16,8 @@ from mbsvib.isolation.participation import eigen
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
+from mbsvib.elements import Maxwell, Spring
 from mbsvib.errors import ModelError, nearest
-from mbsvib.parts import Maxwell, Spring
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.kinematics.relative_motion import Array
 
 ENDS = ("start", "end")
 

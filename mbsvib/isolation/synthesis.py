@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.isolation.actuated import Active
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
 
 def lqg(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.isolation.figures import Isolation
-    from mbsvib.kinematics import Array
+    from mbsvib.kinematics.relative_motion import Array
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -127,14 +127,14 @@ class Vibration:
         return max(octaves.LOWEST, band[0]), min(octaves.HIGHEST, band[1])
 
     def table(self) -> dict[str, Any]:
-        """Return the table of root mean squares as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the table of root mean squares as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
         dict
             Title, columns, rows and notes.
         """
-        from mbsvib.isolation.writing import vibration_table
+        from mbsvib.isolation.tables import vibration_table
 
         return vibration_table(self)
 
@@ -151,12 +151,12 @@ class Vibration:
         Path
             The path.
         """
-        from mbsvib.isolation.writing import vibration_csv
+        from mbsvib.isolation.tables import vibration_csv
 
         return vibration_csv(self, path)
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mbsvib.isolation.summed import DENSE, response, solved
+from mbsvib.isolation.integrand import DENSE, response, solved
 from mbsvib.studies.responses import Ports, _nodes
 
 if TYPE_CHECKING:
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.isolation.noise import BaseNoise
     from mbsvib.sensitivities.matrices import MatrixDerivatives
-    from mbsvib.studies.place import Place
+    from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Dual
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

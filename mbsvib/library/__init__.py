@@ -29,7 +29,7 @@ from mbsvib.library._wafer_stage import wafer_stage
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
 
 __all__ = [
     "build", "cantilever", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh", "hinged_rod",

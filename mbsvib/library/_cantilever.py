@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mbsvib.api.model import Model
 from mbsvib.library._families import positive
-from mbsvib.model import Model
 
 
 def cantilever(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.library import _families as family
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
 
 
 def chain(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import cos, pi, sin, sqrt
 from typing import TYPE_CHECKING
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.library import _platform as shape
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from itertools import product
 
+from mbsvib.api.model import Model
 from mbsvib.library._families import positive
 from mbsvib.library._pendulums import FREE_FALL
-from mbsvib.model import Model
 
 
 def engine_on_mounts(

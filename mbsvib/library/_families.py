@@ -9,15 +9,15 @@ from __future__ import annotations
 from math import pi
 from typing import TYPE_CHECKING, Any
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
+from mbsvib.elements import bushing
 from mbsvib.errors import nearest
-from mbsvib.model import Model
-from mbsvib.parts import bushing
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from mbsvib._checks import Vector
+    from mbsvib.common.arguments import Vector
 
 # The chapter's Table 3, of all spring-dampers of a joint together; it gives torsion per degree.
 MASS = 1.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.library._families import count
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -5,15 +5,15 @@ from __future__ import annotations
 from math import asin, atan2, cos, hypot, radians, sin
 from typing import TYPE_CHECKING
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.library._families import positive
 from mbsvib.library._pendulums import FREE_FALL
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib._checks import Vector
+    from mbsvib.common.arguments import Vector
 
 Y = (0.0, 1.0, 0.0)
 

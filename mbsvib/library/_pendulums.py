@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import cos, pi, sin
 
+from mbsvib.api.model import Model
 from mbsvib.library._families import count, positive
-from mbsvib.model import Model
 
 FREE_FALL = 9.81  # [m/s^2]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import cos, sin
 from typing import TYPE_CHECKING, Any
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib._checks import Vector
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.common.arguments import Vector
 
 GROUPS = ("platform", "legs", "base")
 LEGS = ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6")

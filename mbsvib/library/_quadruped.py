@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.library import _platform as shape
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib._checks import Vector
+    from mbsvib.common.arguments import Vector
 
 # A leg in its own plane: sideways and upward from the ground under the trunk's edge [m], hip to foot.
 HIP, FIRST_GEAR, SECOND_GEAR, FOOT = (0.12, 0.30), (0.20, 0.30), (0.32, 0.24), (0.30, 0.0)

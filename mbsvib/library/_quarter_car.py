@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mbsvib.model import Model
+from mbsvib.api.model import Model
 
 
 def quarter_car(

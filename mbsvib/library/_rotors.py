@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from mbsvib.api.model import Model
 from mbsvib.library._families import positive
 from mbsvib.library._pendulums import FREE_FALL
-from mbsvib.model import Model
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -14,7 +14,7 @@ def rotor_stator(speed: float = 10.0, *, height: float = 0.75) -> Model:
 
     With x + i y and W the speed, (1500 s^2 + s + 1000)(1281.25 s^2 + (10 -+ 1000 i W) s + 1e4) - 975^2 s^4 = 0 for the
     whirls; up and down 1500 s^2 + s + 1000 = 0, of the stator about z 10 s^2 + 100 s + 1e5 = 0; and the rotor's own
-    turning, which nothing holds. ``mbsvib.campbell.campbell`` follows them over the speed.
+    turning, which nothing holds. ``mbsvib.studies.campbell.campbell`` follows them over the speed.
 
     Parameters
     ----------

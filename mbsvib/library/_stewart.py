@@ -5,16 +5,16 @@ from __future__ import annotations
 from math import radians, sqrt
 from typing import TYPE_CHECKING, Any
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.library import _platform as shape
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
-    from mbsvib._checks import Vector
+    from mbsvib.common.arguments import Vector
 
 BASE_ANGLES = tuple(map(radians, (-10.0, 10.0, 110.0, 130.0, 230.0, 250.0)))
 PLATFORM_ANGLES = tuple(map(radians, (-50.0, 50.0, 70.0, 170.0, 190.0, 290.0)))

@@ -9,7 +9,7 @@ from mbsvib.library import _families as family
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
 
 
 def tree(

@@ -5,11 +5,11 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import TYPE_CHECKING
 
+from mbsvib.api.model import Model
 from mbsvib.library._platform import DIRECTIONS, LOADS, box
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
-    from mbsvib._checks import Vector
+    from mbsvib.common.arguments import Vector
 
 # name, mass [kg], edges [m], centre of mass [m]: chosen, of the size of a machine for 300 mm wafers
 BASE = ("base", 3000.0, (2.0, 1.8, 0.4), (0.0, 0.0, 0.0))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.compiled import BALL, FREE, HINGE, SLIDE, Compiled, known
 from mbsvib.mjcf.scene import Link, Scene

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.kind import check_kind
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.api.model import Model
+from mbsvib.common import arguments as check
 from mbsvib.errors import LeftOutWarning
 from mbsvib.mjcf.compiled import Compiled, compiled
-from mbsvib.model import Model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

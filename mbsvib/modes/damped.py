@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.free_motions import completed, product, unbraked
-from mbsvib.gram import product as weighted
+from mbsvib.equations.unresisted_motion import completed, product, unbraked
+from mbsvib.linalg.products import product as weighted
 from mbsvib.modes.strong_damping import forces, improved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.undamped import Undamped
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

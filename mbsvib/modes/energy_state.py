@@ -17,18 +17,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.free_motions import RANK, completed, free_motions, largest, null_pair, orthonormal, product, sizes, unbraked
-from mbsvib.gram import gram
-from mbsvib.gram import product as weighted
-from mbsvib.loops import pivoted_qr
-from mbsvib.massless.first_order import own_coordinates
+from mbsvib.equations.unresisted_motion import (
+    RANK,
+    completed,
+    free_motions,
+    largest,
+    null_pair,
+    orthonormal,
+    product,
+    sizes,
+    unbraked,
+)
+from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.linalg.products import gram
+from mbsvib.linalg.products import product as weighted
 from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
+from mbsvib.responses.first_order import own_coordinates
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.undamped import Undamped
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
 

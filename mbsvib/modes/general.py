@@ -20,7 +20,7 @@ from mbsvib.modes.general_refinement import Spectrum, refined
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

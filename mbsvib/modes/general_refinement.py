@@ -16,8 +16,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.energy_state import EnergyState
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import real
+from mbsvib.common.expected import real
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.damped import Damped, damped, proportional
 from mbsvib.modes.general import General, general, is_general
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.equations import Provenance
+    from mbsvib.api.system import System
+    from mbsvib.equations.equations import Provenance
     from mbsvib.plots.animation import Animation
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]
@@ -197,7 +197,7 @@ class Modes:
         return int(self.shapes.shape[1])
 
     def table(self) -> dict[str, Any]:
-        """Return the table of modes as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the table of modes as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -217,12 +217,12 @@ class Modes:
         return f"{dof} DOF" if len(self) == dof else f"{len(self)} of {dof}"
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 
     def _repr_html_(self) -> str:
-        from mbsvib import notebook
+        from mbsvib.plots import notebook
 
         return notebook.table(**self.table())
 

@@ -20,17 +20,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
-from mbsvib._memory import keep_freed_memory
-from mbsvib.free_motions import free_motions, orthonormal
-from mbsvib.kinematics import single_entries
-from mbsvib.modes.rungs import by_factors, by_jacobi, by_products
+from mbsvib.common.memory import keep_freed_memory
+from mbsvib.equations.unresisted_motion import free_motions, orthonormal
+from mbsvib.kinematics.relative_motion import single_entries
+from mbsvib.linalg.eigensolvers import by_factors, by_jacobi, by_products
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib._given import reals
+from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _choice as choice
 from mbsvib.responses.frequency_grid import placed, roots
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

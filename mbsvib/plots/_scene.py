@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.beams import Beam
-from mbsvib.parts import Body, Bushing, Input, Joint, Maxwell, Spring
+from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell, Spring
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.superelement import Superelement
+from mbsvib.mechanism.topology import span
 from mbsvib.plots import _outline as outline
-from mbsvib.superelements.superelement import Superelement
-from mbsvib.topology import span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.model import Model
-    from mbsvib.parts._part import Part
-    from mbsvib.system import Provenance
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import Provenance
+    from mbsvib.elements.part import Part
 
     Array = NDArray[np.float64]
     Index = NDArray[np.intp]

@@ -5,16 +5,16 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.parts import Bushing, Maxwell, Spring
-from mbsvib.parts._part import Composed
-from mbsvib.parts.coupler import Coupling
-from mbsvib.topology import FLOATS
+from mbsvib.elements import Bushing, Maxwell, Spring
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.part import Composed
+from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from mbsvib.parts._part import Part
-    from mbsvib.topology import Topology
+    from mbsvib.elements.part import Part
+    from mbsvib.mechanism.topology import Topology
 
 
 def positions(topology: Topology) -> list[tuple[float, int]]:

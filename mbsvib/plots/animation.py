@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import mode_index
+from mbsvib.common.expected import mode_index
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, View, axes_of, triad
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from mbsvib.equations import Provenance
+    from mbsvib.equations.equations import Provenance
     from mbsvib.modes import Modes
 
 SUFFIXES = (".gif", ".mp4", ".html")
@@ -124,7 +124,7 @@ class Animation:
         ExportError
             If the suffix is none of these, ffmpeg is not installed, or the file cannot be written.
         """
-        from mbsvib.whole_file import write_whole
+        from mbsvib.common.atomic_file import write_whole
 
         kind = Path(path).suffix.lower()
         if kind not in SUFFIXES:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from mbsvib.campbell import Campbell
+    from mbsvib.studies.campbell import Campbell
 
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
 
@@ -24,7 +24,7 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
     Parameters
     ----------
     data : Campbell
-        What ``mbsvib.campbell.campbell`` returned.
+        What ``mbsvib.studies.campbell.campbell`` returned.
     orders : sequence of float
         Lines frequency = order x speed / 2 pi to draw.
 

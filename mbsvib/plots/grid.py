@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib._given import a_system
+from mbsvib.common.expected import a_system
 from mbsvib.plots import _scene
 from mbsvib.plots import _style as style
 from mbsvib.plots._projection import Picture, triad
@@ -12,9 +12,9 @@ from mbsvib.plots._projection import Picture, triad
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
     from mbsvib.plots._projection import View
-    from mbsvib.system import System
 
 MOST_NAMES = 40
 
@@ -44,7 +44,7 @@ def mechanism(source: Model | System, view: View = "3-D", names: bool = True) ->
     ResponseError
         If the view is none of these.
     """
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
 
     if isinstance(source, Model):
         scene = _scene.of_model(source)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib._given import a_system
+from mbsvib.common.expected import a_system
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.plots._choice import Names, Systems
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import mbsvib
-from mbsvib.explain import skipped
+from mbsvib.explain.dense import skipped
 from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
 from mbsvib.plots import _units as units
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes import Modes
     from mbsvib.plots._choice import Names
-    from mbsvib.system import System
 
 MOST_MODES = 60  # in motion and with shares; the table has them all
 MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page

@@ -7,16 +7,16 @@ from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from mbsvib._given import a_model
+from mbsvib.api.system import System
+from mbsvib.common.expected import a_model
 from mbsvib.errors import ExportError, ModelError
 from mbsvib.report.data import collect
-from mbsvib.system import System
 
 if TYPE_CHECKING:
     import os
     from pathlib import Path
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.plots._choice import Names
 
 # Characters that could end a script element, open a comment in it, or end a line of JavaScript.
@@ -88,7 +88,7 @@ def write(
     ExportError
         If plotly is not installed, or the file cannot be written.
     """
-    from mbsvib.whole_file import write_whole
+    from mbsvib.common.atomic_file import write_whole
 
     text = html(source, inputs, outputs).encode("utf-8")
     try:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib._given import real
+from mbsvib.common.expected import real
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import lapack
 
-from mbsvib._given import angular
+from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.eigensolvers import sorted_qr
 from mbsvib.modes.damped import Damped
-from mbsvib.modes.rungs import sorted_qr
 from mbsvib.responses.modal_sum import residues, sum_of_motions
 from mbsvib.responses.tiny_outputs import mended
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.general import General
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

@@ -18,10 +18,10 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general import General
     from mbsvib.responses.modal_sum import ModalSum
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.massless.first_order import FirstOrder
 from mbsvib.modes.general import rigid_shapes
+from mbsvib.responses.first_order import FirstOrder
 from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.general import General
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
 

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.responses.twofold import Sliced, Twofold, twofold
+from mbsvib.linalg.double_double import Sliced, Twofold, twofold
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from mbsvib.system import System
+    from mbsvib.api.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import reals
+from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.general import General
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
 

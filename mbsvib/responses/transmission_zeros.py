@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import names as listed
+from mbsvib.common.expected import names as listed
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.modes.general import General
     from mbsvib.responses.resolvent import Resolvent
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

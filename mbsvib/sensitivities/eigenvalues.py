@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.sensitivities.fields import fields, motions
-from mbsvib.sensitivities.plans import plan
+from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.parameter_groups import plan
 from mbsvib.sensitivities.products import forms, picked, table
 from mbsvib.sensitivities.variables import variables
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.sensitivities.fields import Field, Fields, Motions
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.plans import Plan
+    from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
-    from mbsvib.system import System
 
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
     Complex = NDArray[np.complex128]

@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.parts import Body, Joint, Spring
-from mbsvib.sensitivities.fields import acts, applied
-from mbsvib.sensitivities.vectors import cross, wide
+from mbsvib.elements import Body, Joint, Spring
+from mbsvib.linalg.vectors import cross, wide
+from mbsvib.sensitivities.adjoint_fields import acts, applied
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.kinematics import Array
-    from mbsvib.parts import Bushing
-    from mbsvib.sensitivities.fields import Field, Fields
+    from mbsvib.elements import Bushing
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.sensitivities.adjoint_fields import Field, Fields
 
     Terms = list[tuple[Field, Field]]
 

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ModelError, nearest
+from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import planned
-from mbsvib.sensitivities.fields import fields, motions
-from mbsvib.sensitivities.loads import feedthrough, no_loads, ported
+from mbsvib.sensitivities.matrix_derivatives import Whole, factored
+from mbsvib.sensitivities.ports import feedthrough, no_loads, ported
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.responses import derivatives
-from mbsvib.sensitivities.whole import Whole, factored
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mbsvib.kinematics import Array
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.sensitivities.adjoint_fields import Field
     from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.fields import Field
-    from mbsvib.sensitivities.loads import Loads
-    from mbsvib.sensitivities.plans import Plan
-    from mbsvib.system import System
+    from mbsvib.sensitivities.parameter_groups import Plan
+    from mbsvib.sensitivities.ports import Loads
 
 _ONE, _NONE = np.ones(1), np.zeros(1)
 _STILL = (_NONE, _NONE, _NONE)

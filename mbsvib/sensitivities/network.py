@@ -13,30 +13,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.beams.beam import Beam
-from mbsvib.kinematics import Rows, relative_motion, twists
-from mbsvib.parts import Body, Bushing, Joint, Maxwell, Spring
-from mbsvib.parts._part import Composed
+from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.part import Composed
+from mbsvib.kinematics.relative_motion import Rows, relative_motion, twists
+from mbsvib.mechanism.topology import FLOATS
+from mbsvib.sensitivities.applicability import follows, limits
 from mbsvib.sensitivities.balance.forces import forces
-from mbsvib.sensitivities.flexible import pieces
-from mbsvib.sensitivities.limits import follows, limits
-from mbsvib.sensitivities.relaxing import nodes_and_lines
-from mbsvib.sensitivities.ties import constraints
+from mbsvib.sensitivities.beams import pieces
+from mbsvib.sensitivities.constraint_forces import constraints
+from mbsvib.sensitivities.maxwell import nodes_and_lines
 from mbsvib.sensitivities.variants import Variants
-from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.kinematics import Array, Index, Twists
-    from mbsvib.parts._part import Part
+    from mbsvib.api.system import System
+    from mbsvib.elements.part import Part
+    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.sensitivities.applicability import Limit
     from mbsvib.sensitivities.balance.balanced import Balanced
-    from mbsvib.sensitivities.balance.described import Described
     from mbsvib.sensitivities.balance.forces import Forces
-    from mbsvib.sensitivities.limits import Limit
-    from mbsvib.sensitivities.plans import Plan
-    from mbsvib.sensitivities.ties import Constraints
-    from mbsvib.system import System
+    from mbsvib.sensitivities.balance.reference_pose import Described
+    from mbsvib.sensitivities.constraint_forces import Constraints
+    from mbsvib.sensitivities.parameter_groups import Plan
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 _SIX = np.eye(6)
@@ -105,7 +105,7 @@ class Network:
     @cached_property
     def described(self) -> Described | None:
         """What parameters as described do, where the equilibrium was found in another pose."""
-        from mbsvib.sensitivities.balance.described import described
+        from mbsvib.sensitivities.balance.reference_pose import described
 
         came = self.variants.system.provenance
         if self.forces is None or self.balanced is None or not came.settled or came.origin is None:
@@ -115,8 +115,8 @@ class Network:
     @cached_property
     def every(self) -> Plan:
         """All parameters, grouped."""
-        from mbsvib.parameters import Parameters
-        from mbsvib.sensitivities.plans import plan
+        from mbsvib.mechanism.parameters import Parameters
+        from mbsvib.sensitivities.parameter_groups import plan
         from mbsvib.sensitivities.variables import variables
 
         return plan(self, variables(Parameters(self.parts), None), every=True)

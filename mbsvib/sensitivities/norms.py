@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
+from mbsvib.equations.controllable_part import chosen, reachable
 from mbsvib.errors import ResponseError
-from mbsvib.reachable import chosen, reachable
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.matrices import in_parts
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
     Ports = str | Sequence[str] | None

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sensitivities.fields import acts, fields, in_joints, motions
-from mbsvib.sensitivities.whole import Whole
+from mbsvib.sensitivities.adjoint_fields import acts, fields, in_joints, motions
+from mbsvib.sensitivities.matrix_derivatives import Whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Index
+    from mbsvib.kinematics.relative_motion import Index
+    from mbsvib.sensitivities.adjoint_fields import Field, Fields
     from mbsvib.sensitivities.factors import Terms
-    from mbsvib.sensitivities.fields import Field, Fields
-    from mbsvib.sensitivities.plans import Family, Plan
+    from mbsvib.sensitivities.parameter_groups import Family, Plan
 
 # Numbers that one block of forms may hold, so that it stays in the cache.
 BLOCK = 80_000

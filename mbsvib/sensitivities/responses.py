@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.reachable import chosen
+from mbsvib.equations.controllable_part import chosen
 from mbsvib.responses.frequency_response import _checked
+from mbsvib.sensitivities.adjoint_fields import applied, fields, momentum, motions
 from mbsvib.sensitivities.eigenvalues import planned
-from mbsvib.sensitivities.fields import applied, fields, momentum, motions
-from mbsvib.sensitivities.loads import feedthrough, ported
+from mbsvib.sensitivities.ports import feedthrough, ported
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.solutions import solutions
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.kinematics import Array
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
     from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.fields import Field, Fields, Motions
-    from mbsvib.sensitivities.loads import Loads
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.plans import Plan
-    from mbsvib.system import System
+    from mbsvib.sensitivities.parameter_groups import Plan
+    from mbsvib.sensitivities.ports import Loads
 
     Complex = NDArray[np.complex128]
     Ports = str | Sequence[str] | None

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities, planned
-from mbsvib.sensitivities.fields import fields, motions
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.spectrum import TOGETHER
 from mbsvib.sensitivities.states import basis
@@ -22,12 +22,12 @@ from mbsvib.sensitivities.states import basis
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.modes import Modes
     from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.plans import Plan
+    from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.states import Basis
-    from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
 

@@ -14,8 +14,8 @@ from mbsvib.responses.modal_sum import sum_of_motions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
 
     Complex = NDArray[np.complex128]
 

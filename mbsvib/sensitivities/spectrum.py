@@ -12,9 +12,9 @@ from mbsvib.modes.damped import Damped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Index
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Index
     from mbsvib.modes.general import General
-    from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
     Field = NDArray[Any]

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
 
+from mbsvib.elements import Body, Maxwell
 from mbsvib.errors import ModelError
 from mbsvib.modes.damped import Damped
-from mbsvib.parts import Body, Maxwell
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.matrices import MatrixDerivatives
-    from mbsvib.system import System
 
 # A rigid-body mode has the scale of the slowest mode beside it, but not below this share of the fastest.
 SLOWEST = 1e-3

@@ -19,11 +19,11 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.states import States
-    from mbsvib.system import System
 
 EPS = float(np.finfo(float).eps)
 # Taylor's series of the exponential and of its derivative are exact to rounding for matrices of this norm.

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.parameters import Parameter, Parameters
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.mechanism.parameters import Parameter, Parameters
 
     Mask = NDArray[np.bool_]
 

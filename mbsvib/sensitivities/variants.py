@@ -18,20 +18,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.changes import scale_of
-from mbsvib.equations import MATRICES
+from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import MbsvibError, ModelError
-from mbsvib.sensitivities.differences import slope
+from mbsvib.linalg.differences import slope
+from mbsvib.mechanism.changes import scale_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.variables import Direction
-    from mbsvib.system import System
 
     Rates = tuple[tuple[str, float], ...]
 
@@ -96,7 +96,7 @@ class Variants:
     @cached_property
     def _whole(self) -> System | None:
         """The system that ``reachable`` took this one out of."""
-        from mbsvib.equilibrium.settled import settled
+        from mbsvib.equilibrium.at_equilibrium import settled
 
         own, came = self.system, self.system.provenance
         if came.dropped is None:
@@ -238,8 +238,8 @@ class Variants:
     @cached_property
     def _size(self) -> float:
         """The size of the mechanism [m], nodes of beams included."""
+        from mbsvib.equilibrium.flexible_parts import stiffened
         from mbsvib.equilibrium.motion import size_of
-        from mbsvib.equilibrium.rigid import stiffened
 
         return size_of(stiffened(self._model))
 
@@ -282,9 +282,9 @@ class Variants:
 
     def _equations(self, values: Mapping[str, float], motion: Mapping[str, float]) -> Array:
         """All matrices of a variant in another pose, then the forces that are left over."""
-        from mbsvib.assembly import scene, system
+        from mbsvib.equations.assembly import scene, system
+        from mbsvib.equilibrium.at_equilibrium import settled
         from mbsvib.equilibrium.moved import moved
-        from mbsvib.equilibrium.settled import settled
 
         own = self.system
         with warnings.catch_warnings():

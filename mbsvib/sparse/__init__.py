@@ -5,8 +5,3 @@ them from the leaves of the tree to its root is the recursion of articulated bod
 act on relative joint coordinates wherever the path between their ends is short, so that low modes of long chains keep
 their digits: no difference of two absolute displacements is ever formed.
 """
-
-from mbsvib.sparse.assembly import linearize
-from mbsvib.sparse.system import SparseSystem
-
-__all__ = ["SparseSystem", "linearize"]

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import elements as _elements
-from mbsvib.inertia import spatial_inertia
-from mbsvib.loads.wrenches import is_loaded
-from mbsvib.ports import ports
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.equations import spring_rows as _elements
+from mbsvib.equations.inertia import spatial_inertia
+from mbsvib.equations.ports import ports
+from mbsvib.equations.wrenches import is_loaded
 from mbsvib.sparse.constraints import constraints
 from mbsvib.sparse.couplers import coupled
 from mbsvib.sparse.cuts import short_span
@@ -19,7 +20,6 @@ from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.self_stress import regions
-from mbsvib.sparse.system import SparseSystem
 from mbsvib.sparse.tableau import build
 from mbsvib.sparse.tree import tree
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.composite import Shared
-    from mbsvib.elements import Elements
-    from mbsvib.inertia import SpatialInertia
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.loads.self_stress import Undetermined
-    from mbsvib.model import Model
-    from mbsvib.ports import Ports
+    from mbsvib.api.model import Model
+    from mbsvib.equations.inertia import SpatialInertia
+    from mbsvib.equations.ports import Ports
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.equations.spring_rows import Elements
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric

@@ -18,9 +18,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import NearSingularWarning, SingularPoseError
-from mbsvib.explain import listed
-from mbsvib.kinematics import Rows, arm
-from mbsvib.loops import NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, decided, measures, pivoted_qr
+from mbsvib.explain.dense import listed
+from mbsvib.kinematics.loops import (
+    NEAR_SINGULAR,
+    RANK_FACTOR,
+    RANK_GAP,
+    TIE_BREAK,
+    LoopGroup,
+    decided,
+    measures,
+    pivoted_qr,
+)
+from mbsvib.kinematics.relative_motion import Rows, arm
 from mbsvib.sparse.couplers import locked_entries, row_scale
 from mbsvib.sparse.rows import relative_rows
 
@@ -30,13 +39,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.loops import Arms
-    from mbsvib.parts import Body
+    from mbsvib.elements import Body
+    from mbsvib.kinematics.loops import Arms
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.couplers import Coupled
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
-    from mbsvib.topology import Topology
 
     Mask = NDArray[np.bool_]
     Scales = Callable[[Index, float], Array]

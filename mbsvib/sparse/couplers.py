@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.couplers.rows import terms
+from mbsvib.kinematics.couplers import terms
 from mbsvib.sparse.rows import path_entries, relative_rows
 
 if TYPE_CHECKING:
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from mbsvib.couplers.rows import Couplings, Moving
-    from mbsvib.kinematics import Array, Index, Rows
-    from mbsvib.parts import Body
-    from mbsvib.parts.coupler import Coupling
+    from mbsvib.elements import Body
+    from mbsvib.elements.coupler import Coupling
+    from mbsvib.kinematics.couplers import Couplings, Moving
+    from mbsvib.kinematics.relative_motion import Array, Index, Rows
+    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
-    from mbsvib.topology import Topology
 
 Entry = tuple["Index", "Index", "Array"]
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.topology import span
+from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.model import Model
-    from mbsvib.topology import Topology
+    from mbsvib.api.model import Model
+    from mbsvib.mechanism.topology import Topology
 
 # A loop over more joints than this is long; a few of them are a matter of course, as in a ring.
 LONG = 64

@@ -21,11 +21,11 @@ from mbsvib.sparse.reduction import reduced
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.modes import Modes
     from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
-    from mbsvib.system import System
 
     Complex = NDArray[np.complex128]
 

@@ -14,31 +14,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.kinematics import Rows
-from mbsvib.loads.reactions import carrier_of
-from mbsvib.loads.reactions import place as place_of
-from mbsvib.sparse.release import Release
+from mbsvib.equations.reactions import carrier_of
+from mbsvib.equations.reactions import place as place_of
+from mbsvib.kinematics.relative_motion import Rows
+from mbsvib.mechanism.topology import FLOATS
+from mbsvib.sparse.rotated_forces import Turning
 from mbsvib.sparse.rows import relative_rows
-from mbsvib.sparse.turning import Turning
-from mbsvib.topology import FLOATS
+from mbsvib.sparse.virtual_displacements import Release
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.composite import Composite, Shared
-    from mbsvib.elements import Elements
-    from mbsvib.inertia import SpatialInertia
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.loads.self_stress import Undetermined
-    from mbsvib.ports import Ports
+    from mbsvib.equations.inertia import SpatialInertia
+    from mbsvib.equations.ports import Ports
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.equations.spring_rows import Elements
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.kinematics.shared_rows import Composite, Shared
+    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.self_stress import Region
     from mbsvib.sparse.tree import Tree
-    from mbsvib.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,34 +13,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.geometric_stiffness import SQUARES, SUMS, ZERO_FORM
+from mbsvib.equations.reactions import carrier_of, skew
+from mbsvib.equations.reactions import place as place_of
+from mbsvib.equations.second_order_rows import felt
+from mbsvib.equations.statics import BALANCE, LEAST, who
+from mbsvib.equations.wrench_pairs import Pairs
+from mbsvib.equations.wrenches import applied
 from mbsvib.errors import EquilibriumError
-from mbsvib.kinematics import Rows
-from mbsvib.loads.felt import felt
-from mbsvib.loads.geometric import SQUARES, SUMS, ZERO_FORM
-from mbsvib.loads.pairs import Pairs
-from mbsvib.loads.reactions import carrier_of, skew
-from mbsvib.loads.reactions import place as place_of
-from mbsvib.loads.statics import BALANCE, LEAST, who
-from mbsvib.loads.wrenches import applied
-from mbsvib.mobility import crossed_product
+from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.kinematics.relative_motion import Rows
+from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rows import relative_rows
-from mbsvib.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.elements import Elements
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.loads.felt import Felt
-    from mbsvib.loads.wrenches import Applied
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.equations.second_order_rows import Felt
+    from mbsvib.equations.spring_rows import Elements
+    from mbsvib.equations.wrenches import Applied
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.self_stress import Region
     from mbsvib.sparse.tree import Tree
-    from mbsvib.topology import Topology
 
 
 @dataclass(frozen=True, slots=True)

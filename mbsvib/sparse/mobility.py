@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.loops import RANK_FACTOR, pivoted_qr
-from mbsvib.mobility import LIMIT, STEP
+from mbsvib.kinematics.loops import RANK_FACTOR, pivoted_qr
+from mbsvib.kinematics.mobility import LIMIT, STEP
 from mbsvib.sparse.constraints import DEPENDENT, WHOLE
 from mbsvib.sparse.couplers import row_scale
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.sparse.constraints import Constraints, Entries
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tableau import Tableau

@@ -22,10 +22,10 @@ from mbsvib.sparse.reduction import reduced
 from mbsvib.sparse.subspace import subspace
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sparse.subspace import Subspace
-    from mbsvib.sparse.system import SparseSystem
-    from mbsvib.system import System
 
 # What the small dense problem is asked for; it costs nothing.
 RTOL = 1e-13

@@ -18,8 +18,8 @@ from mbsvib.sparse.rigid import far_rows, unsprung, without_far
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.sparse.tableau import Factor
 
 # Work and strain energy of a random load agree to this where the stiffness holds everything; a motion that meets no

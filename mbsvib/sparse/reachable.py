@@ -1,8 +1,8 @@
 """Reachable parts of many bodies: machines that nothing but ground joins move by themselves.
 
 What a sparse system knows of its parts is where joints and springs are, so that bodies are left out and not single
-directions of them, as ``mbsvib.reachable`` does. Ports of what is left out are on ground then: an input does nothing
-there, and an output sees nothing.
+directions of them, as ``equations.controllable_part`` does. Ports of what is left out are on ground then: an input
+does nothing there, and an output sees nothing.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.ports import BaseMotion, ForceOutput
+from mbsvib.equations.controllable_part import Dropped, chosen
 from mbsvib.errors import ResponseError
-from mbsvib.parts.ports import BaseMotion, ForceOutput
-from mbsvib.reachable import Dropped, chosen
 from mbsvib.sparse.assembly import linearize, snapshot
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
-    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.api.model import Model
+    from mbsvib.api.sparse_system import SparseSystem
 
 
 def reachable(

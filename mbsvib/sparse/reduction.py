@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.gram import product
-from mbsvib.loops import Reduction
+from mbsvib.api.system import Provenance, System
+from mbsvib.kinematics.loops import Reduction
+from mbsvib.linalg.products import product
 from mbsvib.sparse.subspace import strains
-from mbsvib.system import Provenance, System
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array
-    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.kinematics.relative_motion import Array
 
 
 def reduced(system: SparseSystem, z: Array, rigid: int) -> System:

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import angular
+from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.kinematics import Array
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sparse.layout import Layout
-    from mbsvib.sparse.system import SparseSystem
 
     Complex = NDArray[np.complex128]
 

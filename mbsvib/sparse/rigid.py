@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.loops import pivoted_qr
+from mbsvib.kinematics.loops import pivoted_qr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.sparse.system import SparseSystem
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.kinematics.relative_motion import Array, Index
 
 # As in the dense path: unit rows that depend on each other differ by rounding of the geometry, far below this.
 RANK = 1e-11

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics import clear_rounding
+from mbsvib.kinematics.relative_motion import clear_rounding
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics import Array, Index, Rows
+    from mbsvib.kinematics.relative_motion import Array, Index, Rows
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 

@@ -17,28 +17,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from mbsvib.couplers.rows import measure
+from mbsvib.equations.reactions import place as place_of
+from mbsvib.equations.reactions import skew
+from mbsvib.equations.self_stress import DETERMINED, Undetermined, self_stress
 from mbsvib.errors import ModelError
-from mbsvib.explain import listed
-from mbsvib.length import length_of
-from mbsvib.loads.reactions import place as place_of
-from mbsvib.loads.reactions import skew
-from mbsvib.loads.self_stress import DETERMINED, Undetermined, self_stress
-from mbsvib.loops import pivoted_qr
+from mbsvib.explain.dense import listed
+from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.kinematics.couplers import measure
+from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import WHOLE
-from mbsvib.sparse.release import CONVERGED, DELTA, STEPS
 from mbsvib.sparse.rows import paths
-from mbsvib.topology import FLOATS
+from mbsvib.sparse.virtual_displacements import CONVERGED, DELTA, STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics import Array, Index
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.tree import Tree
-    from mbsvib.topology import Topology
 
     Split = Callable[[Array], tuple[Array, Array]]
 

@@ -10,9 +10,9 @@ import numpy as np
 from mbsvib.sparse.operator import NOISE, operator
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics import Array
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sparse.operator import Operator
-    from mbsvib.sparse.system import SparseSystem
 
 # Residual of the Lanczos vectors: frequencies are off by its square.
 TOLERANCE = 1e-9

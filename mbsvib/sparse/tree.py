@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics import columns, largest_pitch
-from mbsvib.topology import FLOATS
+from mbsvib.kinematics.relative_motion import columns, largest_pitch
+from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.parts import Body
-    from mbsvib.topology import Topology
+    from mbsvib.elements import Body
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.mechanism.topology import Topology
 
     Mask = NDArray[np.bool_]
 

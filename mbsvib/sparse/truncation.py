@@ -20,9 +20,9 @@ from mbsvib.sparse.response import frequency_response
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.kinematics import Array
-    from mbsvib.sparse.system import SparseSystem
-    from mbsvib.system import System
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
 
 RTOL = 1e-13
 

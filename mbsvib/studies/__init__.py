@@ -1,6 +1,6 @@
 """Design studies: one model at many points of its parameters, and at the best of them.
 
-points, design, ties      values of variables: parameters, patterns of parameters, functions of several
+sweep_points, design, parameter_maps   values of variables: parameters, patterns of parameters, functions of several
 question          what is asked: results by name, functions
 running           in batches, or one by one, in processes
 record            answers in a file as they come
@@ -9,18 +9,18 @@ tracks            ``track``: modes that keep their names over a sweep
 scatter, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
 quantities, extremes   numbers of a system with their gradients, and what is made of them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
-place, scales, search, solvers, optimizing   ``optimize`` and what it returns
+evaluation, scales, search, solvers, optimizing   ``optimize`` and what it returns
 """
 
 from mbsvib.studies.extremes import largest, smallest
 from mbsvib.studies.measures import damping_ratio, frequency, gain, given, peak, placement, variable
 from mbsvib.studies.optimizing import Optimum, optimize
+from mbsvib.studies.parameter_maps import Tie
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.responses import rms
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.scatter import Tolerances, tolerances
 from mbsvib.studies.sweeps import sweep
-from mbsvib.studies.ties import Tie
 from mbsvib.studies.tracks import Tracks, track
 
 __all__ = [

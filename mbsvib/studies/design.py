@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib._given import a_model
-from mbsvib.changes import resolved
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, nearest
-from mbsvib.parameters import unit
-from mbsvib.studies.ties import Linear, Tie, started, turning
+from mbsvib.mechanism.changes import resolved
+from mbsvib.mechanism.parameters import unit
+from mbsvib.studies.parameter_maps import Linear, Tie, started, turning
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
-    from mbsvib.parameters import Parameters
+    from mbsvib.api.model import Model
+    from mbsvib.mechanism.parameters import Parameters
 
     Array = NDArray[np.float64]
 

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.studies.quantities import Dual, Quantity, quantity, stacked
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.studies.place import Place
+    from mbsvib.studies.evaluation import Place
 
     Array = NDArray[np.float64]
 

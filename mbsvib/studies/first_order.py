@@ -14,7 +14,7 @@ from mbsvib.studies.modal import Modal, parting, together
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.studies.place import Place
+    from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Quantity
 
     Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib._given import mode_index
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import mode_index
 from mbsvib.errors import ModelError, nearest
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.quantities import Dual, Leaf, Quantity
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.studies.place import Place
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.studies.evaluation import Place
 
     Array = NDArray[np.float64]
     Names = str | Iterable[str] | None

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib._given import mode_index
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import mode_index
 from mbsvib.errors import ModelError, counted
 from mbsvib.studies.quantities import Dual, Leaf
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.batch.modes import BatchModes
+    from mbsvib.api.system import System
     from mbsvib.modes import Modes
-    from mbsvib.studies.place import Place
-    from mbsvib.system import System
+    from mbsvib.modes.batch import BatchModes
+    from mbsvib.studies.evaluation import Place
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

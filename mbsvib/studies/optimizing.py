@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib.equilibrium.settled import settled
+from mbsvib.common import arguments as check
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.studies.design import Ties
 
     Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Optimum:
     starts: tuple[Descent, ...] = field(repr=False)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of variables as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the table of variables as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -114,7 +114,7 @@ class Optimum:
                 f"{f', none from {failed}' if failed else ''}.")  # fmt: skip
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.studies.place import Place
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.studies.evaluation import Place
 
     Array = NDArray[np.float64]
 
@@ -285,6 +285,6 @@ def _between(one: Quantity, low: Any, high: Any) -> Constraint:
 
 
 def _place(system: System, variables: Any) -> Place:
-    from mbsvib.studies.place import Place
+    from mbsvib.studies.evaluation import Place
 
     return Place.of(system, variables)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.batch import Batch
+    from mbsvib.api.batch import Batch
 
     Answer: TypeAlias = dict[str, NDArray[Any]]
 

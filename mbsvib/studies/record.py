@@ -14,17 +14,17 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.atomic_file import write_whole
 from mbsvib.errors import ModelError
-from mbsvib.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from types import TracebackType
 
-    from mbsvib.model import Model
-    from mbsvib.studies.points import Points
+    from mbsvib.api.model import Model
     from mbsvib.studies.question import Question
     from mbsvib.studies.running import Outcome
+    from mbsvib.studies.sweep_points import Points
 
 VERSION = 1
 # Lines reach the system at once; they are forced onto the disk after so many seconds.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
+from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses import extrema
 from mbsvib.responses.frequency_grid import span
@@ -17,10 +17,10 @@ from mbsvib.studies.quantities import Dual, Leaf
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.isolation.noise import BaseNoise
-    from mbsvib.studies.place import Place
+    from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Quantity
-    from mbsvib.system import System
 
     Array = NDArray[np.float64]
     Complex = NDArray[np.complex128]

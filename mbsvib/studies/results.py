@@ -114,7 +114,7 @@ class Sweep:
         import csv
         from io import StringIO
 
-        from mbsvib.whole_file import write_whole
+        from mbsvib.common.atomic_file import write_whole
 
         text = StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -126,7 +126,7 @@ class Sweep:
         return write_whole(path, lambda stream: stream.write(text.getvalue().encode()))
 
     def table(self) -> dict[str, Any]:
-        """Return a table of the first points as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -165,7 +165,7 @@ class Sweep:
         return sweep(self, label)
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib.batch.values import refused
-from mbsvib.equilibrium.settled import settled
+from mbsvib.api.system import System
+from mbsvib.common import arguments as check
+from mbsvib.equations.batch_values import refused
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError
 from mbsvib.studies.question import follow
-from mbsvib.system import System
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.studies.design import Design
     from mbsvib.studies.question import Answer, Question
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib.batch import Batch
+from mbsvib.api.batch import Batch
+from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.studies.design import design
+from mbsvib.studies.evaluation import Place, checked
 from mbsvib.studies.first_order import first_order, no_order
 from mbsvib.studies.measures import damping_ratio, frequency
 from mbsvib.studies.modal import Modal
-from mbsvib.studies.place import Place, checked
 from mbsvib.studies.quantities import Quantity
 from mbsvib.studies.spread import DEVIATION, drawn, spread
 from mbsvib.studies.sweeps import sweep
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.studies.design import Ties
     from mbsvib.studies.progress import Progress
     from mbsvib.studies.results import Sweep
@@ -131,7 +131,7 @@ class Tolerances:
         return self.labels.index(label)
 
     def table(self) -> dict[str, Any]:
-        """Return the table of all numbers as arguments of ``mbsvib.tables.text`` and ``show``.
+        """Return the table of all numbers as arguments of ``mbsvib.common.tables.text`` and ``show``.
 
         Returns
         -------
@@ -172,7 +172,7 @@ class Tolerances:
         return tolerances(self, label)
 
     def __str__(self) -> str:
-        from mbsvib import tables
+        from mbsvib.common import tables
 
         return tables.text(**self.table())
 

@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.settled import settled
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.linalg.matching import Reference, reference, step
+from mbsvib.studies.evaluation import Place, check_variables, checked, station
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
-from mbsvib.studies.place import Place, check_variables, checked, station
 from mbsvib.studies.quantities import Constraint, Dual, Quantity, stacked
-from mbsvib.tracking import Reference, reference, step
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
+    from mbsvib.linalg.matching import Station
     from mbsvib.studies.design import Design
     from mbsvib.studies.scales import Scales
-    from mbsvib.system import System
-    from mbsvib.tracking import Station
 
     Array = NDArray[np.float64]
     Index = NDArray[np.intp]

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib import _checks as check
-from mbsvib._given import a_model
-from mbsvib.changes import resolved
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError
-from mbsvib.studies.ties import started
+from mbsvib.mechanism.changes import resolved
+from mbsvib.studies.parameter_maps import started
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.studies.design import Ties
 
     Array = NDArray[np.float64]

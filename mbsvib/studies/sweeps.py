@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.studies.design import design
-from mbsvib.studies.points import points
 from mbsvib.studies.progress import counting
 from mbsvib.studies.question import question
 from mbsvib.studies.results import Sweep, gathered
 from mbsvib.studies.running import run, task
+from mbsvib.studies.sweep_points import points
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.studies.design import Design, Ties
     from mbsvib.studies.progress import Progress
     from mbsvib.studies.question import Asked

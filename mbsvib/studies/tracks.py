@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import mode_index
-from mbsvib.equilibrium.settled import settled
+from mbsvib.common.expected import mode_index
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError, ModelError, nearest
+from mbsvib.linalg.matching import Reference, Station, reference, step
 from mbsvib.studies.design import design
-from mbsvib.studies.place import station
+from mbsvib.studies.evaluation import station
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
-from mbsvib.tracking import Reference, Station, reference, step
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.modes import Modes
     from mbsvib.studies.design import Design, Ties
     from mbsvib.studies.progress import Progress

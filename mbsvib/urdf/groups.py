@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.model import Model
+    from mbsvib.api.model import Model
     from mbsvib.urdf.reading import Link
 
     Array = NDArray[np.float64]

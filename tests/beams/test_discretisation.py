@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle, Section
-from mbsvib.beams.element import deflection, mass_rows, rotation, shear_ratios, stiffness
+from mbsvib.elements.beam_element import deflection, mass_rows, rotation, shear_ratios, stiffness
 from tests.beams.reference import assembled, cantilever_plane, eigenvalue_near, matrices
 
 MATERIAL = Material(E=7e10, nu=0.33, rho=2700.0)

@@ -9,7 +9,7 @@ from scipy.special import jv
 
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle
-from mbsvib.beams.prestress import spread
+from mbsvib.equations.beam_prestress import spread
 from tests.beams.reference import assembled, matrices
 
 ALLOY = Material(E=7e10, nu=0.3, rho=2700.0)

@@ -7,7 +7,7 @@ import mbsvib as mv
 from mbsvib.equilibrium.couplers import gone
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.pose import start
-from mbsvib.equilibrium.rotations import exponential
+from mbsvib.linalg.rotations import exponential
 from tests.equilibrium.test_moved import four_bar
 from tests.support.sizes import few
 

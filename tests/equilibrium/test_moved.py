@@ -7,7 +7,7 @@ from hypothesis import given
 import mbsvib as mv
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.pose import start
-from mbsvib.equilibrium.rotations import exponential
+from mbsvib.linalg.rotations import exponential
 from tests.support.lagrangian import Lagrangian
 from tests.support.random_models import KINDS, add_random_body, add_random_joint, planar, seeds, spatial
 from tests.support.sizes import examples, few

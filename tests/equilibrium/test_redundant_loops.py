@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.kinematics.test_loops import scaled
 from tests.support.random_models import moved, planar, rotation, turned
-from tests.test_loops import scaled
 
 
 def door(rng, offset, arm, *second):

@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from mbsvib.equilibrium.rotations import exponential, inverse_jacobian, logarithm, orthonormal, second_order
+from mbsvib.linalg.rotations import exponential, inverse_jacobian, logarithm, orthonormal, second_order
 
 VECTORS = [
     (0.0, 0.0, 0.0), (1e-9, 2e-9, -1e-9), (0.02, -0.03, 0.01), (0.3, -0.2, 0.5), (1.0, -2.0, 1.5), (3.0, 0.5, 0.2),

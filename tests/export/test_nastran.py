@@ -6,8 +6,8 @@ import pytest
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
-from mbsvib.superelements.reading import read_op4 as read_reduced
-from mbsvib.superelements.reading import read_punch
+from mbsvib.elements.superelement_files import read_op4 as read_reduced
+from mbsvib.elements.superelement_files import read_punch
 from mbsvib_export.nastran_ import read_dmig, read_op4
 from tests.export.plants import same_bits, slider, stewart
 

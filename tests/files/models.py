@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import strategies as st
 
 import mbsvib as mv
+from mbsvib.elements.joint import KINDS
 from mbsvib.files.words import SECTIONS
-from mbsvib.mechanism import GROUND
-from mbsvib.parts.joint import KINDS
+from mbsvib.mechanism.mechanism import GROUND
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 AWKWARD = (

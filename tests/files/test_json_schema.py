@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 
 import mbsvib as mv
-from mbsvib._checks import DIRECTIONS
+from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.elements.joint import KINDS
+from mbsvib.elements.ports import QUANTITIES
 from mbsvib.files import load, save, schema
 from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, words
 from mbsvib.files.yaml_text import read_yaml
 from mbsvib.library import models as library_models
-from mbsvib.parts.joint import KINDS
-from mbsvib.parts.ports import QUANTITIES
 from tests.files.models import models
 from tests.files.test_saving import READABLE
 from tests.support.sizes import examples

@@ -4,8 +4,8 @@ import inspect
 
 import pytest
 
+from mbsvib.api.model import ADDERS, Model
 from mbsvib.files.words import SECTIONS, head_words, mandatory, options, unfit, words
-from mbsvib.model import ADDERS, Model
 
 KNOWN_TYPES = {"None", "str", "float", "int", "bool", "ArrayLike", "Sequence[str]"}
 KNOWN_TYPES |= {"Body", "Bushing", "Spring", "Maxwell", "Joint", "Tube", "Circle", "Rectangle", "Section", "Material"}

@@ -35,7 +35,7 @@ def relaxing(model, name, base, start, end, k):
     start, end = np.array(start), np.array(end)
     line = (end - start) / np.linalg.norm(end - start)
     for part, place in (("tube", start + 0.1 * line), ("rod", end - 0.08 * line)):
-        axes = mv._checks.frame_along(tuple(line))
+        axes = mv.common.arguments.frame_along(tuple(line))
         model.add_body(f"{name}.{part}", 0.2, (1e-3, 1e-3, 1e-4), place, orientation=axes)
     model.add_joint(f"{name}.foot", "universal", base, f"{name}.tube", start, orientation=axes)
     model.add_joint(f"{name}.slide", "prismatic", f"{name}.tube", f"{name}.rod", axis=line)
@@ -48,7 +48,7 @@ def flexed(model, name, base, start, end, k):
     """Flexures at both ends instead of joints, and one beside the slide; names without a common stem."""
     start, end = np.array(start), np.array(end)
     line = (end - start) / np.linalg.norm(end - start)
-    axes = mv._checks.frame_along(tuple(line))
+    axes = mv.common.arguments.frame_along(tuple(line))
     model.add_body(f"low {name}", 0.2, (1e-3, 1e-3, 1e-4), start + 0.1 * line, orientation=axes)
     model.add_body(f"high {name}", 0.2, (1e-3, 1e-3, 1e-4), end - 0.1 * line, orientation=axes)
     stiff = (8e5, 8e5, 9e5, 5.0, 5.0, 6.0)

@@ -151,7 +151,7 @@ def test_right_angles_are_right():
 
 
 def test_a_base_elsewhere_moves_the_arm_as_a_whole():
-    turn = mv._checks.exponential((0.3, -0.4, 0.5))
+    turn = mv.common.arguments.exponential((0.3, -0.4, 0.5))
     moved = from_dh(PUMA, position=(1, 2, 3), orientation=turn, name="puma")
     here = from_dh(PUMA)
     assert moved.name == "puma"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib._checks import frame_along
+from mbsvib.common.arguments import frame_along
 from tests.loads.test_closed_forms import balanced, four_bar
 from tests.support import overconstrained
 from tests.support.loaded_models import held, loaded

@@ -214,7 +214,7 @@ def test_stiffness_does_not_depend_on_the_choice(name, monkeypatch):
         result[:, self.joints] += 10 * size * self.states.sum(axis=2)[..., None]
         return result
 
-    monkeypatch.setattr("mbsvib.loads.self_stress.SelfStress.least", stressed)
+    monkeypatch.setattr("mbsvib.equations.self_stress.SelfStress.least", stressed)
     found = restated(model).linearize()
     assert max(map(np.linalg.norm, found.reactions.values())) > 3 * size
     np.testing.assert_allclose(found.K, expected.K, rtol=0, atol=1e-11 * max(np.abs(expected.K).max(), size))

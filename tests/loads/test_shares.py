@@ -27,7 +27,7 @@ def test_reactions_balance_every_body(seed, loops):
     for load in model.loads.values():
         act(load.body, load.position or model.bodies[load.body].position, (*load.force, *load.torque))
     for spring in model.springs.values():
-        if isinstance(spring, mv.parts.Spring):
+        if isinstance(spring, mv.elements.Spring):
             pull = np.multiply(-spring.tension, spring.line)
             act(spring.second, spring.end, (*pull, 0, 0, 0))
             act(spring.first, spring.start, (*-pull, 0, 0, 0))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equations import wrenches
 from mbsvib.library import hinged_rod
-from mbsvib.loads import wrenches
 from mbsvib.studies import sweep
 
 
@@ -73,7 +73,7 @@ def test_without_loads_no_statics_are_done(monkeypatch):
     weightless = mv.Model(model.name, gravity=(0, 0, 0))
     for adder, group in model._groups():
         for part in group.values():
-            getattr(weightless, adder or mv.model.ADDERS[type(part)])(**part.words())
+            getattr(weightless, adder or mv.api.model.ADDERS[type(part)])(**part.words())
     system, other = model.linearize(), weightless.linearize()
     assert system.provenance.statics is None
     assert all((getattr(system, key) == getattr(other, key)).all() for key in ("M", "C", "K", "B"))

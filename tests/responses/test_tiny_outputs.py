@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.linalg.double_double import Sliced, Twofold, two_sum
 from mbsvib.responses import frequency_response as module
 from mbsvib.responses import tiny_outputs
-from mbsvib.responses.twofold import Sliced, Twofold, two_sum
 from tests.stress import reference
 from tests.stress.families import wide
 from tests.support.exact import Exact

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 
 import mbsvib as mv
-from mbsvib.sensitivities.loads import ported
+from mbsvib.sensitivities.ports import ported
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import stiffened

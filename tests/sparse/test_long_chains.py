@@ -103,7 +103,7 @@ def test_response_of_an_uneven_chain(n):
     data = uneven(n)
     inputs, outputs = (0, n - 1), [("displacement", n - 1), ("velocity", n // 2), ("acceleration", 0)]
     system = sliding_chain(*data, inputs, outputs, base=True).linearize()
-    assert isinstance(system, mv.sparse.SparseSystem)
+    assert isinstance(system, mv.api.sparse_system.SparseSystem)
     modes = system.modes(4)
     peaks = 2 * np.pi * modes.frequencies
     omega = np.concatenate((peaks, 1.1 * peaks, [0.3 * peaks[0], 30.0, 3000.0]))

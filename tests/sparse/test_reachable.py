@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
+from tests.equations.test_controllable_part import beside, together
 from tests.sparse import scenes
-from tests.test_reachable import beside, together
 
 OMEGA = np.array([0.3, 17.0, 240.0])
 

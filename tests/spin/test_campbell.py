@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.campbell import campbell
 from mbsvib.errors import ModelError
 from mbsvib.plots import campbell as plot
+from mbsvib.studies.campbell import campbell
 from tests.spin.test_rotors import rotor_and_stator, shaft, whirl_roots
 
 SPEEDS = np.linspace(0.0, 12.0, 7)

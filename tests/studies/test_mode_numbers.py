@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 import mbsvib as mv
 from mbsvib import isolation, library
 from mbsvib import studies as st
-from mbsvib.campbell import campbell
 from mbsvib.cli._app import app
+from mbsvib.studies.campbell import campbell
 from tests.studies.test_optimize import two
 
 COUNT_FROM_1 = r"modes count from 1, as print\(system\.modes\(\)\) lists them; {} was given"

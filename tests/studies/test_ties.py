@@ -10,9 +10,9 @@ import pytest
 import mbsvib as mv
 from mbsvib import library
 from mbsvib import studies as st
-from mbsvib.changes import rotations
+from mbsvib.mechanism.changes import rotations
 from mbsvib.studies.design import design
-from mbsvib.studies.ties import turning
+from mbsvib.studies.parameter_maps import turning
 
 
 @dataclass(frozen=True)

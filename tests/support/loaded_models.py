@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mbsvib.model import ADDERS
+from mbsvib.api.model import ADDERS
 from tests.support.lagrangian import Lagrangian
 from tests.support.random_models import rotation, spatial
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 import mbsvib as mv
-from mbsvib.model import ADDERS
+from mbsvib.api.model import ADDERS
 from tests.support.exact import FREE
 
 KINDS = (

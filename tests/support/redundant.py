@@ -115,7 +115,7 @@ class Pair:
             self.model.add_joint(name, kind, *pair, *ends[:1], end=ends[1])
             return
         axis = self.turn[:, 2] * self.rng.uniform(0.1, 9.0)
-        by_axis = kind in mv.parts.joint.KINDS and kind != "universal" and self.rng.random() < 0.5
+        by_axis = kind in mv.elements.joint.KINDS and kind != "universal" and self.rng.random() < 0.5
         words |= {"axis": axis} if by_axis else {"orientation": self.turn}
         if kind in CUSTOM:
             words["free"] = FREE[kind]

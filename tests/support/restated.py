@@ -3,7 +3,7 @@
 import numpy as np
 
 import mbsvib as mv
-from mbsvib.model import ADDERS
+from mbsvib.api.model import ADDERS
 
 AS_IS = np.eye(3)
 POINTS, VECTORS, BODIES = ("position", "start", "end"), ("force", "torque"), ("body", "first", "second", "relative_to")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib import tables
+from mbsvib.common import tables
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib._given import a_path
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib.state_space import StateSpace
+from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.packages import need
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, TypeAlias, overload
 
 from mbsvib import __version__
-from mbsvib._given import a_path
+from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib_export.fmu_.binaries import PLATFORMS, binary, wanted_platforms
 from mbsvib_export.fmu_.description_2 import description_2
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     import control
 
-    from mbsvib.state_space import StateSpace
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.fmu_.plant import Plant
     from mbsvib_export.neutral import SystemData
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations import MATRICES
+from mbsvib.api.system import System
+from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError
-from mbsvib.system import System
 from mbsvib_export.affine import affine
 from mbsvib_export.fmu_.nominal import nominal_values
 from mbsvib_export.fmu_.plant import Plant, Tunable

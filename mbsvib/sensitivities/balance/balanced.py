@@ -24,26 +24,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.sensitivities.balance.following import carried, shifted
-from mbsvib.sensitivities.balance.links import links
-from mbsvib.sensitivities.fields import Fields, transmitted
-from mbsvib.sensitivities.gaps import given_way
-from mbsvib.sensitivities.plans import families_of
+from mbsvib.linalg.vectors import cross, moved, product, wide
+from mbsvib.sensitivities.adjoint_fields import Fields, transmitted
+from mbsvib.sensitivities.balance.connection_changes import links
+from mbsvib.sensitivities.balance.moved_parameters import carried, shifted
+from mbsvib.sensitivities.joint_release_motion import given_way
+from mbsvib.sensitivities.parameter_groups import families_of
 from mbsvib.sensitivities.products import ruled
-from mbsvib.sensitivities.vectors import cross, moved, product, wide
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
-    from mbsvib.kinematics import Array
-    from mbsvib.parameters import Parameter
+    from mbsvib.api.system import System
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.mechanism.parameters import Parameter
+    from mbsvib.sensitivities.adjoint_fields import Field
+    from mbsvib.sensitivities.balance.connection_changes import Links
     from mbsvib.sensitivities.balance.forces import Forces
-    from mbsvib.sensitivities.balance.links import Links
-    from mbsvib.sensitivities.fields import Field
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.plans import Family
-    from mbsvib.system import System
+    from mbsvib.sensitivities.parameter_groups import Family
 
 # Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
 LOOSE = 1e-10

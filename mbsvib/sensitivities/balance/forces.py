@@ -24,20 +24,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.equilibrium.rotations import logarithm
-from mbsvib.parts import Bushing, Load
-from mbsvib.parts.load import Gravity
-from mbsvib.sensitivities.balance.described import Displaced
-from mbsvib.sensitivities.fields import onto, shifted
-from mbsvib.sensitivities.vectors import cross, dot, moved, wide
+from mbsvib.elements import Bushing, Load
+from mbsvib.elements.load import Gravity
+from mbsvib.linalg.rotations import logarithm
+from mbsvib.linalg.vectors import cross, dot, moved, wide
+from mbsvib.sensitivities.adjoint_fields import onto, shifted
+from mbsvib.sensitivities.balance.reference_pose import Displaced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.kinematics import Array, Index
-    from mbsvib.parts import Body, Joint, Spring
-    from mbsvib.sensitivities.vectors import Field
-    from mbsvib.system import System
+    from mbsvib.api.system import System
+    from mbsvib.elements import Body, Joint, Spring
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.linalg.vectors import Field
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from scipy.optimize import brentq
 
 import mbsvib as mv
-from mbsvib.equilibrium.settled import settled
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded

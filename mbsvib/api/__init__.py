@@ -1,0 +1,1 @@
+"""The public classes: models, systems and batches with all of their methods."""

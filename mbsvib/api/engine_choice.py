@@ -1,0 +1,88 @@
+"""The choice between the dense and the sparse equations of motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.elements import Body, Maxwell
+from mbsvib.errors import ModelError, nearest
+from mbsvib.mechanism.topology import FLOATS, span
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.api.model import Model
+
+METHODS = ("dense", "sparse")
+# Coordinates of the tree from which on the sparse equations are taken unless said otherwise. Linearized, with ten
+# modes, they are as quick as the dense ones at 150 to 300 coordinates (chains, ladders); dense equations answer more
+# questions (all modes, matrices), so they are kept up to where they cost ten times as much: some tenths of a second.
+MANY = 600
+
+
+def wants_sparse(
+    model: Model, method: str | None, independent: Sequence[str] | None, cut: Sequence[str] | None,
+    values: Mapping[str, ArrayLike] | None,
+) -> bool:  # fmt: skip
+    """Return whether a model is to be linearized by the sparse path.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    method : str or None
+        "dense", "sparse", or None for a choice by size.
+    independent, cut, values
+        As given to ``linearize``; minimal coordinates and variants are matters of the dense path.
+
+    Returns
+    -------
+    bool
+        The choice.
+
+    Raises
+    ------
+    ModelError
+        If the method is unknown or cannot do what is asked for.
+    """
+    if method not in (None, *METHODS):
+        raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
+                         f"{nearest(str(method), METHODS)}", field="method")  # fmt: skip
+    heavy = frozenset() if model._pieces is None else model._pieces.nodes
+    light = next((part.name for part in (*model.bodies.values(), *model.springs.values())
+                  if isinstance(part, Maxwell) or (isinstance(part, Body) and part.mass == 0.0
+                                                   and part.name not in heavy)), None)  # fmt: skip
+    if light is not None:
+        if method == "sparse":
+            raise ModelError(f"linearize: '{light}' is massless or has a massless node, which method='sparse' does not "
+                             f"support yet; use method='dense'.", element=light, field="method")  # fmt: skip
+        return False
+    if model._rotors:
+        if method == "sparse":
+            rotor = next(iter(model._rotors))
+            raise ModelError(f"linearize: rotor '{rotor}' spins, which method='sparse' does not support yet; use "
+                             f"method='dense'.", element=rotor, field="method")  # fmt: skip
+        return False
+    if method == "sparse":
+        for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
+                                  ("values", values, "linearizes one variant at a time")):  # fmt: skip
+            if value is not None:
+                raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
+                                 field=word)  # fmt: skip
+        twisted = _twisted(model)
+        if twisted is not None:
+            raise ModelError(f"linearize: load '{twisted}' follows its body or is a torque, whose stiffness is not "
+                             f"symmetric; method='sparse' does not support that yet, use method='dense'.",
+                             element=twisted, field="method")  # fmt: skip
+        return True
+    if method == "dense" or independent is not None or values is not None or not model.bodies or _twisted(model):
+        return False
+    topology = span(model, cut)
+    return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
+
+
+def _twisted(model: Model) -> str | None:
+    """The name of a load that makes the stiffness unsymmetric, or None."""
+    return next((load.name for load in model.loads.values() if load.follower or any(load.torque)), None)

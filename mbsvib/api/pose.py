@@ -1,0 +1,122 @@
+"""What a model can do about its pose."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, cast, overload
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.api.model import Model
+    from mbsvib.elements import Bushing, Spring
+    from mbsvib.equilibrium.report import Equilibrium
+
+    Chosen = Sequence[str | Spring | Bushing] | str | bool
+
+
+class Posed:
+    """Methods of ``Model`` that lead to other poses."""
+
+    def moved(
+        self, values: Mapping[str, float], *, relaxed: bool = False, cut: Sequence[str] | None = None
+    ) -> Model:
+        """Return a new model in another pose: joints moved by finite amounts, loops closed.
+
+        Everything that belongs to a body goes with it: joints and their axes, ends of springs, points of inputs,
+        outputs and loads, and follower loads turn with it. The directions of inputs and outputs stay as they are in the
+        world. Springs get the tension that the motion gives them. The force of a bushing turns with its first body, its
+        moment goes with the rotation vector between its bodies, up to 170 degrees.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            How far joint coordinates (``"knee.rz"``) move from where they are [m, rad]. The other coordinates stay
+            where they are, but for those that loops tie to these. Three free rotations are one rotation vector, as are
+            the two of a homokinetic joint. Beams and superelements go along as they are.
+        relaxed : bool
+            True: springs and bushings keep the forces that they have here, as if they were mounted in the new pose.
+        cut : sequence of str, optional
+            Joints at which loops are to be cut; default: none of those that are moved.
+
+        Returns
+        -------
+        Model
+            The model in that pose; this one stays as it is.
+
+        Raises
+        ------
+        ModelError
+            If a coordinate is unknown or tied to the others, the loops cannot be closed in that pose, or a coupler acts
+            on a homokinetic joint that has turned.
+        """
+        from mbsvib.equilibrium.couplers import check_couplers
+        from mbsvib.equilibrium.moved import moved
+
+        there = moved(cast("Model", self), values, relaxed, cut)
+        check_couplers(cast("Model", self), there)
+        return there
+
+    @overload
+    def equilibrium(
+        self, preload: Chosen | None = ..., *, report: Literal[False] = ..., snap: bool = ...,
+        cut: Sequence[str] = ...,
+    ) -> Model: ...  # fmt: skip
+
+    @overload
+    def equilibrium(
+        self, preload: Chosen | None = ..., *, report: Literal[True], snap: bool = ..., cut: Sequence[str] = ...
+    ) -> Equilibrium: ...
+
+    def equilibrium(
+        self, preload: Chosen | None = None, *, report: bool = False, snap: bool = False, cut: Sequence[str] = ()
+    ) -> Model | Equilibrium:
+        """Return a new model in equilibrium: where its loads take it, or with preloads that hold it in this pose.
+
+        The pose is found by Newton's method on the exact equations, with the tangent K + K_g and loops closed at every
+        step. A mechanism that its springs hold follows its loads as they grow, and is refused where it would snap
+        through; one that hangs goes downhill. Motions that nothing moves stay as they are.
+
+        Parameters
+        ----------
+        preload : str, sequence of str, or True, optional
+            Names or patterns (``"leg*.k"``) of the springs and bushings whose preloads are to be found, True for all:
+            the pose stays, and of all preloads that hold it those of least norm are taken: the least sum over these of
+            |force|^2 + |moment / L|^2, moments about the bushing's position. L is the root mean square distance from
+            their mean of all centres of mass, points of joints and bushings, and ends of springs. Default: the pose is
+            found.
+        report : bool
+            True: return how it was found as well, ``Equilibrium`` with the model, whether it is stable and the modes
+            that grow if not, the residual after every step, load steps, and how far each body moved.
+        snap : bool
+            True: a mechanism that its springs hold may snap through to a pose elsewhere.
+        cut : sequence of str
+            Joints at which loops are to be cut.
+
+        Returns
+        -------
+        Model or Equilibrium
+            The model, or the report with it; this model stays as it is.
+
+        Raises
+        ------
+        EquilibriumError
+            If no such pose can be reached, with what is left over in the last one, or no such preload holds this one.
+        ModelError
+            If a name or pattern picks no spring, or a part cannot be taken to another pose.
+        """
+        from mbsvib.equilibrium.couplers import check_couplers
+        from mbsvib.equilibrium.search import equilibrium
+
+        model = cast("Model", self)
+        if not preload:
+            hint = ("linearize takes the pose of a beam as the loaded one; model.equilibrium(preload=...) finds what "
+                    "holds it there")  # fmt: skip
+            model._refuse_composed("model.equilibrium", hint)
+            found = equilibrium(model, snap, cut)
+        else:
+            from mbsvib.equilibrium.flexible_parts import held_as, stiffened
+            from mbsvib.equilibrium.preloads import preloaded
+
+            found = held_as(model, equilibrium(preloaded(stiffened(model), preload), snap, cut))
+        check_couplers(model, found.model)
+        return found if report else found.model

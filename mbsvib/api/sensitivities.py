@@ -1,0 +1,276 @@
+"""What a system says of its parameters: sensitivities, as methods of ``System``."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.api.system import System
+    from mbsvib.sensitivities.matrices import MatrixDerivatives
+    from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.norms import Norm
+    from mbsvib.sensitivities.shapes import ModeSensitivities
+    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+    Ports = str | Sequence[str] | None
+    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+
+
+class Sensitive:
+    """Sensitivities of everything that a system answers, to every number that it was made of."""
+
+    @cached_property
+    def _network(self) -> Network:
+        from mbsvib.sensitivities.adjoint_fields import complete_network
+
+        return complete_network(cast("System", self))
+
+    @cached_property
+    def _bare_network(self) -> Network:
+        from mbsvib.sensitivities.network import bare
+
+        return self._network if self._network.bare else bare(cast("System", self))
+
+    @cached_property
+    def _spectrum(self) -> tuple[Spectrum, Pairs]:
+        from mbsvib.sensitivities.spectrum import spectrum
+
+        found = spectrum(cast("System", self))
+        return found, found.pairs()
+
+    def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
+        """Return the derivatives of all eigenvalues to parameters.
+
+        d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``), a mapping gives linear
+            maps, {variable: {parameter: rate}}. Default: every parameter of the system.
+
+        Returns
+        -------
+        array, shape (parameters, eigenvalues)
+            Derivatives [1/s per unit of the parameter], eigenvalues in the order of ``modes().eigenvalues``; those that
+            coincide have the derivatives of their branches, an eigenvalue 0 that a parameter would move infinity. Not a
+            number where a parameter, changed alone, takes degrees of freedom away; asked for all parameters, also
+            where one by itself would be refused.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        """
+        from mbsvib.sensitivities import eigenvalue_sensitivities
+
+        return eigenvalue_sensitivities(cast("System", self), parameters)
+
+    def frequency_response_sensitivities(
+        self, omega: ArrayLike, parameters: Asked = None, inputs: str | Sequence[str] | None = None,
+        outputs: str | Sequence[str] | None = None,
+    ) -> Complex:  # fmt: skip
+        """Return the derivatives of the frequency response to parameters, for about one more solution a frequency.
+
+        dG/dp = dD/dp + L^T dB/dp + dH/dp R - L^T (dK/dp + i w dC/dp - w^2 dM/dp) R
+
+        R = T^-1 B, L = T^-T H^T, T = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca.
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s]; 0 gives the static compliance.
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, inputs, n)
+            Derivatives [output unit / input unit per unit of the parameter]. Not a number where a parameter, changed
+            alone, takes degrees of freedom away; asked for all parameters, also where one by itself would be refused.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        ResponseError
+            If a frequency is not finite or is an undamped pole, or a port is unknown.
+        """
+        from mbsvib.sensitivities import frequency_response_sensitivities
+
+        return frequency_response_sensitivities(cast("System", self), omega, parameters, inputs, outputs)
+
+    def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
+        """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+
+        Returns
+        -------
+        MatrixDerivatives
+            One matrix a parameter, and ``factors`` of low rank. Under load they follow the equilibrium.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        """
+        from mbsvib.sensitivities import matrix_derivatives
+
+        return matrix_derivatives(cast("System", self), parameters)
+
+    def mode_sensitivities(self, parameters: Asked = None) -> ModeSensitivities:
+        """Return the derivatives of natural frequencies, damping ratios and mode shapes to parameters.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+
+        Returns
+        -------
+        ModeSensitivities
+            ``frequencies``, ``damped_frequencies``, ``damping_ratios``, ``eigenvalues`` and ``shapes``, one row a
+            variable; shapes are differentiated when they are asked for.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        """
+        from mbsvib.sensitivities import mode_sensitivities
+
+        return mode_sensitivities(cast("System", self), parameters)
+
+    def compliance_sensitivities(
+        self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+    ) -> Array:  # fmt: skip
+        """Return the derivatives of the static compliance, G(0) = Cq K^-1 B + D, to parameters.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, inputs)
+            Derivatives [output unit / input unit per unit of the parameter].
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        ResponseError
+            If the mechanism is free to move, or a port is unknown.
+        """
+        from mbsvib.sensitivities import frequency_response_sensitivities
+
+        found = frequency_response_sensitivities(cast("System", self), [0.0], parameters, inputs, outputs)
+        return found[..., 0].real
+
+    def time_response_sensitivities(
+        self, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
+        initial: tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> Array:  # fmt: skip
+        """Return the derivatives of the time response to parameters; exact for inputs that are held or linear.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : pair of array-like, shape (m,), optional
+            q and q' at t[0], which no parameter changes; default: rest.
+
+        Returns
+        -------
+        array, shape (parameters, outputs, n)
+            Derivatives [output unit per unit of the parameter].
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold is unknown.
+        """
+        from mbsvib.sensitivities import time_response_sensitivities
+
+        return time_response_sensitivities(cast("System", self), t, u, parameters, hold, initial)
+
+    def h2_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+        """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
+
+        ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all. Their units are not weighed.
+
+        Returns
+        -------
+        Norm
+            ``value`` and ``slopes``.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        ResponseError
+            If the norm is infinite, or a port is unknown.
+        """
+        from mbsvib.sensitivities import h2_norm
+
+        return h2_norm(cast("System", self), parameters, inputs, outputs)
+
+    def hinf_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+        """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
+
+        ||G|| = max over w of sigma(G(i w))
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names, patterns or linear maps, as for ``eigenvalue_sensitivities``. Default: every parameter.
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all. Their units are not weighed.
+
+        Returns
+        -------
+        Norm
+            ``value``, ``omega`` [rad/s] and ``slopes``.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        ResponseError
+            If the peak is infinite or at infinite frequency, or a port is unknown.
+        """
+        from mbsvib.sensitivities import hinf_norm
+
+        return hinf_norm(cast("System", self), parameters, inputs, outputs)

@@ -1,0 +1,360 @@
+"""The sparse system: equations of motion of many bodies behind the same names as the dense one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from mbsvib.errors import ResponseError, counted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
+    from mbsvib.equations.controllable_part import Dropped
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.mechanism.topology import Topology
+    from mbsvib.responses.state_space import StateSpace
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.modes import SomeModes
+    from mbsvib.sparse.tableau import Tableau
+    from mbsvib.sparse.tree import Tree
+
+    Complex = NDArray[np.complex128]
+
+_MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
+_SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(method='dense') those of all coordinates."
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class SparseSystem:
+    """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
+
+    Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the
+    dependent ones of loops included. Nothing in here is larger than a constant times the number of bodies.
+
+    ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
+    W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
+    displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
+    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
+    ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
+    redundant constraints leave open of the forces in joints that are outputs.
+    """
+
+    name: str
+    joint_coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    bodies: tuple[str, ...]
+    springs: tuple[str, ...]
+    topology: Topology = field(repr=False)
+    structure: Tree = field(repr=False)
+    constraints: Constraints = field(repr=False)
+    layout: Layout = field(repr=False)
+    tableau: Tableau = field(repr=False)
+    elastic_rows: csr_matrix
+    loop_rows: csr_matrix
+    inertia_factor: csr_matrix
+    stiffness: Array
+    damping: Array
+    row_owner: Index
+    input_rows: csr_matrix
+    output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]
+    D: Array
+    model: Model = field(repr=False)
+    dropped: Dropped | None = None
+    loading: tuple[str, ...] = ()
+    undetermined: tuple[Undetermined, ...] = ()
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops."""
+        return len(self.joint_coordinates) - len(self.layout.multiplier)
+
+    @property
+    def tree(self) -> tuple[str, ...]:
+        """Names of the joints of the spanning tree, from ground outwards."""
+        return self.topology.tree
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints at which loops are cut."""
+        return self.topology.cut_joints
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
+        return tuple(name for group in self.constraints.groups for name in group.redundant)
+
+    def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
+        """Return some of the modes: the lowest ones, or those nearest to a frequency.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+        near : float
+            The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest, rigid-body modes first.
+        rtol : float, optional
+            Relative accuracy asked of every eigenvalue. They come as accurate as they can; those whose error estimate
+            is larger are warned of by number (AccuracyWarning).
+
+        Returns
+        -------
+        SomeModes
+            Eigenvalues, frequencies, damping ratios, body shapes and error estimates, in ascending frequency.
+
+        Raises
+        ------
+        ResponseError
+            If ``count`` is not given, not positive, or more than there are.
+        """
+        from mbsvib.sparse.modes import modes
+
+        if count is None:
+            raise ResponseError(
+                f"modes: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say how many modes are "
+                f"wanted, modes(10), or modes(10, near=f) around a frequency. For all of them: "
+                f"linearize(method='dense')."
+            )
+        result = modes(self, count, near)
+        if rtol is not None:
+            result.check_accuracy(rtol)
+        return result
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency response of all inputs and outputs, from one sparse factorisation a frequency.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is an undamped pole of the system.
+        """
+        from mbsvib.sparse.response import frequency_response
+
+        return frequency_response(self, omega)
+
+    def static_compliance(self) -> Array:
+        """Return the static displacements of the outputs per unit input, Cq K^-1 B (and D where it has accelerations).
+
+        Returns
+        -------
+        array, shape (outputs, inputs)
+            Compliances [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If the mechanism can move without any spring holding it.
+        """
+        from mbsvib.sparse.response import static_compliance
+
+        return static_compliance(self)
+
+    def reachable(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> SparseSystem:
+        """Return the system of the bodies that asked inputs reach and asked outputs see, with these ports only.
+
+        Bodies that joints and springs join to others only through ground move by themselves; where no asked input acts
+        on such a part, or no asked output sees it, it has no share in the transfer function.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        SparseSystem
+            The same equations without the other bodies; ``explain`` names them.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, there is none, or no body is left.
+        """
+        from mbsvib.sparse.reachable import reachable
+
+        return reachable(self, inputs, outputs)
+
+    def reduced(self, count: int, near: float = 0.0, *, correction: bool = False) -> System:
+        """Return the system that the lowest modes make: a small dense one with the coordinates mode1, mode2, ...
+
+        Everything that systems offer works on it, time responses, state space and exports included. What higher modes
+        contribute to a response is missing, as ``truncation_error`` tells; its static part may be put into D.
+
+        Parameters
+        ----------
+        count : int
+            Number of modes.
+        near : float
+            Frequency [Hz] around which modes are taken; default: the lowest.
+        correction : bool
+            Whether displacements, and forces in springs and joints, get the static part of all other modes. Velocities
+            and accelerations have none.
+
+        Returns
+        -------
+        System
+            M = 1, C and K in modal coordinates, with the factors and the way back to the bodies.
+
+        Raises
+        ------
+        ResponseError
+            If the modes are not the lowest, or lack free motions, and a correction is asked for.
+        """
+        small = self.modes(count, near=near).reduced
+        if not correction:
+            return small
+        if near:
+            raise ResponseError(
+                f"reduced: correction of '{self.name}' around near = {near:g} Hz; modes below that have no static "
+                f"part. Take the lowest modes (near=0), or no correction."
+            )
+        from mbsvib.sparse.truncation import corrected
+
+        return corrected(self, small, count)
+
+    def truncation_error(self, small: System, omega: ArrayLike) -> Array:
+        """Return how far responses of a reduced system are off, as shares of the largest response in these frequencies.
+
+        |G_small - G| / max over omega of |G|, for each output and input
+
+        Parameters
+        ----------
+        small : System
+            What ``reduced`` made of this one.
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Errors; 0 where nothing responds.
+
+        Raises
+        ------
+        ResponseError
+            If the ports are not the same, a frequency is not finite, or is an undamped pole.
+        """
+        from mbsvib.sparse.truncation import truncation_error
+
+        return truncation_error(self, small, omega)
+
+    def state_space(
+        self, realization: str = "modal", modes: int | None = None, *, correction: bool = False
+    ) -> StateSpace:
+        """Return first-order equations of the lowest modes.
+
+        Parameters
+        ----------
+        realization : str
+            "modal", or "physical" with modal amplitudes and their rates as the states.
+        modes : int
+            Number of modes.
+        correction : bool
+            Whether D holds the static part of all other modes, as in ``reduced``.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the number of modes is not given.
+        """
+        if modes is None:
+            self._refuse("state_space", "state_space(modes=k)")
+        return self.reduced(modes, correction=correction).state_space(realization)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", modes: int | None = None
+    ) -> Array:
+        """Return the time response of the lowest modes, from rest.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        modes : int
+            Number of modes.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If the number of modes is not given, or the data are refused.
+        """
+        if modes is None:
+            self._refuse("time_response", "time_response(t, u, modes=k)")
+        return self.reduced(modes).time_response(t, u, hold)
+
+    def without_rows(self, gone: NDArray[np.bool_]) -> SparseSystem:
+        """Return the system with the stiffness of some elastic rows taken away.
+
+        Parameters
+        ----------
+        gone : array, shape (rows,)
+            Mask of the rows.
+
+        Returns
+        -------
+        SparseSystem
+            The same unknowns, less stiffness.
+        """
+        from mbsvib.sparse.assembly import with_stiffness
+
+        return with_stiffness(self, self.stiffness * ~gone)
+
+    def explain(self) -> str:
+        """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
+        from mbsvib.explain.sparse import explain
+
+        return explain(self)
+
+    def _refuse(self, what: str, instead: str) -> NoReturn:
+        raise ResponseError(
+            f"{what}: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say with how many modes it "
+            f"is to be computed, {instead}, or linearize(method='dense')."
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        if name in _MATRICES:
+            raise AttributeError(f"'{self.name}' is held sparse and has no dense matrix {name}: {_SAY_DENSE}")
+        raise AttributeError(f"'SparseSystem' object has no attribute {name!r}")
+
+    def __repr__(self) -> str:
+        ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
+        return f"SparseSystem({self.name!r}: {self.dof} DOF, {ports})"

@@ -1,0 +1,358 @@
+"""The system: the equations of a mechanism, and every question that can be asked of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from mbsvib.api.sensitivities import Sensitive
+from mbsvib.common.expected import real
+from mbsvib.equations.equations import Equations, Provenance
+from mbsvib.errors import counted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.explain.energy_shares import StiffnessShares
+    from mbsvib.modes import Modes
+    from mbsvib.modes.damped import Damped
+    from mbsvib.modes.general import General
+    from mbsvib.responses.energy_schur import EnergySchur
+    from mbsvib.responses.modal_sum import ModalSum
+    from mbsvib.responses.rounding import Changes, Noise
+    from mbsvib.responses.state_space import StateSpace
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+__all__ = ["RESPONSE_RTOL", "Provenance", "System"]
+
+# Responses want the modes as accurate as they come without effort; what falls short is used nevertheless.
+RESPONSE_RTOL = 1e-13
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class System(Sensitive, Equations):
+    """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
+
+    Matrices, factors and names are those of ``Equations``; modes are kept once they are known, and what asks for them
+    again does not pay.
+    """
+
+    @cached_property
+    def _modes(self) -> Modes:
+        from mbsvib.modes import RTOL, modes
+
+        return modes(self, RTOL, clean=False)
+
+    def _modes_within(self, rtol: float) -> Modes:
+        from mbsvib.modes import modes
+
+        rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
+        good = float(self._modes.errors.max(initial=0.0)) <= rtol
+        return self._modes if good else modes(self, rtol, clean=False)
+
+    @cached_property
+    def _clean_modes(self) -> Modes:
+        """For responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times, one of a shape at
+        once.
+        """
+        from mbsvib.modes import modes
+
+        result = self._modes
+        good = max(result.mixed, float(result.errors.max(initial=0.0))) <= RESPONSE_RTOL
+        return result if good else modes(self, RESPONSE_RTOL)
+
+    @cached_property
+    def _modal(self) -> Damped | General:
+        """The basis of the responses."""
+        return self._clean_modes.damped
+
+    @cached_property
+    def _modal_sum(self) -> ModalSum:
+        from mbsvib.responses.modal_sum import modal_sum
+
+        return modal_sum(self, self._modal)
+
+    @cached_property
+    def _schur(self) -> EnergySchur:
+        from mbsvib.responses.energy_schur import energy_schur
+
+        return energy_schur(cast("Damped", self._modal))
+
+    @cached_property
+    def _strong_dampers(self) -> Array | None:
+        from mbsvib.responses.frequency_response import strong_dampers
+
+        return strong_dampers(self, cast("Damped", self._modal))
+
+    @cached_property
+    def _noise(self) -> Noise:
+        from mbsvib.responses.rounding import Noise
+
+        return Noise.of(self, cast("Damped", self._modal))
+
+    @cached_property
+    def _changes(self) -> tuple[Changes, Changes]:
+        from mbsvib.responses.rounding import Changes
+
+        return Changes.of(self, cast("Damped", self._modal))
+
+    def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
+        """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
+
+        Parameters
+        ----------
+        count : int, optional
+            How many; default: all.
+        near : float
+            The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest.
+        rtol : float, optional
+            Relative accuracy asked of every eigenvalue, 1e-12 if none is; more accurate and slower methods are taken
+            as far as needed. Modes whose error estimate stays larger are warned of by number (AccuracyWarning).
+
+        Returns
+        -------
+        Modes
+            In ascending natural frequency. Modes at the default accuracy are kept, so that asking again costs nothing.
+
+        Raises
+        ------
+        ResponseError
+            If ``count`` is no positive whole number, or ``near`` or ``rtol`` no number.
+        """
+        result = self._modes if rtol is None else self._modes_within(rtol)
+        if count is not None:
+            result = result.nearest(count, near)
+        if rtol is not None:
+            result.check_accuracy(rtol)
+        return result
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency response of all inputs and outputs.
+
+        G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D
+
+        Parameters
+        ----------
+        omega : array-like, shape (n,)
+            Angular frequencies [rad/s].
+
+        Returns
+        -------
+        array, shape (outputs, inputs, n)
+            Complex responses [output unit / input unit].
+
+        Raises
+        ------
+        ResponseError
+            If a frequency is not finite or is an undamped pole of the system.
+        """
+        from mbsvib.responses.frequency_response import frequency_response
+
+        return frequency_response(self, omega)
+
+    def time_response(
+        self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
+    ) -> Array:
+        """Return the time response to inputs that are held or vary linearly between the samples; exact for these.
+
+        Parameters
+        ----------
+        t : array-like, shape (n,)
+            Ascending times [s].
+        u : array-like, shape (inputs, n), or (n,) for a single input
+            Inputs at these times.
+        hold : str
+            "first": linear between samples; "zero": constant from each sample to the next.
+        initial : pair of array-like, shape (m,), optional
+            q and q' at t[0]; default: rest.
+
+        Returns
+        -------
+        array, shape (outputs, n)
+            Outputs at these times.
+
+        Raises
+        ------
+        ResponseError
+            If times do not ascend, shapes do not match, or the hold is unknown.
+        """
+        from mbsvib.responses.time_response import time_response
+
+        return time_response(self, t, u, hold, initial)
+
+    def poles(self) -> Complex:
+        """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
+
+        Returns
+        -------
+        array, shape (2m - massless,)
+            Poles [1/s] in pairs but for those of massless motions, in ascending natural frequency; 0 for rigid-body
+            modes.
+        """
+        return self._clean_modes.eigenvalues.copy()
+
+    def transmission_zeros(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> Complex:
+        """Return the invariant zeros from some inputs to some outputs.
+
+        The finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] has less than its normal rank.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names; default: all. Their numbers may differ.
+
+        Returns
+        -------
+        array, shape (zeros,)
+            Zeros [1/s] in ascending magnitude. A mode that the inputs do not reach or the outputs do not show is one
+            too.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown.
+        """
+        from mbsvib.responses.transmission_zeros import transmission_zeros
+
+        return transmission_zeros(self, inputs, outputs)
+
+    def frequency_grid(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
+        n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
+    ) -> Array:  # fmt: skip
+        """Return angular frequencies that miss no resonance and no antiresonance of responses from inputs to outputs.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names; default: all. Each pair's zeros count, so that a choice saves points and time.
+        n : int, optional
+            Number of points on an even logarithmic spacing, to which the others are added; default: 150 a decade.
+        f_min, f_max : float, optional
+            First and last frequency [Hz]; default: a tenth of the lowest and three times the highest natural
+            frequency, rounded outwards to 1, 2 or 5.
+
+        Returns
+        -------
+        array, shape (points,)
+            Ascending angular frequencies [rad/s], as ``frequency_response`` takes them; next to w no farther apart than
+            half the distance of i w to the nearest pole or zero.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
+        """
+        from mbsvib.responses.frequency_grid import frequency_grid
+
+        return frequency_grid(self, inputs, outputs, n, f_min=f_min, f_max=f_max)
+
+    def reachable(
+        self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    ) -> System:
+        """Return the system of what asked inputs reach and asked outputs see, with these ports only.
+
+        Coordinates that no entry of M, C or K joins to the others move by themselves; parts that no asked input acts
+        on, or no asked output sees, have no share in the transfer function, which stays the same exactly.
+
+        Parameters
+        ----------
+        inputs, outputs : str or sequence of str, optional
+            Names of ports; default: all.
+
+        Returns
+        -------
+        System
+            The same equations without the other coordinates; ``explain`` names them.
+
+        Raises
+        ------
+        ResponseError
+            If a name is unknown, or there is none.
+        """
+        from mbsvib.equations.controllable_part import reachable
+
+        return reachable(self, inputs, outputs)
+
+    def state_space(self, realization: str = "physical", reachable: bool = False) -> StateSpace:
+        """Return first-order equations x' = A x + B u, y = C x + D u.
+
+        Parameters
+        ----------
+        realization : str
+            "physical": x = (q, q'); "modal": one 2x2 block for each mode; "balanced": physical times powers of two.
+        reachable : bool
+            Whether to leave out states of parts that no input reaches or no output sees.
+
+        Returns
+        -------
+        StateSpace
+            Matrices, names and units.
+
+        Raises
+        ------
+        ResponseError
+            If the realization is unknown, or modes all but meet, so that they have no modal states of their own.
+        """
+        from mbsvib.responses.state_space import state_space
+
+        return state_space(self.reachable() if reachable else self, realization)
+
+    @property
+    def reactions(self) -> dict[str, Array]:
+        """Wrench in each joint at the pose, {joint: (6,)}: force [N] and moment [N m] on its second body at its point.
+
+        World axes; its first body takes the opposite. A rod (distance joint) has its point at its end, a joint without
+        position at the centre of mass of its second body (on ground: its first). Zeros where nothing loads the
+        mechanism.
+
+        Where constraints are redundant many such wrenches would hold the bodies; of all these it is the one of least
+        norm, the least sum over the joints of |force|^2 + |moment / L|^2, with L the root mean square distance of the
+        joints' points from their mean. Joints of loops that have joints or couplers in common count together.
+        ``explain()`` names them. Frame, order, names, cut and units make no difference, and flexible joints, all with
+        stiffness k along and k L^2 about what they lock, would carry the same.
+        """
+        from mbsvib.equations.statics import joint_wrenches
+
+        return joint_wrenches(self)
+
+    def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:
+        """Return who holds the modes: shares of springs, preloads, loads and joint reactions in their strain energy.
+
+        Parameters
+        ----------
+        modes : Modes, optional
+            Some of this system's modes, ``system.modes(6)``; default: all.
+
+        Returns
+        -------
+        StiffnessShares
+            Signed shares, 1 in sum for each mode; printed as a table.
+        """
+        from mbsvib.explain.energy_shares import stiffness_shares
+
+        return stiffness_shares(self, modes)
+
+    def explain(self) -> str:
+        """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
+        from mbsvib.explain.dense import explain
+
+        return explain(self)
+
+    def _repr_html_(self) -> str:
+        from mbsvib.plots import notebook
+
+        return notebook.of_system(self)
+
+    def __repr__(self) -> str:
+        ports = f"{counted(len(self.inputs), 'input')}, {counted(len(self.outputs), 'output')}"
+        return f"System({self.name!r}: {self.dof} DOF, {ports})"

@@ -1,0 +1,137 @@
+"""Models where models are asked for, systems where systems are: whoever hands over the other one is told the way."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.arguments import shown
+from mbsvib.errors import MbsvibError, ModelError, ResponseError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.api.model import Model
+    from mbsvib.api.system import System
+
+# Squares of frequencies times large stiffness are to stay below 1e308.
+HIGHEST = 1e100
+
+
+def a_model(value: Any, caller: str, field: str = "model") -> Model:
+    """Return ``value`` if it is a model."""
+    from mbsvib.api.model import Model
+
+    if isinstance(value, Model):
+        return value
+    hint = "Give the model that was linearized." if hasattr(value, "provenance") or _variants(value) else \
+        "Read files by mv.load." if isinstance(value, str) else ""  # fmt: skip
+    raise _refuse(ModelError, value, caller, field, "a Model", hint)
+
+
+def a_system(value: Any, caller: str, field: str = "system") -> System:
+    """Return ``value`` if it is a system with dense equations."""
+    from mbsvib.api.system import System
+
+    if isinstance(value, System):
+        return value
+    raise _refuse(ResponseError, value, caller, field, "a System", way_to_system(value))
+
+
+def way_to_system(value: Any) -> str:
+    """Say what to do with something else than a system."""
+    if hasattr(value, "with_values"):
+        return "Give model.linearize()."
+    if _variants(value):
+        return "Give one of the variants, batch[0]."
+    return "It is what model.linearize() returns."
+
+
+def _variants(value: Any) -> bool:
+    from mbsvib.api.batch import Batch
+
+    return isinstance(value, Batch)
+
+
+def _refuse(
+    error: Callable[..., MbsvibError], value: Any, caller: str, field: str, expected: str, hint: str
+) -> MbsvibError:
+    name = getattr(value, "name", None)
+    given = repr(value) if isinstance(value, (str, type(None))) else \
+        f"{type(value).__name__} '{name}'" if isinstance(name, str) else type(value).__name__  # fmt: skip
+    return error(f"{caller}: {field} = {given}; expected {expected}. {hint}".rstrip())
+
+
+def names(given: Any, caller: str, field: str, error: Callable[..., MbsvibError] = ResponseError) -> list[str]:
+    """Return names as a list: a text, a part that ``add_...`` returned, or several of either."""
+    several = [given] if isinstance(given, str) or hasattr(given, "name") else given
+    try:
+        listed = [each if isinstance(each, str) else each.name for each in several]
+    except (TypeError, AttributeError):
+        listed = [None]
+    if not all(isinstance(each, str) for each in listed):
+        text = f"{caller}: {field} = {shown(given)}; expected a name, or a list of names."
+        raise error(text, field=field) if error is ModelError else error(text)
+    return listed
+
+
+def reals(value: Any, caller: str, field: str, expected: str, error: Callable[[str], MbsvibError] = ResponseError) -> \
+        NDArray[np.float64]:  # fmt: skip
+    """Return ``value`` as an array of floats; numpy alone drops imaginary parts, so that i omega would become 0."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "c":
+            raise TypeError("complex")
+        return np.asarray(array, dtype=float)
+    except (TypeError, ValueError, OverflowError) as reason:
+        hint = " They are real: give omega, not 1j * omega." if "omega" in field else " Complex ones are refused."
+        hint = hint if str(reason) == "complex" else ""
+        raise error(f"{caller}: {field} = {shown(value)}; expected {expected}.{hint}") from reason
+
+
+def real(value: Any, caller: str, field: str, expected: str, least: float = -np.inf) -> float:
+    """Return ``value`` as a float that is ``least`` or more."""
+    array = reals(value, caller, field, expected)
+    if array.ndim or np.isnan(array) or array < least:
+        raise ResponseError(f"{caller}: {field} = {shown(value)}; expected {expected}.")
+    return float(array)
+
+
+def mode_index(
+    number: Any, caller: str, count: int | None = None, table: str = "print(system.modes())",
+    error: Callable[[str], MbsvibError] = ResponseError,
+) -> int:  # fmt: skip
+    """Return the index in arrays of the mode that has this number, which counts from 1 as in the printed table."""
+    if isinstance(number, bool) or not isinstance(number, (int, np.integer)):
+        raise error(f"{caller}: the number of a mode is expected, 1, 2, ... as {table} lists them; {shown(number)} was "
+                    f"given.")  # fmt: skip
+    if number < 1:
+        raise error(f"{caller}: modes count from 1, as {table} lists them; {shown(number)} was given.")
+    if count is not None and number > count:
+        raise error(f"{caller}: mode {number} was given; {table} lists modes from 1 to {count}.")
+    return int(number) - 1
+
+
+def angular(omega: Any, caller: str = "frequency_response") -> NDArray[np.float64]:
+    """Return angular frequencies [rad/s] as a vector whose squares can be held."""
+    w = np.atleast_1d(reals(omega, caller, "omega", "a vector of numbers [rad/s]"))
+    if w.ndim != 1 or not np.isfinite(w).all():
+        raise ResponseError(f"{caller}: omega has shape {np.shape(omega)}; expected a finite vector [rad/s].")
+    beyond = w[(w != 0.0) & ((np.abs(w) < 1.0 / HIGHEST) | (np.abs(w) > HIGHEST))]
+    if len(beyond):
+        raise ResponseError(f"{caller}: omega = {beyond[0]:g} rad/s; expected 0, or from {1.0 / HIGHEST:g} to "
+                            f"{HIGHEST:g} rad/s.")  # fmt: skip
+    return w
+
+
+def a_path(value: Any, caller: str, error: Callable[[str], MbsvibError]) -> Path:
+    """Return ``value`` as a path; a number would be taken for an open file, whatever that is."""
+    if isinstance(value, (str, os.PathLike)):
+        return Path(value)
+    hint = " It comes after the model or system." if hasattr(value, "linearize") or hasattr(value, "modes") else ""
+    raise error(f"{caller}: path = {shown(value)}; expected the path of a file.{hint}")

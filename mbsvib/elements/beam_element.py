@@ -1,0 +1,108 @@
+"""A straight beam element: stiffness of its middle, mass as factor rows.
+
+Seen from its midpoint an element of length L is six independent springs between its ends, in its axes (x along it):
+EA/L, 12 E Iz/(L^3 (1 + phi_y)), 12 E Iy/(L^3 (1 + phi_z)), GJ/L, E Iy/L, E Iz/L. This is the exact static stiffness of
+Euler-Bernoulli (phi = 0) and Timoshenko beams, phi_y = 12 E Iz/(ky G A L^2). The consistent mass matrix comes as rows
+F, F^T F = M: the displacement at Gauss points that integrate it exactly, times sqrt(rho A weight).
+
+Source: Przemieniecki, Theory of Matrix Structural Analysis (1968), sections 5.6 and 11.6.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.elements.material import Material
+    from mbsvib.elements.sections import Properties
+
+    Array = NDArray[np.float64]
+
+# where in (u1, theta1, u2, theta2) the two planes of bending have their displacements and slopes, and slope / rotation
+_PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
+
+
+def shear_ratios(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, float]:
+    """Return (phi_y, phi_z), bending against shear stiffness; zero where shear is left out."""
+    if not shear:
+        return 0.0, 0.0
+    rigid = material.shear_modulus * section.A * length * length
+    assert section.ky is not None
+    assert section.kz is not None
+    return (12.0 * material.E * section.Iz / (section.ky * rigid),
+            12.0 * material.E * section.Iy / (section.kz * rigid))  # fmt: skip
+
+
+def stiffness(length: float, section: Properties, material: Material, shear: bool) -> tuple[float, ...]:
+    """Return the six springs at the midpoint, along and about the element's axes [N/m, N m/rad]."""
+    phi_y, phi_z = shear_ratios(length, section, material, shear)
+    e, cubed = material.E, length**3
+    return (e * section.A / length, 12.0 * e * section.Iz / (cubed * (1.0 + phi_y)),
+            12.0 * e * section.Iy / (cubed * (1.0 + phi_z)), material.shear_modulus * section.J / length,
+            e * section.Iy / length, e * section.Iz / length)  # fmt: skip
+
+
+def mass_rows(length: float, section: Properties, material: Material, shear: bool) -> Array:
+    """Return the rows F of the consistent mass matrix F^T F.
+
+    Parameters
+    ----------
+    length : float
+        Length [m].
+    section : Properties
+        The section.
+    material : Material
+        The material.
+    shear : bool
+        Timoshenko beam: shear deformation in the shape functions, and rotary inertia.
+
+    Returns
+    -------
+    array, shape (12, 12) or (18, 12)
+        One row for each Gauss point and direction, over (u1, theta1, u2, theta2) in the element's axes.
+    """
+    line, polar = material.rho * section.A * length, material.rho * (section.Iy + section.Iz) * length
+    rows = []
+    for x, weight in _gauss(2):
+        for first, whole in ((0, line), (3, polar)):
+            row = np.zeros(12)
+            row[first], row[first + 6] = 1.0 - x, x
+            rows.append(sqrt(weight * whole) * row)
+    for (place, sign), phi, second in zip(_PLANES, shear_ratios(length, section, material, shear),
+                                          (section.Iz, section.Iy), strict=True):  # fmt: skip
+        turn = np.array([1.0, sign, 1.0, sign])
+        for x, weight in _gauss(4):
+            row = np.zeros(12)
+            row[list(place)] = turn * deflection(x, length, phi)
+            rows.append(sqrt(weight * line) * row)
+        for x, weight in _gauss(3) if shear else ():
+            row = np.zeros(12)
+            row[list(place)] = turn * rotation(x, length, phi)
+            rows.append(sqrt(weight * material.rho * second * length) * row)
+    return np.array(rows)
+
+
+def deflection(x: float, length: float, phi: float) -> Array:
+    """Return the deflection at x (0..1) per deflection and rotation of the first end and of the second."""
+    y = 1.0 - x
+    bump = 0.5 * phi * x * y
+    return np.array([y * (y * (1.0 + 2.0 * x) + phi), length * (x * y * y + bump), x * (x * (1.0 + 2.0 * y) + phi),
+                     -length * (x * x * y + bump)]) / (1.0 + phi)  # fmt: skip
+
+
+def rotation(x: float, length: float, phi: float) -> Array:
+    """Return the rotation of the section at x (0..1) per deflection and rotation of the first end and the second."""
+    y = 1.0 - x
+    bow = 6.0 * x * y / length
+    return np.array([-bow, y * (1.0 - 3.0 * x + phi), bow, x * (1.0 - 3.0 * y + phi)]) / (1.0 + phi)
+
+
+def _gauss(points: int) -> list[tuple[float, float]]:
+    """Gauss points and weights on 0..1."""
+    x, weight = np.polynomial.legendre.leggauss(points)
+    return list(zip((0.5 * (1.0 + x)).tolist(), (0.5 * weight).tolist(), strict=True))

@@ -1,0 +1,81 @@
+"""Rigid bodies: mass, inertia about the centre of mass, and the pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, cos, pi, sqrt
+from typing import Any
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
+from mbsvib.elements.part import Part
+from mbsvib.errors import ModelError
+
+# Inertia tensors come from CAD print-outs with six or seven digits, in which a thin plate misses
+# Ixx + Iyy = Izz by that much.
+TRIANGLE_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Body(Part):
+    """A rigid body.
+
+    ``inertia`` holds the tensor entries (xx, yy, zz, xy, xz, yz) [kg m^2] about the centre of mass in body axes,
+    ``position`` the centre of mass [m] and ``orientation`` the body axes (columns), both in world axes.
+    """
+
+    mass: float
+    inertia: tuple[float, float, float, float, float, float]
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Matrix3 = IDENTITY
+
+
+def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:
+    """Check the values of a body and build it."""
+    who = f"body '{name}'"
+    mass = check.number(mass, who, "mass", "a positive number [kg], or 0")
+    if mass < 0.0:
+        raise check.refuse(who, "mass", mass, "a positive number [kg], or 0")
+    return Body(name, mass, _inertia(inertia, who), check.vector(position, who, "position"),
+                check.orientation(orientation, who))  # fmt: skip
+
+
+def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, float]:
+    expected = "3 principal moments, 6 entries (xx yy zz xy xz yz) or a symmetric 3x3 tensor [kg m^2]"
+    items = value.tolist() if hasattr(value, "tolist") else value
+    if hasattr(items, "__len__") and len(items) == 3 and hasattr(items[0], "__len__"):
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = check.square(items, 3, who, "inertia", expected)
+        if max(abs(xy - yx), abs(xz - zx), abs(yz - zy)) > 1e-12 * max(abs(xx), abs(yy), abs(zz)):
+            raise check.refuse(who, "inertia", value, expected, "This one is not symmetric.")
+    else:
+        entries = check.numbers(items, (3, 6), who, "inertia", expected)
+        xx, yy, zz, xy, xz, yz = entries if len(entries) == 6 else (*entries, 0.0, 0.0, 0.0)
+    low, middle, high = sorted((xx, yy, zz)) if not (xy or xz or yz) else principal(xx, yy, zz, xy, xz, yz)
+    slack = TRIANGLE_SLACK * max(high, -low)
+    if low < 0.0 and (low < -slack or not (xy or xz or yz)):
+        hint = f"Its smallest principal moment is {low:.6g}; none can be negative."
+        raise check.refuse(who, "inertia", value, expected, hint)
+    if low + middle < high - slack:
+        raise ModelError(
+            f"{who}: inertia = {check.shown(value)} has principal moments {low:.6g}, {middle:.6g}, {high:.6g} "
+            f"kg m^2; no body has one that exceeds the sum of the other two. Check that they are taken about "
+            f"the centre of mass, and the sign of the products (tensor entries: xy = -integral of x y dm).",
+            element=who, field="inertia",
+        )  # fmt: skip
+    return (xx, yy, zz, xy, xz, yz)
+
+
+def principal(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> tuple[float, float, float]:
+    """Return the eigenvalues of a symmetric 3x3 matrix in ascending order (trigonometric closed form)."""
+    scale = max(map(abs, (xx, yy, zz, xy, xz, yz))) or 1.0
+    xx, yy, zz, xy, xz, yz = (entry / scale for entry in (xx, yy, zz, xy, xz, yz))
+    mean = (xx + yy + zz) / 3.0
+    a, b, c = xx - mean, yy - mean, zz - mean
+    p = sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    if p < 1e-100:  # a ball, up to entries that no rounding can tell from zero
+        return (scale * mean, scale * mean, scale * mean)
+    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    angle = acos(min(1.0, max(-1.0, determinant / (2.0 * p * p * p)))) / 3.0
+    high = mean + 2.0 * p * cos(angle)
+    low = mean + 2.0 * p * cos(angle + 2.0 * pi / 3.0)
+    return (scale * low, scale * (3.0 * mean - high - low), scale * high)

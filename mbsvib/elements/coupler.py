@@ -1,0 +1,241 @@
+"""Couplers: linear relations between joint coordinates, as gears and racks make them.
+
+A coupler demands sum of c_i q_i = 0 of displacements from the model's pose, its ``terms`` being the pairs (q_i, c_i).
+q_i is a joint's coordinate "JOINT.direction": what its second body does relative to its first, in the tree or not.
+
+Exactly, in any pose: sum of c_i (q_i - q_i of the model's pose) = 0, with q_i the angle [rad] that a revolute,
+cylindrical or screw joint has turned by (whole turns count), the distance [m] along z that a prismatic or cylindrical
+joint has slid by, the two angles of a universal joint (about ``axis`` in the first body, then ``axis2`` in the
+second) or of another joint with two successive rotations, and of any other joint the components, in its axes as the
+first body carries them, of p_b - p_a and of the rotation vector from the first to the second body. In another pose the
+latter is no linear relation of the coordinates there: couplers on homokinetic joints do not go along, and those on
+joints with three free rotations relate small rotations in each pose anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.common import arguments as check
+from mbsvib.elements.part import Numbered, derived
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mbsvib.elements.joint import Joint
+
+Terms = tuple[tuple[str, float], ...]
+TURNS, SLIDES = ("rx", "ry", "rz"), ("x", "y", "z")
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling(Numbered):
+    """What couplers of all kinds have: ``terms``, the pairs (coordinate, coefficient) whose products add up to 0."""
+
+    terms: Terms = derived(())
+
+    def number(self, field: str) -> Any:
+        """Return the value of a parameter."""
+        return next(value for name, _, value in self.numbers() if name == field)
+
+
+@dataclass(frozen=True, slots=True)
+class Coupler(Coupling):
+    """A linear relation, sum of coefficient times coordinate = 0; ``coefficients`` are pairs (coordinate, number)."""
+
+    coefficients: Terms = ()
+
+    def words(self) -> dict[str, Any]:
+        """Return the arguments of ``add_coupler`` that make this part."""
+        return {"name": self.name, "coefficients": dict(self.coefficients)}
+
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield (field, names of its entries, value) of its parameters: coefficients by their place in the sum."""
+        ends = tuple(str(i + 1) for i in range(len(self.coefficients)))
+        yield "coefficient", ends, tuple(value for _, value in self.coefficients)
+
+    def with_numbers(self, values: Mapping[str, Any]) -> Coupler:
+        """Return the coupler with other coefficients."""
+        terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
+        return _coupler(self.name, terms)
+
+
+@dataclass(frozen=True, slots=True)
+class Gear(Coupling):
+    """Two rotations in a fixed ratio: ``second`` = ``ratio`` times ``first`` [rad/rad]."""
+
+    first: str = ""
+    second: str = ""
+    ratio: float = 0.0
+
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield (field, names of its entries, value) of its parameters."""
+        yield "ratio", None, self.ratio
+
+    def with_numbers(self, values: Mapping[str, Any]) -> Gear:
+        """Return the gear with another ratio."""
+        return _gear(self.name, self.first, self.second, values["ratio"])
+
+
+@dataclass(frozen=True, slots=True)
+class Worm(Coupling):
+    """A worm and its wheel: ``wheel`` = ``ratio`` times ``worm`` [rad/rad], ratio = +-(starts / teeth)."""
+
+    worm: str = ""
+    wheel: str = ""
+    ratio: float = 0.0
+
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield (field, names of its entries, value) of its parameters."""
+        yield "ratio", None, self.ratio
+
+    def with_numbers(self, values: Mapping[str, Any]) -> Worm:
+        """Return the worm with another ratio."""
+        return _worm(self.name, self.worm, self.wheel, values["ratio"])
+
+
+@dataclass(frozen=True, slots=True)
+class Rack(Coupling):
+    """A pinion and its rack: ``rack`` [m] = ``radius`` [m, signed] times ``pinion`` [rad]."""
+
+    pinion: str = ""
+    rack: str = ""
+    radius: float = 0.0
+
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield (field, names of its entries, value) of its parameters."""
+        yield "radius", None, self.radius
+
+    def with_numbers(self, values: Mapping[str, Any]) -> Rack:
+        """Return the rack with another radius."""
+        return _rack(self.name, self.pinion, self.rack, values["radius"])
+
+
+def _coupler(name: str, terms: Mapping[str, Any]) -> Coupler:
+    checked = tuple((coordinate, _not_zero(value, f"coupler '{name}'", "coefficients",
+                                           f"a finite number for '{coordinate}', not zero: leave it out"))
+                    for coordinate, value in terms.items())  # fmt: skip
+    return Coupler(name, checked, checked)
+
+
+def _gear(name: str, first: str, second: str, ratio: Any) -> Gear:
+    ratio = _not_zero(ratio, f"gear '{name}'", "ratio", "turns of second per turn of first, negative where they turn "
+                                                        "against each other, and not zero")  # fmt: skip
+    return Gear(name, ((first, -ratio), (second, 1.0)), first, second, ratio)
+
+
+def _worm(name: str, worm: str, wheel: str, ratio: Any) -> Worm:
+    ratio = _not_zero(ratio, f"worm '{name}'", "ratio", "turns of the wheel per turn of the worm (starts / teeth), "
+                                                        "signed and not zero")  # fmt: skip
+    return Worm(name, ((worm, -ratio), (wheel, 1.0)), worm, wheel, ratio)
+
+
+def _rack(name: str, pinion: str, rack: str, radius: Any) -> Rack:
+    radius = _not_zero(radius, f"rack '{name}'", "radius", "the pitch radius [m], negative where the rack goes against "
+                                                           "its axis, and not zero")  # fmt: skip
+    return Rack(name, ((pinion, -radius), (rack, 1.0)), pinion, rack, radius)
+
+
+def make_coupler(name: str, coefficients: Any, joints: Mapping[str, Joint]) -> Coupler:
+    """Check the values of a coupler and build it."""
+    who = f"coupler '{name}'"
+    expected = 'a coefficient for each of two or more joint coordinates, {"knee.rz": 1.0, "hip.rz": -2.0}'
+    if not isinstance(coefficients, Mapping):
+        raise check.refuse(who, "coefficients", coefficients, expected)
+    terms: dict[str, Any] = {}
+    for given, value in coefficients.items():
+        coordinate = coordinate_of(given, joints, who, "coefficients")
+        if coordinate in terms:
+            raise check.refuse(who, "coefficients", dict(coefficients), expected, f"'{coordinate}' is there twice.")
+        terms[coordinate] = value
+    if len(terms) < 2:
+        hint = "To lock one coordinate, take a joint that does not have it." if terms else ""
+        raise check.refuse(who, "coefficients", dict(coefficients), expected, hint)
+    return _coupler(name, terms)
+
+
+def make_gear(name: str, first: Any, second: Any, ratio: Any, joints: Mapping[str, Joint]) -> Gear:
+    """Check the values of a gear and build it."""
+    who = f"gear '{name}'"
+    a, b = _pair(who, joints, ("first", first, TURNS), ("second", second, TURNS))
+    return _gear(name, a, b, ratio)
+
+
+def make_worm(name: str, worm: Any, wheel: Any, ratio: Any, joints: Mapping[str, Joint]) -> Worm:
+    """Check the values of a worm and its wheel and build them."""
+    who = f"worm '{name}'"
+    a, b = _pair(who, joints, ("worm", worm, TURNS), ("wheel", wheel, TURNS))
+    return _worm(name, a, b, ratio)
+
+
+def make_rack(name: str, pinion: Any, rack: Any, radius: Any, joints: Mapping[str, Joint]) -> Rack:
+    """Check the values of a pinion and its rack and build them."""
+    who = f"rack '{name}'"
+    a, b = _pair(who, joints, ("pinion", pinion, TURNS), ("rack", rack, SLIDES))
+    return _rack(name, a, b, radius)
+
+
+def coordinate_of(
+    given: Any, joints: Mapping[str, Joint], who: str, field: str, directions: tuple[str, ...] = SLIDES + TURNS
+) -> str:
+    """Return the coordinate "JOINT.direction" that a name stands for: of a joint with a single one it may be left out.
+
+    Parameters
+    ----------
+    given : str or Joint
+        Name of a coordinate, or of a joint.
+    joints : mapping
+        The model's joints.
+    who, field : str
+        For messages.
+    directions : tuple of str
+        The directions that will do.
+
+    Returns
+    -------
+    str
+        Name of the coordinate.
+
+    Raises
+    ------
+    ModelError
+        If there is no such joint or it has no such coordinate.
+    """
+    what = "a rotation" if directions == TURNS else "a translation" if directions == SLIDES else "a coordinate"
+    key = given if isinstance(given, str) else getattr(given, "name", given)
+    expected = f"{what} of a joint, as JOINT.{directions[-1]}"
+    if not isinstance(key, str):
+        raise check.refuse(who, field, given, expected)
+    name, _, direction = key.rpartition(".")
+    if key in joints:
+        name, direction = key, ""
+    joint = joints.get(name)
+    if joint is None:
+        known = [*joints, *(f"{other.name}.{d}" for other in joints.values() for d, _ in other.freedom)]
+        raise check.refuse(who, field, given, expected, nearest(key, known).strip() or
+                           "Add joints before what couples them.")  # fmt: skip
+    free = [d for d, _ in joint.freedom if d in directions]
+    if direction in free or (not direction and len(free) == 1):
+        return f"{name}.{direction or free[0]}"
+    has = ", ".join(d for d, _ in joint.freedom) or "none"
+    raise check.refuse(who, field, given, expected, f"The {joint.kind} joint '{name}' has the coordinates {has}.")
+
+
+def _pair(
+    who: str, joints: Mapping[str, Joint], *given: tuple[str, Any, tuple[str, ...]]
+) -> tuple[str, str]:  # fmt: skip
+    a, b = (coordinate_of(value, joints, who, field, directions) for field, value, directions in given)
+    if a == b:
+        raise ModelError(f"{who}: couples '{a}' with itself; name two different coordinates.",
+                         element=who, field=given[1][0])  # fmt: skip
+    return a, b
+
+
+def _not_zero(value: Any, who: str, field: str, expected: str) -> float:
+    number = check.number(value, who, field, expected)
+    if number == 0.0:
+        raise check.refuse(who, field, value, expected)
+    return number

@@ -1,0 +1,69 @@
+"""Maxwell elements: a spring in series with a damper along a line, and a static spring beside them if wanted.
+
+Between its points the element is k0 + k1 c s / (k1 + c s): soft as k0 when slow, stiff as k0 + k1 when fast, with the
+damper at work between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, inf
+from typing import Any
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.elements.part import Part, derived
+from mbsvib.errors import ModelError
+
+
+@dataclass(frozen=True, slots=True)
+class Maxwell(Part):
+    """A spring (``stiffness`` k1 [N/m]) in series with a damper (``damping`` c [N s/m]), and beside both a spring of
+    ``static_stiffness`` k0, along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
+
+    The damper is at the end; what it yields is the coordinate ``"NAME.z"``. ``line`` is the line's unit vector.
+    """
+
+    preload = None  # it carries no force in the given pose
+
+    first: str
+    second: str
+    start: Vector
+    end: Vector
+    stiffness: float
+    damping: float
+    static_stiffness: float = 0.0
+    line: Vector = derived((0.0, 0.0, 1.0))
+
+    @property
+    def node(self) -> str:
+        """Name of the massless node between spring and damper."""
+        return f"{self.name}.node"
+
+
+def make(
+    name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any, static_stiffness: Any
+) -> Maxwell:
+    """Check the values of a Maxwell element and build it."""
+    who = f"maxwell '{name}'"
+    if first == second:
+        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
+                         element=who, field="second")  # fmt: skip
+    a = check.vector(start, who, "start")
+    b = check.vector(end, who, "end")
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = hypot(x, y, z)
+    if not 0.0 < length < inf:
+        raise check.refuse(who, "end", end, "a point other than start",
+                           "An element of no length has no line to act along.")  # fmt: skip
+    expected = "a positive number [N/m]"
+    k = check.number(stiffness, who, "stiffness", expected)
+    if k <= 0.0:
+        raise check.refuse(who, "stiffness", stiffness, expected,
+                           "Without its spring the element does nothing; a damper alone is an add_spring with "
+                           "damping only.")  # fmt: skip
+    c = check.number(damping, who, "damping", "a number that is not negative [N s/m]")
+    if c < 0.0:
+        raise check.refuse(who, "damping", damping, "a number that is not negative [N s/m]")
+    k0 = check.number(static_stiffness, who, "static_stiffness", "a finite number [N/m]")
+    return Maxwell(name, first, second, a, b, k, c, k0, (x / length, y / length, z / length))

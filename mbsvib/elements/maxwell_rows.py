@@ -1,0 +1,111 @@
+"""Maxwell elements in plain parts: a massless node that slides along the line, and rows of spring and damper on it."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements import Body, Joint, Maxwell
+from mbsvib.elements import joint as _joint
+from mbsvib.kinematics.relative_motion import Rows, columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from mbsvib.api.model import Model
+    from mbsvib.elements.part import Part
+    from mbsvib.kinematics.relative_motion import Array, Index
+
+
+class Node(Body):
+    """The massless node between the spring and the damper of a Maxwell element; no part that the user gave."""
+
+    __slots__ = ()
+
+
+class Slide(Joint):
+    """What the damper of a Maxwell element yields; no part that the user gave."""
+
+    __slots__ = ()
+
+
+def with_nodes(model: Model) -> Model:
+    """Return a model with the nodes of its Maxwell elements among its bodies, and what they slide on among its joints.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+
+    Returns
+    -------
+    Model
+        The same model if it has no Maxwell element.
+    """
+    springs: Iterable[Part] = model.springs.values()
+    found = [part for part in springs if isinstance(part, Maxwell)]
+    if not found:
+        return model
+    plain = copy(model)
+    plain._topology = None
+    plain._bodies = model._bodies | {part.node: Node(part.node, 0.0, (0.0,) * 6, part.end) for part in found}
+    plain._joints = model._joints | {part.name: _slide(part) for part in found}
+    return plain
+
+
+def _slide(part: Maxwell) -> Slide:
+    plain = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
+    return Slide(*(getattr(plain, item.name) for item in fields(plain)))
+
+
+def given(parts: Iterable[Part]) -> tuple[Part, ...]:
+    """Return the parts that the user gave out of all.
+
+    Parameters
+    ----------
+    parts : iterable of Part
+        Parts of a model with nodes.
+
+    Returns
+    -------
+    tuple of Part
+        Those that are no nodes of Maxwell elements, and not what these slide on.
+    """
+    return tuple(part for part in parts if not isinstance(part, (Node, Slide)))
+
+
+def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> tuple[Rows, Array, Array, Index, Array]:
+    """Return the rows of Maxwell elements.
+
+    k1 acts between the first body and the node, c between the node and the second body, k0 between both bodies; the
+    element's force is that of k1 and k0, which is what c hands on.
+
+    Parameters
+    ----------
+    parts : sequence of (int, Maxwell)
+        The elements and their numbers among the model's spring-dampers.
+    number : mapping
+        Number of each body and node, ground included.
+
+    Returns
+    -------
+    tuple of Rows and array
+        Rows, stiffness, damping, owner and direction in the owner's axes, as ``Elements`` has them.
+    """
+    tuples = []
+    for i, p in parts:
+        first, second, node = number[p.first], number[p.second], number[p.node]
+        on = (*p.start, *p.line, 0.0, 0.0, 0.0)
+        tuples.append((first, node, i, *on, p.stiffness, 0.0, 1.0))
+        if p.damping:
+            tuples.append((second, node, i, *on, 0.0, p.damping, 0.0))
+        if p.static_stiffness:
+            tuples.append((first, second, i, *on, p.static_stiffness, 0.0, 1.0))
+    table = columns(tuples, 15)
+    first, second, owner = table[:3].astype(np.intp)
+    unit = np.zeros((len(tuples), 6))
+    unit[:, 2] = table[14]
+    return Rows(first, second, table[3:6], table[6:9], table[9:12]), table[12], table[13], owner, unit

@@ -1,0 +1,54 @@
+"""Rotors: what spins steadily on a body, or the body itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.elements.part import Numbered
+
+
+@dataclass(frozen=True, slots=True)
+class Rotor(Numbered):
+    """A constant angular momentum on ``body``: ``inertia`` [kg m^2] times ``speed`` [rad/s] about ``axis`` (world axes,
+    unit length). Without ``inertia`` the body itself spins, with its own moment about the axis.
+    """
+
+    body: str
+    speed: float
+    axis: Vector
+    inertia: float | None = None
+
+    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
+        """Yield (field, names of its entries, value) of all its parameters."""
+        yield "speed", None, self.speed
+        if self.inertia is not None:
+            yield "inertia", None, self.inertia
+
+    def number(self, field: str) -> Any:
+        """Return the value of a parameter."""
+        return getattr(self, field)
+
+    def with_numbers(self, values: Mapping[str, Any]) -> Self:
+        """Return the rotor with other values of some parameters, checked as when it was added."""
+        words = {"speed": self.speed, "inertia": self.inertia, **values}
+        part = make(self.name, self.body, words["speed"], self.axis, words["inertia"])
+        return replace(self, speed=part.speed, inertia=part.inertia)
+
+
+def make(name: str, body: str, speed: Any, axis: Any, inertia: Any) -> Rotor:
+    """Check the values of a rotor and build it."""
+    who = f"rotor '{name}'"
+    if body == "ground":
+        raise check.refuse(who, "body", body, "a body that moves",
+                           "On ground it would have no effect.")  # fmt: skip
+    speed = check.number(speed, who, "speed", "a finite number [rad/s]")
+    if inertia is not None:
+        inertia = check.number(inertia, who, "inertia", "its moment about the axis [kg m^2]")
+        if inertia <= 0.0:
+            raise check.refuse(who, "inertia", inertia, "a positive moment about the axis [kg m^2]",
+                               "Leave it out where the body itself spins.")  # fmt: skip
+    return Rotor(name, body, speed, check.axis(axis, who, "axis"), inertia)

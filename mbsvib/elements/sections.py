@@ -1,0 +1,220 @@
+"""Cross sections of beams: area, second moments, torsion constant and shear factors, in closed form.
+
+The section's axes are the beam's local y and z; Iy = integral of z^2 dA belongs to bending in the x-z plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, dataclass, fields
+from math import exp, pi
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Properties:
+    """What a beam feels of its section: area ``A`` [m^2], second moments ``Iy`` and ``Iz`` and torsion constant ``J``
+    [m^4], shear factors ``ky`` and ``kz`` (None: not known) of forces along y and z.
+    """
+
+    A: float
+    Iy: float
+    Iz: float
+    J: float
+    ky: float | None
+    kz: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section by its properties: A [m^2], Iy, Iz, J [m^4]; shear factors are needed by beams with shear."""
+
+    A: float
+    Iy: float
+    Iz: float
+    J: float
+    ky: float | None = None
+    kz: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def properties(self, nu: float) -> Properties:
+        """Return the properties as they are given.
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
+        return Properties(self.A, self.Iy, self.Iz, self.J, self.ky, self.kz)
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A full circle of ``radius`` [m]; shear factors after Cowper unless given."""
+
+    radius: float
+    ky: float | None = None
+    kz: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def properties(self, nu: float) -> Properties:
+        """Return the properties; shear factor 6 (1 + nu) / (7 + 6 nu) (Cowper, 1966).
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
+        area, bending, factor = pi * self.radius**2, 0.25 * pi * self.radius**4, 6.0 * (1.0 + nu) / (7.0 + 6.0 * nu)
+        return Properties(area, bending, bending, 2.0 * bending, self.ky or factor, self.kz or factor)
+
+
+@dataclass(frozen=True, slots=True)
+class Tube:
+    """A circular tube of outer ``radius`` and thickness ``wall`` [m]; shear factors after Cowper unless given."""
+
+    radius: float
+    wall: float
+    ky: float | None = None
+    kz: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+        if self.wall > self.radius:
+            raise check.refuse("tube", "wall", self.wall, f"at most the outer radius {self.radius:g} m")
+
+    def properties(self, nu: float) -> Properties:
+        """Return the properties; shear factor of a thick tube (Cowper, 1966).
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
+        outer, inner = self.radius, self.radius - self.wall
+        area = pi * self.wall * (outer + inner)
+        bending = 0.25 * area * (outer * outer + inner * inner)
+        ratio = (inner / outer) ** 2
+        whole = (1.0 + ratio) ** 2
+        factor = 6.0 * (1.0 + nu) * whole / ((7.0 + 6.0 * nu) * whole + (20.0 + 12.0 * nu) * ratio)
+        return Properties(area, bending, bending, 2.0 * bending, self.ky or factor, self.kz or factor)
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A rectangle, ``width`` along y and ``height`` along z [m]; shear factors after Cowper unless given."""
+
+    width: float
+    height: float
+    ky: float | None = None
+    kz: float | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def properties(self, nu: float) -> Properties:
+        """Return the properties; torsion after Saint-Venant, shear factor 10 (1 + nu) / (12 + 11 nu) (Cowper, 1966).
+
+        Parameters
+        ----------
+        nu : float
+            Poisson's ratio, on which shear factors depend.
+
+        Returns
+        -------
+        Properties
+            Area, second moments, torsion constant and shear factors.
+        """
+        b, h = self.width, self.height
+        factor = 10.0 * (1.0 + nu) / (12.0 + 11.0 * nu)
+        return Properties(b * h, b * h**3 / 12.0, h * b**3 / 12.0, _torsion(max(b, h), min(b, h)),
+                          self.ky or factor, self.kz or factor)  # fmt: skip
+
+
+SHAPES: dict[str, type[Section | Circle | Tube | Rectangle]] = {
+    "tube": Tube, "circle": Circle, "rectangle": Rectangle, "properties": Section,
+}  # fmt: skip
+Shape = Section | Circle | Tube | Rectangle
+_NAMES = {shape: name for name, shape in SHAPES.items()}
+
+
+def _torsion(a: float, b: float) -> float:
+    """Saint-Venant's series for the sides a >= b; with tanh x = 1 - 2 / (1 + e^2x) the sum of 1 has a closed form."""
+    total = 31.0 * 1.0369277551433699263 / 32.0  # sum over odd n of n^-5 = 31/32 zeta(5)
+    for n in range(1, 41, 2):
+        total -= 2.0 * exp(-n * pi * a / b) / (1.0 + exp(-n * pi * a / b)) / n**5
+    return a * b**3 / 3.0 * (1.0 - 192.0 / pi**5 * b / a * total)
+
+
+def make(value: Any, who: str) -> Shape:
+    """Return a section from an object of this module or from words such as {"type": "tube", "radius": ..., ...}."""
+    if isinstance(value, Section | Circle | Tube | Rectangle):
+        return value
+    if not hasattr(value, "keys"):
+        raise check.refuse(who, "section", value, "a Tube, Circle, Rectangle or Section, or words: {'type': 'tube', "
+                           "'radius': 0.1, 'wall': 0.01}, {'A': ..., 'Iy': ..., 'Iz': ..., 'J': ...}")  # fmt: skip
+    words: dict[str, Any] = dict(value)
+    kind = words.pop("type", "properties")
+    if kind not in SHAPES:
+        expected = f"type: one of {', '.join(SHAPES)}"
+        raise check.refuse(who, "section", value, expected, nearest(str(kind), SHAPES).strip())
+    result: Shape = built(SHAPES[kind], words, who, "section")
+    return result
+
+
+def words_of(shape: Shape) -> dict[str, Any]:
+    """Return the words that ``make`` turns into the same section."""
+    said = {"type": _NAMES[type(shape)]} if not isinstance(shape, Section) else {}
+    return said | {item.name: value for item in fields(shape) if (value := getattr(shape, item.name)) is not None}
+
+
+def built(kind: type, words: Mapping[str, Any], who: str, field: str) -> Any:
+    """Build a section or material from words, with refusals that name the element."""
+    known = {item.name: item.default is MISSING for item in fields(kind)}
+    for word in words:
+        if word not in known:
+            raise ModelError(f"{who}: {field} has no '{word}'.{nearest(str(word), known)} It has {', '.join(known)}.",
+                             element=who, field=field)  # fmt: skip
+    missing = [word for word, needed in known.items() if needed and word not in words]
+    if missing:
+        raise ModelError(f"{who}: {field} = {check.shown(words)} lacks {', '.join(missing)}.", element=who, field=field)
+    try:
+        return kind(**words)
+    except ModelError as error:
+        raise ModelError(f"{who}: {field}: {error}", element=who, field=field) from error
+
+
+def _check(shape: Shape) -> None:
+    name = _NAMES[type(shape)] if type(shape) is not Section else "section"
+    for item in fields(shape):
+        value = getattr(shape, item.name)
+        if value is None and item.default is None:
+            continue
+        value = check.number(value, name, item.name)
+        if value <= 0.0:
+            raise check.refuse(name, item.name, value, "a positive number")
+        object.__setattr__(shape, item.name, value)

@@ -1,0 +1,73 @@
+"""Line springs: a spring-damper along the line between two points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, inf
+from typing import Any
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.elements.part import Part, derived
+from mbsvib.errors import ModelError
+
+
+@dataclass(frozen=True, slots=True)
+class Spring(Part):
+    """A spring-damper along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
+
+    ``stiffness`` [N/m] and ``damping`` [N s/m] act on the change of its length; ``line`` is its unit vector, ``length``
+    [m] and ``tension`` [N] are those of the given pose. ``preload`` is the tension as given [N]; ``free_length`` [m]
+    gives it as stiffness (length - free_length).
+    """
+
+    first: str
+    second: str
+    start: Vector
+    end: Vector
+    stiffness: float = 0.0
+    damping: float = 0.0
+    preload: float | None = None
+    free_length: float | None = None
+    line: Vector = derived((0.0, 0.0, 1.0))
+    length: float = derived(1.0)
+    tension: float = derived(0.0)
+
+
+def make(
+    name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any, preload: Any = None,
+    free_length: Any = None,
+) -> Spring:  # fmt: skip
+    """Check the values of a line spring and build it."""
+    who = f"spring '{name}'"
+    if first == second:
+        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
+                         element=who, field="second")  # fmt: skip
+    a = check.vector(start, who, "start")
+    b = check.vector(end, who, "end")
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = hypot(x, y, z)
+    if not 0.0 < length < inf:
+        raise check.refuse(who, "end", end, "a point other than start",
+                           "A spring of no length has no line to act along: use a bushing.")  # fmt: skip
+    k = check.number(stiffness, who, "stiffness", "a finite number [N/m]")
+    c = check.number(damping, who, "damping", "a finite number [N s/m]")
+    tension = 0.0
+    if preload is not None:
+        preload = tension = check.number(preload, who, "preload", "the tension in the given pose [N]")
+    if free_length is not None:
+        free_length = check.number(free_length, who, "free_length", "the length without load [m]")
+        if preload is not None:
+            raise ModelError(f"{who}: both preload and free_length are given; they say the same, give one.",
+                             element=who, field="free_length")  # fmt: skip
+        if free_length < 0.0:
+            raise check.refuse(who, "free_length", free_length, "a length that is not negative [m]")
+        if k == 0.0:
+            raise ModelError(f"{who}: free_length = {free_length} needs a stiffness to make a force of; give one, or "
+                             f"give the tension as preload.", element=who, field="free_length")  # fmt: skip
+        tension = k * (length - free_length)
+    if k == 0.0 and c == 0.0 and not tension:
+        raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the spring out.",
+                         element=who, field="stiffness")  # fmt: skip
+    line = (x / length, y / length, z / length)
+    return Spring(name, first, second, a, b, k, c, preload, free_length, line, length, tension)

@@ -1,0 +1,150 @@
+"""Assembly of a batch: what does not vary is computed once, what varies in one pass over pieces that fit a cache."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.api.batch import FACTORS, Batch
+from mbsvib.elements import Body
+from mbsvib.equations import assembly as single
+from mbsvib.equations.batch_geometry import moves_geometry, varied
+from mbsvib.equations.batch_loops import Pivots, pivots, reduce_batch
+from mbsvib.equations.batch_values import checked
+from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.inertia import check_mass
+from mbsvib.equations.wrenches import is_loaded
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.api.model import Model
+    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.batch_values import Values
+
+    Array = NDArray[np.float64]
+
+# Pieces of a batch whose largest array has this many numbers stay in the second-level cache.
+PIECE = 2**16
+# Pivots of a scaled mass matrix below this are looked at by the check of single systems, whose limit is lower.
+SUSPECT_MASS = 1e-12
+
+
+def linearize_batch(
+    model: Model, values: Mapping[str, ArrayLike], independent: Sequence[str] | None = None,
+    cut: Sequence[str] | None = None,
+) -> Batch:  # fmt: skip
+    """Return the minimal linear equations of motion of many variants of a model.
+
+    M_i q'' + C_i q' + K_i q = B_i u,  y = Cq_i q + Cv_i q' + Ca_i q'' + D_i u
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    values : mapping of str to array-like, shape (n,) or ()
+        Values of parameters, by name or by a pattern that picks several.
+    independent, cut : sequence of str, optional
+        As for a single linearization.
+
+    Returns
+    -------
+    Batch
+        All variants, in the minimal coordinates of the pose as given.
+
+    Raises
+    ------
+    ModelError
+        If a parameter is unknown or a value refused, by parameter and index of the variant.
+    SingularPoseError
+        If a variant has another number of degrees of freedom, by index.
+    """
+    for rotor in model.rotors:
+        raise ModelError(f"values: rotor '{rotor}' spins, which batches do not support yet; linearize the variants one "
+                         f"by one, with model.with_values.", element=rotor, field="values")  # fmt: skip
+    parameters = model.parameters
+    variants = checked(parameters, values)
+    scene = single.scene(model, cut)
+    loaded = is_loaded(model)
+    for row, *_ in () if loaded else scene.port.wrench_outputs:
+        name = list(model.outputs)[row]
+        raise ModelError(f"output '{name}': batches do not support forces in joints, or sums of forces, yet; linearize "
+                         f"the variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
+    nominal = single.system(model, scene, independent)
+    if nominal.provenance.massless is not None:
+        what = nominal.provenance.massless
+        name = (what.condensed + what.first_order)[0]
+        raise ModelError(f"values: coordinate '{name}' moves no mass, which batches do not support yet; linearize the "
+                         f"variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
+    if loaded:
+        from mbsvib.equations.batch_loaded import loaded_batch
+
+        return loaded_batch(model, nominal, variants, cut)
+    chosen = pivots(scene, nominal.provenance.reduction)
+    size = _piece(scene, variants)
+    pieces = [
+        _matrices(model, scene, variants.slice(start, start + size), chosen, start, nominal.coordinates)
+        for start in range(0, variants.count, size)
+    ]
+    arrays: dict[str, Any] = {"row_owner": pieces[0]["row_owner"]}
+    for key in (*MATRICES, *FACTORS):
+        array = pieces[0][key]
+        if len(pieces) > 1 and array.ndim == _depth(key) + 1:
+            array = np.concatenate([piece[key] for piece in pieces])
+        arrays[key] = np.broadcast_to(array, (variants.count, *array.shape[array.ndim - _depth(key) :]))
+    closure = None
+    if pieces[0]["closure"] is not None:
+        closure = np.concatenate([piece["closure"] for piece in pieces])
+    return Batch(nominal, variants, closure, **arrays)
+
+
+def _depth(key: str) -> int:
+    """Number of axes of an array of a single system."""
+    return {"stiffness": 1, "damping": 1, "body_motion": 3}.get(key, 2)
+
+
+def _piece(scene: Scene, values: Values) -> int:
+    """How many variants to compute at once."""
+    if not moves_geometry(values) and not values.varies((Body,)):
+        return values.count
+    return max(16, PIECE // max(1, scene.coordinates.path.size * 6))
+
+
+def _matrices(
+    model: Model, scene: Scene, values: Values, chosen: Pivots, first: int, names: tuple[str, ...]
+) -> dict[str, Any]:
+    """The matrices of some variants; those that do not vary without an axis of variants."""
+    scene = varied(model, scene, values)
+    relative = scene.relative()
+    reduction = chosen.reduction
+    phi = scene.closure(relative)
+    if phi.ndim == 3:
+        reduction = reduce_batch(scene, values, phi, chosen, first)
+    result = single.matrices(scene, relative, reduction)
+    result["closure"] = None if reduction is chosen.reduction else reduction.matrix
+    _check_masses(result["M"], names, first)
+    return result
+
+
+def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
+    """Refuse variants in which the motion of a coordinate moves no mass, by index."""
+    if mass.ndim == 2 or not names:
+        return
+    diagonal = np.einsum("vii->vi", mass)
+    safe = np.where(diagonal > 0.0, diagonal, 1.0)
+    scale = 1.0 / np.sqrt(safe)
+    try:
+        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass * scale[:, :, None] * scale[:, None])) ** 2
+        suspects = np.flatnonzero((pivots.min(axis=1) < SUSPECT_MASS) | (diagonal <= 0.0).any(axis=1))
+    except np.linalg.LinAlgError:
+        suspects = np.arange(len(mass))
+    for i in suspects.tolist():
+        try:
+            check_mass(mass[i], names)
+        except ModelError as error:
+            raise ModelError(f"variant {first + i}: {error}", element=error.element) from error
+

@@ -1,0 +1,241 @@
+"""Loops: B'' of all variants at once, with the pivots of the pose as it is.
+
+The rows and columns that a pivoted QR chose in the pose as given are kept, so that all variants have the same minimal
+coordinates: in each group of loops Phi = [A R; P Q] with A square, and B'' is -A^-1 R where the redundant rows (P, Q)
+hold by themselves. |A^-1| tells how far A is from singular, and what (P, Q) leave whether they are redundant still;
+where either is in doubt the variant goes through the rank decision that a single pose goes through.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements import Joint
+from mbsvib.equations.batch_geometry import cuts_of, twists_of
+from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
+from mbsvib.kinematics.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
+from mbsvib.kinematics.mobility import LIMIT, _crossed, _rods, check_mobility, phi_nearby
+from mbsvib.kinematics.relative_motion import arm
+from mbsvib.mechanism.changes import rotations
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.batch_values import Values
+    from mbsvib.kinematics.loops import Cuts, LoopGroup
+    from mbsvib.kinematics.relative_motion import Index, Twists
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+
+# 1 / |A^-1| within this factor above the limit of a nearly singular pose is decided by the pivots themselves ...
+WELL_ABOVE = 10.0
+# ... unless it is of the size that it has in the pose as given, which went through that decision.
+AS_GIVEN = 0.5
+# Redundant rows that leave more than this share of the limit of a decision go through the decision itself.
+WELL_BELOW = 0.1
+HELP = (
+    "All variants of a batch have the same coordinates: leave this one out, linearize it by itself, or pin other "
+    "coordinates with independent=."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Pivots:
+    """The choice of the pose as given: its ``reduction``, and of each group of loops the ``dependent`` and the
+    ``other`` columns and how far the chosen block is from singular (``health``).
+    """
+
+    reduction: Reduction
+    dependent: tuple[Index, ...]
+    others: tuple[Index, ...]
+    health: tuple[float, ...]
+
+
+def pivots(scene: Scene, nominal: Reduction) -> Pivots:
+    """Return the pivots of the pose as given, which all variants use.
+
+    Parameters
+    ----------
+    scene : Scene
+        The mechanism in numbers, as given.
+    nominal : Reduction
+        Its minimal coordinates.
+
+    Returns
+    -------
+    Pivots
+        Columns of each group of loops.
+    """
+    if scene.cuts is None or not nominal.groups:
+        return Pivots(nominal, (), (), ())
+    phi = scene.closure(scene.relative())[None]
+    kept = np.zeros(phi.shape[-1], dtype=bool)
+    kept[nominal.independent] = True
+    dependent = tuple(group.columns[~kept[group.columns]] for group in nominal.groups)
+    others = tuple(group.columns[kept[group.columns]] for group in nominal.groups)
+    health = tuple(
+        float(_solved(scene.coordinates, scene.cuts, phi, group, d, o)[1][0])
+        for group, d, o in zip(nominal.groups, dependent, others, strict=True)
+    )
+    return Pivots(nominal, dependent, others, health)
+
+
+def reduce_batch(scene: Scene, values: Values, phi: Array, chosen: Pivots, first: int) -> Reduction:
+    """Return B'' of all variants in the coordinates that were chosen for the pose as given.
+
+    Parameters
+    ----------
+    scene : Scene
+        The variants in numbers.
+    values : Values
+        What varies.
+    phi : array, shape (variants, locked rows, n)
+        What their cut joints lock.
+    chosen : Pivots
+        The pivots of the pose as given.
+    first : int
+        Index of the first of these variants, for messages.
+
+    Returns
+    -------
+    Reduction
+        The same coordinates, B'' as (variants, n, m).
+
+    Raises
+    ------
+    ModelError, SingularPoseError
+        If in a variant the coordinates are not independent, or the number of degrees of freedom is another one or in
+        doubt, by index.
+    """
+    nominal, cuts = chosen.reduction, scene.cuts
+    if cuts is None or nominal.matrix is None or phi.ndim == 2:
+        return nominal
+    variants, (n, m) = len(phi), nominal.matrix.shape
+    place = np.zeros(n, dtype=np.intp)
+    place[nominal.independent] = np.arange(m)
+    result = np.zeros((variants, n, m))
+    result[:, nominal.independent, np.arange(m)] = 1.0
+    doubt = np.zeros(variants, dtype=bool)
+    for group, dependent, others, given in zip(
+        nominal.groups, chosen.dependent, chosen.others, chosen.health, strict=True
+    ):
+        block, health, left = _solved(scene.coordinates, cuts, phi, group, dependent, others)
+        result[:, dependent[:, None], place[others]] = block
+        doubt |= (health < WELL_ABOVE * NEAR_SINGULAR) & (health < AS_GIVEN * given)
+        if group.redundant:
+            doubt |= left > WELL_BELOW * RANK_FACTOR * _noise(scene.coordinates, cuts, group)
+    reduction = replace(nominal, matrix=result)
+    jumps = _may_jump(scene, values, chosen, reduction)
+    for i in np.flatnonzero(doubt | jumps).tolist():
+        result[i] = _alone(scene, values, phi[i], nominal, i, first, bool(doubt[i]), result[i])
+    return reduction
+
+
+def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction) -> Mask:
+    """Tell the variants in which constraints that are redundant here may not be in the poses nearby."""
+    assert scene.cuts is not None
+    assert reduction.matrix is not None
+    result = np.zeros(len(reduction.matrix), dtype=bool)
+    if reduction.matrix.shape[2] and any(group.redundant for group in reduction.groups):
+        crossing = []
+        for row, *axes in _crossed(scene.topology, scene.cuts):
+            whole = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
+            if "orientation" in whole:
+                axes = [(rotations(whole["orientation"]) @ axis).T for axis in axes]
+            crossing.append((row, axes[0], axes[1]))
+        nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
+                            _rods(scene.topology, scene.coordinates, scene.cuts, values.fields))  # fmt: skip
+        for group, dependent, others in zip(reduction.groups, chosen.dependent, chosen.others, strict=True):
+            if group.redundant:
+                left = _solved(scene.coordinates, scene.cuts, nearby, group, dependent, others)[2]
+                result |= ~(left <= WELL_BELOW * LIMIT)
+    return result
+
+
+def _solved(
+    coordinates: Twists, cuts: Cuts, phi: Array, group: LoopGroup, dependent: Index, others: Index
+) -> tuple[Array, Array, Array]:
+    """Block of B'', distance of A from singular (over its size where that is more than one), and what the redundant
+    rows leave.
+    """
+    needed = np.array([cuts.names[row] not in group.redundant for row in group.rows], dtype=bool)
+    row_scale = cuts.row_scale(group.length)[..., group.rows, None]
+    column_scale = np.where(coordinates.turns, 1.0, group.length)
+    columns = np.concatenate((dependent, others)).astype(np.intp)
+    scaled = phi[:, group.rows[:, None], columns] * (row_scale * column_scale[columns])
+    r = len(dependent)
+    a, right = scaled[:, needed, :r], scaled[:, needed, r:]
+    both = np.concatenate((right, np.broadcast_to(np.eye(r), a.shape)), axis=2)
+    try:
+        solution = np.linalg.solve(a, both)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(a)[0] == 0.0
+        solution = np.linalg.solve(np.where(singular[:, None, None], np.eye(r), a), both)
+        solution[singular] = np.nan
+    block, inverse = solution[:, :, : len(others)], solution[:, :, len(others) :]
+    size, growth = np.sqrt(np.einsum("vij,vij->v", a, a)), np.sqrt(np.einsum("vij,vij->v", inverse, inverse))
+    # rows are of the size of one: the whole of A may be rounding
+    health = np.divide(1.0, np.maximum(1.0, size) * growth, out=np.ones_like(size),
+                       where=np.isfinite(growth) & (growth > 0.0))  # fmt: skip
+    lost = ~np.isfinite(growth)
+    health[lost], block[lost] = 0.0, 0.0
+    left = np.zeros(len(phi))
+    if not needed.all() and len(others):
+        rest = scaled[:, ~needed, r:] - scaled[:, ~needed, :r] @ block
+        left = np.abs(rest).max(axis=(1, 2))
+    return block * -(column_scale[dependent, None] / column_scale[others]), health, left
+
+
+def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
+    """Rounding of the scaled rows: positions are rounded relative to the origin, see ``mbsvib.kinematics.loops``."""
+    cut = group.rows[group.rows < len(cuts.rows.first)]
+    far = [np.abs(array[..., of]).max(axis=(0, -1), initial=0.0)
+           for array, of in ((cuts.rows.point, cut), (coordinates.point, group.columns))]  # fmt: skip
+    noise: Array = EPS * max(len(group.rows), len(group.columns)) * np.maximum(1.0, np.maximum(*far) / group.length)
+    return np.maximum(noise, group.noise)
+
+
+def _alone(
+    scene: Scene, values: Values, phi: Array, nominal: Reduction, i: int, first: int, doubt: bool, matrix: Array
+) -> Array:
+    """Send one variant through the decisions that a single pose goes through; return its B''."""
+    assert scene.cuts is not None
+    coordinates, cuts = twists_of(scene.coordinates, i), cuts_of(scene.cuts, i)
+    position = scene.position if scene.position.ndim == 2 else scene.position[i]
+    names = [coordinates.names[k] for k in nominal.independent]
+    reduction = replace(nominal, matrix=matrix)
+    joints = [values.part(joint.name, i) for joint in scene.topology.joints]
+    topology = replace(scene.topology, joints=tuple(joint for joint in joints if isinstance(joint, Joint)))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", NearSingularWarning)
+        try:
+            if doubt:
+                reduction = reduce(coordinates, cuts, phi, names, partial(arm, topology, position))
+            check_mobility(topology, coordinates, cuts, reduction, position)
+            _check_freedom(reduction, nominal)
+        except ModelError as error:  # the coordinates, which this variant did not choose, depend on each other
+            raise SingularPoseError(
+                f"variant {first + i}: the loops closed by {', '.join(cuts.joints)} tie the coordinates "
+                f"{', '.join(names)} of the pose as given to each other. {HELP}"
+            ) from error
+        except SingularPoseError as error:
+            raise SingularPoseError(f"variant {first + i}: {error}") from error
+    for warning in caught:
+        warnings.warn(f"variant {first + i}: {warning.message}", warning.category, stacklevel=5)
+    assert reduction.matrix is not None
+    return reduction.matrix
+
+
+def _check_freedom(reduction: Reduction, nominal: Reduction) -> None:
+    found, expected = len(reduction.independent), len(nominal.independent)
+    if found != expected:
+        raise SingularPoseError(
+            f"its loops leave {counted(found, 'degree')} of freedom, those of the pose as given {expected}. {HELP}"
+        )

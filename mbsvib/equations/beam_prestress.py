@@ -1,0 +1,196 @@
+"""Loaded beams: what their elements carry in the given pose, and the geometric stiffness that comes of it.
+
+The pose is the loaded one. Forces in the elements follow from statics; where they are not determined (beams held at
+both ends), they spread as linear elasticity has it, with the least energy. A preloaded bushing at the middle of an
+element acts on it as on two rigid halves; what the bent line between the nodes adds under a tension N is a form in the
+element's own deformations, d across and r about the middle:
+
+N (s^2 / (10 L) + 1 / (2 L)) d^2 + N d r / 2 - N L r^2 / 12,   s = 1 / (1 + phi)
+
+so that rigid halves and this form are together N / 2 times the integral of the squared slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements import Bushing
+from mbsvib.elements import beam_element as element
+from mbsvib.elements import load as _load
+from mbsvib.elements.beam_expansion import middle, turned
+from mbsvib.kinematics.shared_rows import Node, Piece
+
+# Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
+NOISE = 1e-14
+# Coordinates that strain elements by less than this share of the one that strains them most, or than joints would with
+# open loops (energies, as roots), do so by the rounding of loops; stiffnesses and lengths of one beam span far less.
+STRAINED = 1e-11
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.api.model import Model
+    from mbsvib.common.arguments import Vector
+    from mbsvib.elements import Load
+    from mbsvib.elements.beam import Beam
+    from mbsvib.kinematics.relative_motion import Array
+
+
+def weights(beam: Beam, gravity: Vector) -> list[Load]:
+    """Return the weight of a beam as forces at its nodes, half of each element's at either end.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    gravity : tuple of 3 floats
+        Acceleration of free fall [m/s^2].
+
+    Returns
+    -------
+    list of Load
+        One force for each node that is not on the ground.
+    """
+    line = beam.material.rho * beam.properties.A
+    mass = np.zeros(len(beam.points))
+    for i, (length, _) in enumerate(beam.frames()):
+        mass[i : i + 2] += 0.5 * line * length
+    return [
+        _load.make(f"{beam.name}.weight{i}", beam.node(i), [m * g for g in gravity], _load.NONE, point, False)
+        for i, (m, point) in enumerate(zip(mass.tolist(), beam.points, strict=True)) if beam.node(i) != "ground"
+    ]  # fmt: skip
+
+
+def carried(model: Model, beams: Sequence[Beam]) -> dict[str, Bushing]:
+    """Return the elements of loaded beams with what they carry as preload.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism in plain parts, its elements without preload.
+    beams : sequence of Beam
+        Its beams.
+
+    Returns
+    -------
+    dict of str to Bushing
+        The elements by name, in the order of the beams.
+    """
+    from mbsvib.equations.assembly import matrices, scene
+    from mbsvib.equations.loaded import load
+    from mbsvib.kinematics.loops import reduce
+    from mbsvib.kinematics.relative_motion import arm
+
+    view = scene(model)
+    relative = view.relative()
+    reduction = reduce(view.coordinates, view.cuts, view.closure(relative),
+                       arms=partial(arm, view.topology, view.position))  # fmt: skip
+    found = matrices(view, relative, reduction)
+    names = [name for beam in beams for name in beam.element_names]
+    place = {name: i for i, name in enumerate(names)}
+    which = [(row, place[view.elements[owner].name]) for row, owner in enumerate(view.springs.owner.tolist())
+             if view.elements[owner].name in place]  # fmt: skip
+    rows = np.array([row for row, _ in which])
+    direction = view.springs.unit[rows].argmax(axis=1)
+    felt, root = found["elastic_rows"][rows], np.sqrt(found["stiffness"][rows])
+    apart = relative.dense(view.locked, view.locked + len(view.springs.owner))[rows]
+    residual = load(view, relative, reduction, found, model.name, checked=False).residual
+    preload = np.zeros((len(names), 6))
+    preload[[i for _, i in which], direction] = spread(felt, apart, root, -residual)
+    result = {}
+    for name, six in zip(names, preload.tolist(), strict=True):
+        spring = model.springs[name]
+        if isinstance(spring, Bushing):
+            result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
+    return result
+
+
+def spread(rows: Array, apart: Array, root: Array, needed: Array) -> Array:
+    """Return forces p of least energy with rows^T p = needed, where elements can hold it.
+
+    Parameters
+    ----------
+    rows : array, shape (n, m)
+        Deformations of the elements per coordinate.
+    apart : array, shape (n, joint coordinates)
+        The same per joint coordinate, as if loops were open.
+    root : array, shape (n,)
+        Square roots of their stiffness.
+    needed : array, shape (m,)
+        Forces along the coordinates.
+
+    Returns
+    -------
+    array, shape (n,)
+        One force for each row.
+    """
+    energy, most = (np.sqrt(np.square(part * root[:, None]).sum(axis=0)) for part in (rows, apart))
+    rows = rows * (energy > STRAINED * max(energy.max(initial=0.0), most.max(initial=0.0)))
+    single = np.count_nonzero(rows, axis=1) == 1
+    own = {int(np.flatnonzero(rows[i])[0]): int(i) for i in np.flatnonzero(single)}
+    held = np.flatnonzero(rows.any(axis=0))
+    if len(own) < len(held):
+        scaled = rows[:, held] * root[:, None]
+        size = np.sqrt(np.square(scaled).sum(axis=0))
+        found: Array = root * np.linalg.lstsq((scaled / size).T, needed[held] / size, rcond=1e-12)[0]
+        return np.where(np.abs(found / root) > NOISE * np.abs(found / root).max(initial=0.0), found, 0.0)
+    # each coordinate is a deformation: what elements of the tree carry follows exactly from those where it is cut
+    tree = np.array([own[j] for j in held.tolist()], dtype=np.intp)
+    rest = np.setdiff1d(np.arange(len(rows)), tree)
+    entry = rows[tree, held]
+    result = np.zeros(len(rows))
+    result[tree] = needed[held] / entry
+    if len(rest):
+        follows = (rows[np.ix_(rest, held)] / entry).T
+        left = np.concatenate((follows / root[tree, None], np.diag(1.0 / root[rest])))
+        right = np.concatenate((result[tree] / root[tree], np.zeros(len(rest))))
+        size = np.sqrt(np.square(left).sum(axis=0))
+        result[rest] = np.linalg.lstsq(left / size, right, rcond=None)[0] / size
+        result[tree] -= follows @ result[rest]
+    return result
+
+
+def bent_lines(beam: Beam, elements: dict[str, Bushing]) -> list[Piece]:
+    """Return what the bent lines of a beam's elements add to the geometric stiffness of rigid halves.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    elements : dict of str to Bushing
+        Its elements with what they carry.
+
+    Returns
+    -------
+    list of Piece
+        Rows with signed stiffness for each element under tension or compression.
+    """
+    result = []
+    for i, (name, (length, axes)) in enumerate(zip(beam.element_names, beam.frames(), strict=True)):
+        spring = elements[name]
+        if spring.preload is None:
+            continue
+        tension = -float(spring.preload[0])
+        rows, values = [], []
+        ratios = element.shear_ratios(length, beam.properties, beam.material, beam.shear)
+        for (across, about, sign), phi in zip(((1, 5, 1.0), (2, 4, -1.0)), ratios, strict=True):
+            for value, (d, r) in zip(*_rows(length, phi), strict=True):
+                row = np.zeros(6)
+                row[across], row[about] = d, sign * r
+                rows.append(row)
+                values.append(tension * value)
+        node = Node(beam.node(i + 1), middle(beam, i), against=beam.node(i))
+        result.append(Piece(beam.name, (node,), turned(np.array(rows), axes), stiffness=np.array(values)))
+    return result
+
+
+def _rows(length: float, phi: float) -> tuple[Array, Array]:
+    """Signed values and rows in (d, r) of the form above, for a unit tension; twice the form is a stiffness."""
+    across = 0.2 / (1.0 + phi) ** 2 + 1.0
+    # in d / L and r all entries are of the size of L
+    values, vectors = np.linalg.eigh(length * np.array([[across, 0.5], [0.5, -1.0 / 6.0]]))
+    return values, (vectors / np.array([[length], [1.0]])).T

@@ -1,0 +1,164 @@
+"""The equations: minimal matrices and factors with names, units and the way back to the bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from operator import attrgetter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.api.model import Model
+    from mbsvib.elements.part import Part
+    from mbsvib.equations.controllable_part import Dropped
+    from mbsvib.equations.massless_separation import Separation
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.equations.statics import Statics
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.parameters import Parameters
+    from mbsvib.mechanism.topology import Topology
+
+    Array = NDArray[np.float64]
+
+MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
+    are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
+    without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
+    inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
+    ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose; ``undetermined`` is what
+    redundant constraints leave open of forces in joints, as far as these were asked for.
+    """
+
+    topology: Topology
+    reduction: Reduction
+    joint_coordinates: tuple[str, ...]
+    springs: tuple[str, ...]
+    parts: tuple[Part, ...] = ()
+    massless: Separation | None = None
+    statics: Statics | None = None
+    dropped: Dropped | None = None
+    ports: tuple[Part, ...] = ()
+    origin: Model | None = None
+    planar: bool = False
+    settled: bool = False
+    undetermined: tuple[Undetermined, ...] = ()
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Equations:
+    """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
+
+    ``M``, ``C``, ``K`` (m, m), ``B`` (m, inputs), ``Cq``, ``Cv``, ``Ca`` (outputs, m), ``D`` (outputs, inputs); SI
+    units and radians. ``coordinates``, ``inputs`` and ``outputs`` are their names, ``..._units`` their units.
+
+    The factors are kept: M = W^T W with W = ``inertia_factor`` (6 bodies, m), K = D^T diag(k) D and C = D^T diag(c) D
+    with D = ``elastic_rows`` (rows, m), k = ``stiffness`` and c = ``damping`` (rows,); ``row_owner`` (rows,) numbers
+    the spring-damper of each row. ``body_motion`` (bodies, 6, m) gives the bodies' displacements. Arrays are read-only.
+
+    What no such rows can be is None where the mechanism has none: ``gyroscopic`` G (m, m), antisymmetric, is part of C
+    beside D^T diag(c) D, as spinning bodies add it; ``circulatory`` N (m, m), antisymmetric, is part of K beside
+    D^T diag(k) D, as follower loads add it. M is singular if ``massless`` > 0: the motions ``null_inertia``
+    (m, massless) move no mass but dampers (their damping is regular), each has one first-order state in place of two,
+    and there are 2m - massless eigenvalues. Massless motions that no damper feels are not among the coordinates: they
+    follow from statics, and what inputs do to them at once is in D (``explain()`` names them).
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    coordinate_units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    bodies: tuple[str, ...]
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    inertia_factor: Array
+    elastic_rows: Array
+    stiffness: Array
+    damping: Array
+    row_owner: NDArray[np.intp]
+    body_motion: Array
+    provenance: Provenance = field(repr=False)
+    gyroscopic: Array | None = None
+    circulatory: Array | None = None
+    massless: int = 0
+    null_inertia: Array | None = None
+
+    def __post_init__(self) -> None:
+        for array in _arrays(self):
+            if array is not None:
+                array.setflags(write=False)
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom, m."""
+        return len(self.coordinates)
+
+    @property
+    def tree(self) -> tuple[str, ...]:
+        """Names of the joints of the spanning tree, from ground outwards."""
+        return self.provenance.topology.tree
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints at which loops are cut."""
+        return self.provenance.topology.cut_joints
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
+        return tuple(name for group in self.provenance.reduction.groups for name in group.redundant)
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Every number that the system was made of by its name (``"leg1.k.stiffness"``), read-only; see ``units``."""
+        from mbsvib.mechanism.parameters import Parameters
+
+        return Parameters(self.provenance.parts)
+
+    def displacements(self, q: ArrayLike) -> dict[str, Array]:
+        """Return the displacements of the bodies, x = B' B'' q.
+
+        Parameters
+        ----------
+        q : array-like, shape (m,) or (m, n)
+            Minimal coordinates [m, rad].
+
+        Returns
+        -------
+        dict of str to array, shape (6,) or (6, n)
+            Translation of each body's centre of mass [m] and its rotation [rad], world axes.
+
+        Raises
+        ------
+        ResponseError
+            If ``q`` does not have one entry for each coordinate.
+        """
+        vector = np.asarray(q)
+        if vector.ndim not in (1, 2) or len(vector) != self.dof:
+            raise ResponseError(
+                f"displacements: q has shape {vector.shape}; expected ({self.dof},) or ({self.dof}, n), one entry for "
+                f"each of the coordinates {', '.join(self.coordinates[:6])}{', ...' if self.dof > 6 else ''}."
+            )
+        return dict(zip(self.bodies, self.body_motion @ vector, strict=True))
+
+
+_arrays = attrgetter(*(item.name for item in fields(Equations) if "Array" in str(item.type)))
+

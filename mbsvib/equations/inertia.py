@@ -1,0 +1,119 @@
+"""Inertia as factors: M = W^T W, with three rows of W for the translation of each body and three for its rotation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import lapack
+
+from mbsvib.common.arguments import IDENTITY
+from mbsvib.errors import ModelError
+from mbsvib.kinematics.relative_motion import table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.elements import Body
+    from mbsvib.kinematics.relative_motion import Array
+
+EPS = float(np.finfo(float).eps)
+# Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
+MASSLESS = 1e-14
+_TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
+
+
+@dataclass(frozen=True, slots=True)
+class SpatialInertia:
+    """Square roots of the bodies' inertia: ``linear`` (..., bodies) of the masses, ``angular`` (..., bodies, 3, 3) F of
+    the tensors, F^T F = I about the centre of mass in world axes. ``whole`` says that every body has a mass, and
+    a moment about every axis.
+    """
+
+    linear: Array
+    angular: Array
+    whole: bool = True
+
+    def factor(self, motion: Array) -> Array:
+        """Return the rows W of body motions (..., bodies, 6, m), shape (..., 6 bodies, m)."""
+        lead = max(motion.shape[:-3], self.linear.shape[:-1], self.angular.shape[:-3])
+        result = np.empty((*lead, *motion.shape[-3:]))
+        np.multiply(motion[..., :3, :], self.linear[..., None, None], out=result[..., :3, :])
+        np.matmul(self.angular, motion[..., 3:, :], out=result[..., 3:, :])
+        return result.reshape(*lead, 6 * motion.shape[-3], motion.shape[-1])
+
+
+def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
+    """Return the square roots of the bodies' inertia in world axes.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        The bodies.
+
+    Returns
+    -------
+    SpatialInertia
+        Factors of the masses and tensors.
+    """
+    given = table([(body.mass, *body.inertia) for body in bodies], 7)
+    whole = np.count_nonzero(given[:, :4] > 0.0) == 4 * len(bodies)
+    if np.count_nonzero(given[:, 4:]):
+        root = roots(given[:, 1:])
+        whole = whole and np.count_nonzero(root.reshape(-1, 9)[:, ::4]) == 3 * len(bodies)
+    else:
+        root = np.zeros((len(bodies), 3, 3))
+        root.reshape(-1, 9)[:, ::4] = np.sqrt(given[:, 1:4])
+    if any(body.orientation is not IDENTITY for body in bodies):
+        root = np.matmul(root, np.array([body.orientation for body in bodies]).transpose(0, 2, 1))
+    return SpatialInertia(np.sqrt(given[:, 0]), root, whole)
+
+
+def roots(inertia: Array) -> Array:
+    """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
+    try:
+        return np.asarray(np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1), dtype=float)
+    except np.linalg.LinAlgError:
+        # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
+        values, vectors = np.linalg.eigh(inertia[..., _TENSOR].reshape(*inertia.shape[:-1], 3, 3))
+        values[values <= 4.0 * EPS * values[..., 2:]] = 0.0
+        return np.asarray(np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors, -1, -2), dtype=float)
+
+
+def check_mass(mass: Array, names: tuple[str, ...]) -> None:
+    """Refuse coordinates whose motion moves no mass, by name.
+
+    Parameters
+    ----------
+    mass : array, shape (m, m)
+        The mass matrix.
+    names : tuple of str
+        Names of its coordinates.
+
+    Raises
+    ------
+    ModelError
+        If the mass matrix is singular to rounding.
+    """
+    if not names:
+        return
+    diagonal = mass.diagonal()
+    lowest = int(diagonal.argmin())
+    if diagonal[lowest] > 0.0:
+        factor, failed = lapack.dpotrf(mass.T)
+        if failed:
+            scale = 1.0 / np.sqrt(diagonal)
+            pivots = np.linalg.eigvalsh(mass * scale[:, None] * scale)
+        else:
+            pivots = factor.diagonal() ** 2 / diagonal
+        lowest = int(pivots.argmin())
+        if pivots[lowest] > MASSLESS:
+            return
+        lowest = failed - 1 if failed else lowest
+    raise ModelError(
+        f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass "
+        f"but for rounding. Give the bodies it moves an inertia about its axis, or make what is tiny exactly zero: "
+        f"motions without mass follow from statics where springs and dampers hold them.",
+        element=names[lowest],
+    )  # fmt: skip

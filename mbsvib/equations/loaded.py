@@ -1,0 +1,159 @@
+"""The loaded mechanism: statics, and the geometric stiffness that comes on top of the elastic one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.equations.applied_forces import acting
+from mbsvib.equations.geometric_stiffness import body_rows, line_rows, turning_rows
+from mbsvib.equations.reactions import reactions
+from mbsvib.equations.statics import ROUNDING, Statics, balance, check_balance
+from mbsvib.equations.unsymmetric_stiffness import circulatory, follower_rows
+from mbsvib.equations.wrench_pairs import Pairs
+from mbsvib.kinematics.relative_motion import relative_motion
+
+if TYPE_CHECKING:
+    from mbsvib.equations.applied_forces import Acting
+    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.wrenches import Mask
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Array, Index, Triplets
+
+
+def load(
+    scene: Scene, relative: Triplets, reduction: Reduction, found: dict[str, Any], name: str, checked: bool = True,
+    phi: Array | None = None,
+) -> Statics:
+    """Add to the matrices of a mechanism what its loads do, and return the forces at its pose.
+
+    Parameters
+    ----------
+    scene : Scene
+        The mechanism in numbers.
+    relative : Triplets
+        Its relative displacements.
+    reduction : Reduction
+        Its minimal coordinates.
+    found : dict
+        Its matrices and factors; K, ``circulatory``, the rows, their values and owners are replaced.
+    name : str
+        Name of the model.
+    checked : bool
+        Whether a pose that is not in balance is refused; if not, ``Statics.residual`` is what is left over.
+    phi : array, shape (locked rows, n), optional
+        ``scene.closure(relative)``, where it is known already.
+
+    Returns
+    -------
+    Statics
+        Forces applied and in joints.
+
+    Raises
+    ------
+    EquilibriumError
+        If the pose is not in balance.
+    """
+    assert scene.loads is not None
+    applied, felt, memory = scene.loads
+    known = acting(applied, felt, scene, memory)
+    motion = found["body_motion"]
+    reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
+    residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion, reach)
+    if checked:
+        check_balance(residual, size, found["K"], scene, reduction, name)
+    phi = scene.closure(relative) if phi is None else phi
+    to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, phi, known.loops)
+    carried = to_joints.closed(known.tree)[:, :, 0]
+    wrench = np.concatenate((known.pairs, carried), axis=1)
+    pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
+    names = [joint.name for joint in scene.topology.joints]
+    statics = Statics(
+        applied, carried, pairs, known.ways.position, felt, residual, size, known.owners,
+        tuple([stress.undetermined(names, {}) for stress in to_joints.stress]),
+    )
+    if scene.shared is not None:
+        relative = relative_motion(scene.coordinates, felt.rows)
+    moved = reduction.apply_exactly(relative.dense(relative.shape[0] - len(felt.rows.first), relative.shape[0]))
+    add_rows(found, *geometric_rows(statics, known, moved, motion, len(scene.owners)))
+    found["circulatory"] = circulatory(applied, known.ways.position, motion) if applied.loads else None
+    if found["circulatory"] is not None:
+        found["K"] = found["K"] + found["circulatory"]
+    return statics
+
+
+def geometric_rows(
+    statics: Statics, known: Acting, moved: Array, motion: Array, springs: int
+) -> tuple[Array, Array, Index]:
+    """Return all rows of geometric stiffness with their signed values and owners.
+
+    Parameters
+    ----------
+    statics : Statics
+        The forces.
+    known : Acting
+        Their geometry.
+    moved : array, shape (felt rows, m)
+        What they feel, in minimal coordinates.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
+    springs : int
+        Number of spring-dampers, which come first among the owners; ``statics.owners`` come behind.
+
+    Returns
+    -------
+    rows : array, shape (rows, m)
+        Rows in minimal coordinates.
+    stiffness, owner : array, shape (rows,)
+        Signed values, and whose they are.
+    """
+    felt, pairs = statics.felt, statics.pairs
+    wrench = np.concatenate((pairs.force, pairs.torque))
+    owner = known.owner
+    stacks = [body_rows(known, pairs.force, motion), turning_rows(felt, known, wrench, moved, motion)]
+    if len(felt.line_owner):
+        stacks.append(line_rows(felt, pairs.force, moved, motion))
+    if np.count_nonzero(statics.applied.follower):
+        *more, loads = follower_rows(statics.applied, motion)
+        stacks.append((more[0], more[1]))
+        owner = np.concatenate((owner, loads))
+    rows, stiffness = (np.concatenate(parts) for parts in zip(*stacks, strict=True))
+    idle = _without_effect(rows, stiffness, known, pairs, motion)
+    if np.count_nonzero(idle):
+        rows[:, idle] = 0.0
+    used = (stiffness * rows.any(axis=1)).nonzero()[0]
+    return rows.take(used, axis=0), stiffness.take(used), springs + owner.take(used)
+
+
+def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, motion: Array) -> Mask:
+    """Tell along which coordinates geometric stiffness is the rounding of points, as about an axis that a weight is on.
+
+    What is no stiffness must not be a little of either sign: a wheel that turns freely would swing, or grow.
+    """
+    lengths = np.sqrt(np.square(motion[:, 3:]).sum(axis=1))
+    force = np.sqrt(np.square(pairs.force).sum(axis=0))
+    each = known.sizes[0, :-1] + np.concatenate((force, force)).dot(known.touched)
+    reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
+    rounding = ROUNDING * reach * (lengths * each[:, None]).T.dot(lengths)
+    result: Mask = (np.abs((rows * stiffness[:, None]).T.dot(rows)) <= rounding).all(axis=1)
+    return result
+
+
+def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index) -> None:
+    """Put rows of stiffness without damping behind those that a mechanism has, and add them to K.
+
+    Parameters
+    ----------
+    found : dict
+        Matrices and factors of the mechanism, changed in place.
+    rows : array, shape (rows, m)
+        Rows in minimal coordinates.
+    stiffness, owner : array, shape (rows,)
+        Signed values, and whose they are.
+    """
+    for key, value in (("elastic_rows", rows), ("stiffness", stiffness), ("damping", np.zeros(len(rows))),
+                       ("row_owner", owner)):  # fmt: skip
+        found[key] = np.concatenate((found[key], value))
+    more = rows.T.dot(stiffness[:, None] * rows)
+    found["K"] = found["K"] + 0.5 * (more + more.T)

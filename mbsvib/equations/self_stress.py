@@ -1,0 +1,255 @@
+"""Self-stress: wrenches in joints that hold each other, and of all wrenches that hold the bodies those of least norm.
+
+Where constraints are redundant the model does not determine the wrenches w in its joints: with S the states of
+self-stress, w + S z holds the bodies as well as w. What is taken is the least sum over joints of
+
+    |force|^2 + |moment / L|^2:    w - S (S^T D^2 S)^-1 S^T D^2 w,    D = diag(1, 1 / L),
+
+moments about the joint's own point. L is the root mean square distance of these points from their mean, over all joints
+of loops that have joints or couplers in common. All joints of loops that can carry a force count, cut or not, so that
+the result is the same in all frames and for any choice of tree, order and coordinates. Joints that give way
+elastically, all with the same stiffness k along and k L^2 about what they lock, share forces in this way.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import UndeterminedForceWarning
+from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.kinematics.loops import EPS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.equations.reactions import Carriers
+    from mbsvib.kinematics.loops import Cuts, Reduction
+    from mbsvib.kinematics.relative_motion import Array, Index
+
+    Asked = Mapping[str, tuple[int, Array]]
+
+# States of self-stress that are this small in all joints are shared among couplers only, and no joint feels them.
+IN_COUPLERS = 1e-10
+# Components of wrenches below this share of all, and of unit states, are rounding.
+ROUNDING = 16.0 * EPS
+# A unit wrench with a smaller part of self-stress in it is determined: 1e-9 is the accuracy promised of results.
+DETERMINED = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Undetermined:
+    """Wrenches that redundant constraints leave open: in ``joints``, with their length L [m], and the ``outputs`` that
+    depend on it.
+    """
+
+    joints: tuple[str, ...]
+    length: float
+    outputs: tuple[str, ...] = ()
+
+    def explained(self) -> list[str]:
+        """Return in words what was taken."""
+        from mbsvib.explain.dense import listed
+
+        lines = [
+            f"  the model does not determine all forces in {listed(self.joints)}, as constraints are redundant: those "
+            f"of least norm were taken",
+            f"    (least sum of |force|^2 + |moment / L|^2 over these joints, moments about their points, "
+            f"L = {self.length:.6g} m); motions do not depend on it",
+        ]  # fmt: skip
+        if self.outputs:
+            lines.append(f"    outputs that depend on it: {listed(self.outputs)}")
+        return lines
+
+
+@dataclass(frozen=True, slots=True)
+class SelfStress:
+    """States of self-stress in the ``joints`` (j,) of loops that have joints in common, with their ``length`` L [m].
+
+    ``states`` (6, j, r) [N, N m] are orthonormal with moments over L.
+    """
+
+    joints: Index
+    length: float
+    states: Array
+
+    @property
+    def weight(self) -> Array:
+        """D^2 (6, 1): what squares of forces and moments count."""
+        return np.repeat((1.0, self.length**-2), 3)[:, None]
+
+    def least(self, wrench: Array, missing: Array | None = None) -> Array:
+        """Return wrenches in all joints without what is self-stress, both (6, joints, columns).
+
+        Parameters
+        ----------
+        wrench : array, shape (6, joints, columns)
+            Wrenches that hold the bodies, at the joints' points.
+        missing : array, shape (r, columns), optional
+            More than that of each state, for forces that change with the pose.
+
+        Returns
+        -------
+        array, shape (6, joints, columns)
+            The same on the bodies.
+        """
+        before, root = wrench[:, self.joints], np.sqrt(self.weight)[..., None]
+        amount = np.einsum("cjr,cjn->rn", self.weight[..., None] * self.states, before)
+        if missing is not None:
+            amount += missing
+        after = before - np.einsum("cjr,rn->cjn", self.states, amount)
+        size = np.sqrt(np.square(root * before).sum(axis=(0, 1)) + np.square(amount).sum(axis=0))
+        after[np.abs(root * after) <= ROUNDING * size] = 0.0
+        result = wrench.copy()
+        result[:, self.joints] = after
+        return result
+
+    def undetermined(self, names: Sequence[str], asked: Asked) -> Undetermined:
+        """Return what the states leave open.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of all joints.
+        asked : mapping of str to pair of int and array, shape (6,)
+            Outputs by name: the number of the joint, and the direction in which its wrench is seen, world axes.
+
+        Returns
+        -------
+        Undetermined
+            Names of joints and outputs.
+        """
+        unit = self.states * np.sqrt(self.weight)[..., None]
+        index_of = {joint: i for i, joint in enumerate(self.joints.tolist())}
+        outputs = []
+        for name, (joint, direction) in asked.items():
+            if joint in index_of:
+                along = direction / np.sqrt(self.weight[:, 0])
+                if np.linalg.norm(along @ unit[:, index_of[joint]]) > DETERMINED * np.linalg.norm(along):
+                    outputs.append(name)
+        stressed = np.sqrt(np.square(unit).sum(axis=(0, 2))) > DETERMINED
+        return Undetermined(tuple([names[k] for k in self.joints[stressed].tolist()]), self.length, tuple(outputs))
+
+
+def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
+    """Warn of outputs that redundant constraints leave open, in the name of whoever called ``linearize``."""
+    from mbsvib.explain.dense import listed
+
+    for forces in undetermined:
+        if forces.outputs:
+            warnings.warn(
+                f"model '{model}' does not determine the outputs {listed(forces.outputs)}: constraints of the joints "
+                f"{listed(forces.joints)} are redundant. Of all forces that hold the bodies those of least norm are "
+                f"given, as explain() says. To have others, make one of these joints flexible (a bushing in its place) "
+                f"or let it free directions that the others lock.",
+                UndeterminedForceWarning, stacklevel=4,
+            )  # fmt: skip
+
+
+def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | None:
+    """Return orthonormal states of self-stress out of any that span them.
+
+    Parameters
+    ----------
+    joints : array, shape (j,)
+        Numbers of the joints.
+    length : float
+        Their length L [m].
+    wrenches : array, shape (6, j, r)
+        Wrenches in them that load no body, of the size of one with moments over the length.
+
+    Returns
+    -------
+    SelfStress or None
+        None where no joint feels any.
+    """
+    scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
+    flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
+    left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
+    states = left[:, sizes > IN_COUPLERS]
+    if not states.size:
+        return None
+    states[np.abs(states) <= ROUNDING] = 0.0
+    return SelfStress(joints, length, states.reshape(6, len(joints), -1) / scale)
+
+
+def of_loops(carriers: Carriers, cuts: Cuts | None, reduction: Reduction, phi: Array, loops: Array) -> list[SelfStress]:
+    """Return the states of self-stress of a mechanism, by loops that have joints or couplers in common.
+
+    Parameters
+    ----------
+    carriers : Carriers
+        What topology and geometry say of forces in joints.
+    cuts : Cuts or None
+        Locked rows of the cut joints, and couplers.
+    reduction : Reduction
+        The minimal coordinates.
+    phi : array, shape (locked rows, n)
+        Locked rows per unit joint coordinate.
+    loops : array, shape (6 joints, locked rows)
+        What one unit of each multiplier brings into all joints.
+
+    Returns
+    -------
+    list of SelfStress
+        Empty where no constraint is redundant.
+    """
+    if cuts is None or not any(group.surplus for group in reduction.groups):
+        return []
+    wrenches = loops.reshape(6, -1, loops.shape[1])
+    through, bears = _through(carriers, cuts, wrenches)
+    dependent = np.ones(phi.shape[1], dtype=bool)
+    dependent[reduction.independent] = False
+    result = []
+    for rows, joints in parts(through):
+        rows, joints = rows[rows < len(phi)], joints[bears[joints]]
+        if not len(rows):
+            continue
+        columns = np.flatnonzero(phi[rows].any(axis=0) & dependent)
+        ends = (carriers.first[joints], carriers.second[joints])
+        length = length_of(carriers.point[:, joints].T, *(carriers.position[:, bodies].T for bodies in ends))
+        scale = length * cuts.row_scale(length)[rows, None]
+        # combinations of the rows that do no work on any coordinate
+        idle = np.linalg.qr(scale * phi[np.ix_(rows, columns)], mode="complete")[0][:, len(columns) :]
+        stress = self_stress(joints, length, wrenches[:, joints][:, :, rows] @ (scale * idle))
+        if stress is not None:
+            result.append(stress)
+    return result
+
+
+def _through(carriers: Carriers, cuts: Cuts, wrenches: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return a mask (rows, joints) of the joints in each loop, those that joints without locked directions close last,
+    and a mask of the joints that can carry a force: those that lock something, or that a coupler measures.
+    """
+    joints = carriers.topology.joints
+    through: NDArray[np.bool_] = np.array(wrenches.any(axis=0).T)
+    bears = np.array([bool(joint.locked) for joint in joints])
+    if cuts.couplings is not None:
+        first, touched, column = len(cuts.rows.first), cuts.couplings.touched, cuts.couplings.column
+        coupled, at = np.nonzero(touched & (carriers.joint_of >= 0))
+        through[first + coupled, carriers.joint_of[at]] = True
+        bears[carriers.joint_of[column[column >= 0]]] = True
+        bears[carriers.measured(cuts.couplings.measured)] = True
+    cut = np.array(carriers.topology.cut, dtype=np.intp)
+    loose = cut[[not joints[k].locked for k in cut.tolist()]]
+    around = carriers.behind[carriers.first[loose]] != carriers.behind[carriers.second[loose]]
+    around[np.arange(len(loose)), loose] = True
+    return np.concatenate((through, around)), bears
+
+
+def parts(through: NDArray[np.bool_]) -> list[tuple[Index, Index]]:
+    """Return rows and joints of loops that have joints in common, for a mask (rows, joints) of what goes through."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    count = len(through)
+    row, joint = np.nonzero(through)
+    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, count + joint)), shape=(sum(through.shape),) * 2)
+    label = connected_components(graph, directed=False)[1]
+    return [(np.flatnonzero(label[:count] == k), np.flatnonzero(label[count:] == k))
+            for k in np.unique(label[:count]).tolist()]  # fmt: skip

@@ -1,0 +1,185 @@
+"""Statics: does the given pose balance, and what do the joints carry?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import EquilibriumError
+from mbsvib.kinematics.loops import EPS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.api.system import System
+    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.second_order_rows import Felt
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.equations.wrench_pairs import Pairs
+    from mbsvib.equations.wrenches import Applied
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.mechanism.topology import Topology
+
+# What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off
+# by about as much, and 1e-9 is the accuracy that results are promised to; rounding leaves a thousandth of it.
+BALANCE = 1e-9
+# Positions carry rounding errors, which springs turn into forces: what so many roundings of every coordinate do is
+# allowed for on top.
+ROUNDING = 64.0 * EPS
+# A force turns about a point that is rounded with a lever of so many roundings of the largest coordinate.
+LEAST = ROUNDING / BALANCE
+_PLAIN = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, slots=True)
+class Statics:
+    """The forces at the pose: what is ``applied``, the wrench (6, joints) in each joint, on its second body.
+
+    ``pairs`` are the applied forces, then those in joints; ``position`` (3, bodies + 1) the centres of mass.
+    ``residual`` (m,) is what is left over along each coordinate, ``size`` (m,) that of the forces that should cancel.
+    ``owners`` own rows of geometric stiffness: all pairs, then all bodies; ``undetermined`` is what redundant
+    constraints leave open of the forces in joints.
+    """
+
+    applied: Applied
+    joints: Array
+    pairs: Pairs
+    position: Array
+    felt: Felt
+    residual: Array
+    size: Array
+    owners: tuple[str, ...]
+    undetermined: tuple[Undetermined, ...]
+
+    @property
+    def imbalance(self) -> float:
+        """The largest share of the forces along a coordinate that is left over."""
+        share = self.residual / np.where(self.size > 0.0, self.size, 1.0)
+        return float(np.abs(share).max(initial=0.0))
+
+
+def balance(wrench: Array, size: Array, motion: Array, reach: float) -> tuple[Array, Array]:
+    """Return the forces along the minimal coordinates and the size of what should cancel there.
+
+    Parameters
+    ----------
+    wrench : array, shape (6, bodies)
+        Forces and moments about the centres of mass [N, N m].
+    size : array, shape (2, bodies)
+        Sizes of the forces and of the moments that add up to them.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies.
+    reach : float
+        Largest coordinate of a point [m].
+
+    Returns
+    -------
+    residual, size : array, shape (m,)
+        B''^T B'^T W, and the same with the lengths of all vectors [N or N m], or what the rounding of points asks for:
+        about an axis through the centre of mass, the lever of a weight is nothing else.
+    """
+    m = motion.shape[-1]
+    vectors = motion.reshape(2 * len(motion), 3, m)
+    lengths = np.sqrt(np.einsum("bcm,bcm->bm", vectors, vectors))
+    least = LEAST * reach * size[0].dot(lengths[1::2])
+    whole = np.maximum(size.T.reshape(-1).dot(lengths), least)
+    return wrench.T.reshape(-1).dot(motion.reshape(6 * len(motion), m)), whole
+
+
+def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Array:
+    """Return the forces that rounding errors of the pose make along the minimal coordinates.
+
+    Parameters
+    ----------
+    stiffness : array, shape (m, m)
+        K of the springs.
+    position : array, shape (bodies, 3)
+        Centres of mass [m], whose size is that of the scene.
+    turns : array, shape (m,)
+        Which coordinates are rotations.
+
+    Returns
+    -------
+    array, shape (m,)
+        Forces [N or N m].
+    """
+    result: Array = ROUNDING * np.abs(stiffness) @ np.where(turns, 1.0, np.abs(position).max())
+    return result
+
+
+def check_balance(
+    residual: Array, size: Array, stiffness: Array, scene: Scene, reduction: Reduction, model: str
+) -> None:
+    """Refuse a pose that is not in balance, by body, direction and missing force.
+
+    Parameters
+    ----------
+    residual, size : array, shape (m,)
+        Forces along the minimal coordinates and their sizes.
+    stiffness : array, shape (m, m)
+        K of the springs.
+    scene : Scene
+        The mechanism, to name bodies.
+    reduction : Reduction
+        Its minimal coordinates.
+    model : str
+        Name of the model.
+
+    Raises
+    ------
+    EquilibriumError
+        If more is left over than ``BALANCE`` of what should cancel and what rounding of the pose does.
+    """
+    off = (np.abs(residual) > BALANCE * size).nonzero()[0]
+    if not len(off):
+        return
+    turns = scene.coordinates.turns[reduction.independent]
+    off = off[np.abs(residual[off]) > (BALANCE * size + rounding(stiffness, scene.position, turns))[off]]
+    if not len(off):
+        return
+    names = [scene.coordinates.names[i] for i in reduction.independent.tolist()]
+    topology, share = scene.topology, np.abs(residual) / np.where(size > 0.0, size, 1.0)
+    worst = int(off[np.argmax(share[off])])
+    unit = "N m" if turns[worst] else "N"
+    joint, _, direction = names[worst].rpartition(".")
+    body, where = who(joint, direction, topology)
+    more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
+    raise EquilibriumError(
+        f"model '{model}' is not in balance in the given pose: body '{body}' lacks {-residual[worst]:.6g} {unit} "
+        f"{where} ({share[worst]:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} "
+        f"Find the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
+        body=body, coordinate=names[worst], missing=float(-residual[worst]), unit=unit,
+    )  # fmt: skip
+
+
+def joint_wrenches(system: System) -> dict[str, Array]:
+    """Return the wrench in each joint at the pose, on its second body, world axes.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    dict of str to array, shape (6,)
+        Force [N] and moment [N m] at the joint's point.
+    """
+    joints, statics = system.provenance.topology.joints, system.provenance.statics
+    if statics is None:
+        return {joint.name: np.zeros(6) for joint in joints}
+    return {joint.name: statics.joints[:, k].copy() for k, joint in enumerate(joints)}
+
+
+def who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:
+    """Return the body that a coordinate moves, and in words along what."""
+    word = "along" if direction in _PLAIN[:3] else "about"
+    axis = direction[-1:]
+    for part in topology.joints:
+        if part.name == joint:
+            body = part.second if part.second != "ground" else part.first
+            return body, f"{word} {axis} of joint '{joint}' (coordinate '{joint}.{direction}')"
+    return joint, f"{word} {axis}"

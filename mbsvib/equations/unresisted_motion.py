@@ -1,0 +1,153 @@
+"""Motions that springs or dampers do not resist: rank decisions on relative displacements, never on products of them.
+
+Rows and columns are scaled by their largest entries, so that neither the size of a stiffness nor the unit of a
+coordinate decides. Where only a product is known, its entries are compared with the sums of the sizes of their terms: a
+row that is rounding of zero is not scaled up.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import blas
+
+from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.linalg.products import product as weighted
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.api.system import System
+
+    Array = NDArray[np.float64]
+
+EPS = float(np.finfo(float).eps)
+# Pivots of rows that depend on each other are rounding of the geometry, far below this share of their terms.
+RANK = 1e-11
+# Entries below this many roundings of their terms are zero.
+CANCELLED = 64.0 * EPS
+# Rows below this share of their terms are not scaled up any more: their rounding would come near RANK.
+NOTHING = 1e-3
+# Rounds of scaling rows and columns by their largest terms; a third one changes nothing that counts.
+ROUNDS = 2
+
+
+def product(left: Array, right: Array) -> Array:
+    """Return left @ right with zeros where the terms of a sum cancel to rounding."""
+    result: Array = left @ right
+    result[np.abs(result) <= CANCELLED * (np.abs(left) @ np.abs(right))] = 0.0
+    return result
+
+
+def free_motions(*parts: Array) -> Array:
+    """Return the motions (m, f) that change none of the relative displacements in some arrays (n, m) of rows."""
+    rows = np.concatenate(parts)
+    row, column = _scales(np.abs(rows))
+    qr, order, _ = pivoted_qr(rows * row[:, None] * column)
+    m = rows.shape[1]
+    rank = int(np.count_nonzero(np.abs(qr.diagonal()) > RANK))
+    free = np.zeros((m, m - rank))
+    free[order[rank:], np.arange(m - rank)] = 1.0
+    if 0 < rank < m:
+        free[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
+    return column[:, None] * free
+
+
+def unbraked(system: System, rigid: Array) -> Array:
+    """Return those of rigid-body motions (m, r) that no damper resists, (m, f); beside dampers that push, those that
+    move neither a spring nor a damper.
+    """
+    if (system.stiffness >= 0.0).all() or (system.damping < 0.0).any():
+        free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
+        return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
+    # loads hold and push: only what they are in sum tells the motions, and so does what dampers are in them
+    moved, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
+    return rigid @ null_pair(weighted(moved, system.damping), weighted(most, system.damping))[0]
+
+
+def largest(rows: Array, motions: Array) -> Array:
+    """Return the largest relative displacements (n, k) that motions (m, k) could give, were each in every coordinate
+    what it is in one: the rounding of motions that another one is taken out of is relative to these.
+    """
+    column = _scales(np.abs(rows))[1]
+    return np.asarray(np.abs(rows) @ (column[:, None] * np.abs(motions / column[:, None]).max(axis=0, initial=0.0)))
+
+
+def unmoved(rows: Array, before: Array, kept: NDArray[np.intp]) -> Array:
+    """Return rows (n, k) with their entries changed by as little as makes motions of no effect on them.
+
+    The motions are those that leave the rows ``before`` (n, m) as they are, in the coordinates ``kept`` (k,). Entries
+    that are zero stay so. Units are those of the rows before: columns that are rounding would make the rounding of a
+    motion large.
+    """
+    result, pattern = rows.copy(), rows != 0.0
+    scale, motions = _scales(np.abs(before))[1][kept], free_motions(before)[kept]
+    if not motions.shape[1]:
+        return result
+    motions = motions / scale[:, None]
+    motions = motions / np.linalg.norm(motions, axis=0)
+    for used in np.unique(pattern, axis=0):
+        alike = np.ix_((pattern == used).all(axis=1), used)
+        u, values, _ = np.linalg.svd(motions[used], full_matrices=False)
+        u = u[:, values > RANK]
+        result[alike] -= ((rows[alike] * scale[used]) @ u) @ u.T / scale[used]
+    return result
+
+
+def _scales(terms: Array) -> tuple[Array, Array]:
+    """Factors of the rows and columns that bring their largest terms to about one."""
+    row, column = np.ones(terms.shape[0]), np.ones(terms.shape[1])
+    for _ in range(ROUNDS):
+        largest = (terms * column).max(axis=1, initial=0.0)
+        row = np.divide(1.0, largest, out=np.ones_like(row), where=largest > 0.0)
+        largest = (terms * row[:, None]).max(axis=0, initial=0.0)
+        column = np.divide(1.0, largest, out=np.ones_like(column), where=largest > 0.0)
+    return row, column
+
+
+def orthonormal(factor: Array, motions: Array) -> Array:
+    """Return motions (m, k) turned so that motions^T W^T W motions = 1 for a factor W; leading ones keep their span."""
+    if not motions.shape[1]:
+        return motions
+    upper = np.linalg.qr(factor @ motions, mode="r")
+    return np.asarray(blas.dtrsm(1.0, upper, motions.T, trans_a=1).T)
+
+
+def completed(factor: Array, first: Array, motions: Array) -> Array:
+    """Return orthonormal motions, W^T W as the metric, with the span of ``motions``, of which ``first`` come first."""
+    first = orthonormal(factor, first)
+    moved = factor @ motions
+    rest = moved - (factor @ first) @ ((factor @ first).T @ moved)
+    others = pivoted_qr(rest)[1][: motions.shape[1] - first.shape[1]]
+    return orthonormal(factor, np.concatenate((first, motions[:, others]), axis=1))
+
+
+def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
+    """Return orthonormal bases of the right and left null space of a square matrix.
+
+    Parameters
+    ----------
+    matrix : array, shape (m, m)
+        The matrix.
+    terms : array, shape (m, m)
+        Sums of the sizes of the terms that each entry is the sum of.
+
+    Returns
+    -------
+    tuple of array, shape (m, m - rank)
+        Both.
+    """
+    size = sizes(matrix, terms)
+    u, values, v = np.linalg.svd(matrix / size[:, None] / size)
+    rank = int(np.count_nonzero(values > RANK))
+    right, left = (np.linalg.qr(part / size[:, None])[0] for part in (v[rank:].T, u[:, rank:]))
+    return right, left
+
+
+def sizes(matrix: Array, terms: Array | float = 0.0) -> Array:
+    """Return factors that bring the rows and columns of a square matrix to unit size, but not those of rounding."""
+    size = np.maximum(np.abs(matrix), NOTHING * terms)
+    result: Array = np.sqrt(np.maximum(size.max(axis=0, initial=0.0), size.max(axis=1, initial=0.0)))
+    result[result == 0.0] = 1.0
+    return result

@@ -1,0 +1,105 @@
+"""Pairs of forces: what a joint, spring, bushing or load does to the two bodies that it acts between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.kinematics.relative_motion import columns
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.kinematics.relative_motion import Array, Index
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Wrenches between bodies: ``force`` [N] at ``end`` [m] and ``torque`` [N m] on ``second``, -force at ``start`` and
+    -torque on ``first``; body numbers (n,) and vectors (3, n) in world axes.
+    """
+
+    first: Index
+    second: Index
+    start: Array
+    end: Array
+    force: Array
+    torque: Array
+
+    @staticmethod
+    def stack(tuples: Sequence[tuple[float, ...]]) -> Pairs:
+        """Build pairs from tuples (first, second, start xyz, end xyz, force xyz, torque xyz)."""
+        table = columns(tuples, 14)
+        bodies = table[:2].astype(np.intp)
+        return Pairs(bodies[0], bodies[1], table[2:5], table[5:8], table[8:11], table[11:])
+
+    @staticmethod
+    def join(a: Pairs, b: Pairs) -> Pairs:
+        """Put two stacks one behind the other."""
+        return Pairs(*(np.concatenate((getattr(a, key), getattr(b, key)), axis=-1) for key in Pairs.__slots__))
+
+    def incidence(self, bodies: int) -> tuple[Array, Array]:
+        """Return (n, bodies + 1) for first and for second, 1 where the pair acts on the body."""
+        n = len(self.first)
+        first, second = np.zeros((2, n, bodies + 1))
+        first[np.arange(n), self.first] = second[np.arange(n), self.second] = 1.0
+        return first, second
+
+    def arms(self, position: Array) -> tuple[Array, Array]:
+        """Return the arms (3, n) from the centres of mass (3, bodies + 1) to ``start`` and to ``end``."""
+        return self.start - position[:, self.first], self.end - position[:, self.second]
+
+    def on_bodies(self, position: Array) -> tuple[Array, Array]:
+        """Return the wrenches about the centres of mass, and the sizes of all that adds up to them.
+
+        Parameters
+        ----------
+        position : array, shape (3, bodies + 1)
+            Centres of mass [m].
+
+        Returns
+        -------
+        wrench : array, shape (6, bodies + 1)
+            Sums over all pairs [N, N m], ground last.
+        size : array, shape (2, bodies + 1)
+            Sums of the lengths of the forces and of the moments, each force's own included.
+        """
+        body, n = np.concatenate((self.first, self.second)), len(self.first)
+        place = np.zeros((2 * n, position.shape[1]))
+        place[np.arange(2 * n), body] = 1.0
+        parts = np.empty((9, 2 * n))
+        np.negative(self.force, out=parts[:3, :n])
+        np.negative(self.torque, out=parts[6:, :n])
+        parts[:3, n:], parts[6:, n:] = self.force, self.torque
+        parts[3:6] = crossed_product(np.concatenate((self.start, self.end), axis=1) - position[:, body], parts[:3])
+        lengths = np.sqrt(np.square(parts).reshape(3, 3, -1).sum(axis=1))
+        parts[3:6] += parts[6:]
+        parts[6] = lengths[0]
+        np.add(lengths[1], lengths[2], out=parts[7])
+        sums = parts[:8] @ place
+        return sums[:6], sums[6:]
+
+
+def spread(pairs: Pairs, position: Array) -> Array:
+    """Return the wrenches of pairs on the bodies, one column a pair.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Forces and torques between bodies.
+    position : array, shape (3, bodies + 1)
+        Centres of mass and the origin [m].
+
+    Returns
+    -------
+    array, shape (6, bodies + 1, n)
+        Forces, then moments about the centres of mass.
+    """
+    first, second = pairs.incidence(position.shape[1] - 1)
+    a, b = (np.concatenate((pairs.force, pairs.torque + crossed_product(arm, pairs.force)))
+            for arm in pairs.arms(position))  # fmt: skip
+    result: Array = b[:, None] * second.T - a[:, None] * first.T
+    return result

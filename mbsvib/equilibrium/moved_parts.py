@@ -1,0 +1,118 @@
+"""Carrying: a model in another pose, with everything that is fixed to a body moved along with it."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.part import Composed
+from mbsvib.elements.rotor import Rotor
+from mbsvib.equilibrium import flexible_parts as rigid
+from mbsvib.equilibrium import joints, springs
+from mbsvib.errors import ModelError
+from mbsvib.mechanism.rebuilding import remade
+
+if TYPE_CHECKING:
+    from mbsvib.api.model import Model
+    from mbsvib.equilibrium.pose import Pose
+
+IDENTITY = np.eye(3)
+
+
+def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
+    """Return a model in another pose.
+
+    Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
+    outputs stay as they are.
+
+    Parameters
+    ----------
+    model : Model
+        The model as described.
+    pose : Pose
+        The pose of its bodies.
+    relaxed : bool
+        Whether springs and bushings keep the forces that they have as described; otherwise these follow from the
+        motion.
+
+    Returns
+    -------
+    Model
+        The same mechanism there.
+
+    Raises
+    ------
+    ModelError
+        If a part cannot be described in that pose.
+    """
+    return remade(model, lambda part: _words(part, pose, relaxed))
+
+
+def skeleton(model: Model, pose: Pose) -> Model:
+    """Return the bodies, joints and couplers of a model in another pose, which is all that its motions depend on.
+
+    Parameters
+    ----------
+    model : Model
+        The model as described.
+    pose : Pose
+        The pose of its bodies.
+
+    Returns
+    -------
+    Model
+        A model without springs, loads, rotors, inputs and outputs.
+    """
+    plain = copy(model)
+    plain._springs, plain._loads, plain._rotors, plain._inputs, plain._outputs = {}, {}, {}, {}, {}
+    return carried(plain, pose)
+
+
+def bare(model: Model) -> Model:
+    """Return a model without what no equilibrium depends on: inputs, outputs, and Maxwell elements, which give way."""
+    plain = copy(model)
+    plain._springs = {name: part for name, part in model._springs.items() if not isinstance(part, Maxwell)}
+    plain._inputs, plain._outputs = {}, {}
+    return plain
+
+
+def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Body:
+    if isinstance(part, Body):
+        return _body(part, pose)
+    if isinstance(part, Joint):
+        return joints.words_at(part, pose)
+    if isinstance(part, (Spring, Bushing, Maxwell)):
+        return springs.words_at(part, pose, relaxed)
+    if isinstance(part, Composed):
+        return rigid.words_at(part, pose)  # type: ignore[arg-type]
+    words: dict[str, Any] = part.words()
+    if isinstance(part, Rotor):
+        return words | {"axis": pose.turned(part.body, part.axis)}
+    if isinstance(part, (Load, Input, Output)):
+        if part.position is not None and not pose.stays(part.body):
+            words["position"] = pose.point(part.body, part.position)
+        if isinstance(part, Load) and part.follower and not pose.stays(part.body):
+            words |= {key: pose.turned(part.body, words[key]) for key in ("force", "torque") if key in words}
+        return words
+    if isinstance(part, (BaseMotion, ForceOutput, Coupling)):
+        return words
+    what = type(part).__name__.lower()
+    raise ModelError(f"{what} '{part.name}': no {what} can be taken to another pose yet; give the model in that pose.",
+                     element=part.name)  # fmt: skip
+
+
+def _body(body: Body, pose: Pose) -> Body:
+    """The body there; nothing of it that could be refused has changed."""
+    if pose.stays(body.name):
+        return body
+    k = pose.number[body.name]
+    changes: dict[str, Any] = {"position": tuple(pose.centre[k].tolist())}
+    turn = pose.turn[k]
+    if not (turn == IDENTITY).all():
+        changes["orientation"] = tuple(map(tuple, (turn @ np.array(body.orientation)).tolist()))
+    return replace(body, **changes)

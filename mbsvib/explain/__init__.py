@@ -1,0 +1,1 @@
+"""Explanations in words: how a system came about, and which elements carry a mode."""

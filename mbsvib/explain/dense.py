@@ -1,0 +1,210 @@
+"""Explain: how a system came about, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.elements.part import Composed
+from mbsvib.errors import counted
+from mbsvib.mechanism.topology import FLOATS
+from mbsvib.mechanism.unit_warnings import doubts
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.api.system import System
+    from mbsvib.equations.controllable_part import Dropped
+
+SHOWN = 12  # names in one list
+_ENOUGH = {
+    "products": "eigenvalues of M and K were accurate enough: no singular values of the factors, no Jacobi rotations",
+    "factors": "singular values of the factors were accurate enough: no Jacobi rotations",
+}
+
+
+def explain(system: System) -> str:
+    """Return how the equations of a system came about: topology, loops, rank decisions, and what was skipped.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    str
+        A few lines of text.
+    """
+    lines = [f"{system.name}: {system.dof} DOF"]
+    if system.dof == 0 and system.provenance.dropped is not None:
+        lines.append("  No part is reached by an input asked for and seen by an output: y = D u.")
+    elif system.dof == 0:
+        condensed = system.provenance.massless is not None
+        lines.append("  No motion has mass or damper: the mechanism follows its inputs at once." if condensed else
+                     "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
+    lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
+    if system.provenance.statics is not None:
+        from mbsvib.explain.loads import explain_loads
+
+        lines += ["loads", *explain_loads(system)]
+    if system.provenance.undetermined:
+        lines.append("forces in joints")
+        lines += [text for forces in system.provenance.undetermined for text in forces.explained()]
+    if system.gyroscopic is not None or system.circulatory is not None:
+        lines += ["symmetry", *_unsymmetric(system)]
+    found = doubts(system)
+    if found:
+        lines += ["doubtful", *(f"  {text}" for text in found)]
+    lines += ["skipped", *(f"  {text}" for text in skipped(system))]
+    return "\n".join(lines)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names in a row, cut after the first dozen."""
+    return ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")
+
+
+def _topology(system: System) -> list[str]:
+    topology = system.provenance.topology
+    held = {part for joint in topology.joints for part in (joint.first, joint.second)}
+    composed = [part for part in system.provenance.parts if isinstance(part, Composed)]
+    owners = {part.name for part in composed}
+    springs = [name for name in system.provenance.springs if name not in owners]
+    parts = ((topology.bodies, "body"), (topology.joints, "joint"), (springs, "spring-damper"))
+    lines = ["  " + ", ".join(counted(len(group), what) for group, what in parts)]
+    lines += [f"  {part.account}" for part in composed]
+    for body in topology.floating:
+        name = topology.bodies[body]
+        why = "no joint reaches it" if name not in held else "no chain of joints leads from ground to it"
+        lines.append(f"  body '{name}' floats: {why}, so it got a free joint")
+    if topology.joints:
+        lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
+    acting = set(system.row_owner.tolist())
+    forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
+    idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting and name not in forces]
+    if idle:
+        left = "the mechanism" if system.provenance.dropped is None else "what is left"
+        lines.append(f"  without effect, as no motion of {left} acts on them: {listed(idle)}")
+    return lines
+
+
+def _loops(system: System) -> list[str]:
+    groups = system.provenance.reduction.groups
+    if not groups:
+        return ["  none"] if not system.cut_joints else [f"  cut at {listed(system.cut_joints)}, which lock nothing"]
+    lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
+    locking = {name for group in groups for name in group.joints}
+    idle = [name for name in system.cut_joints if name not in locking]
+    if idle:
+        lines.append(f"  {listed(idle)}: locks nothing")
+    for group in groups:
+        pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
+        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
+                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
+        if group.redundant:
+            lines.append(f"    redundant: {listed(group.redundant)}")
+    return lines
+
+
+def _coordinates(system: System) -> list[str]:
+    everything = system.provenance.joint_coordinates
+    if not everything:
+        return ["  none"]
+    kept = set(system.coordinates)
+    gone = system.provenance.dropped
+    kept |= set(gone.names) if gone else set()
+    dependent = [name for name in everything if name not in kept]
+    lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
+    if dependent:
+        lines.append(f"  dependent: {listed(dependent)}")
+    return lines + _massless(system) + ([] if gone is None else [f"  {text}" for text in dropped(gone)])
+
+
+def dropped(gone: Dropped) -> list[str]:
+    """Return what is out of reach of the ports asked for, one sentence each."""
+    result = []
+    if gone.unreached:
+        result.append(f"dropped, as no input out of {listed(gone.inputs)} reaches them: {listed(gone.unreached)}")
+    if gone.unseen:
+        result.append(f"dropped, as no output out of {listed(gone.outputs)} sees them: {listed(gone.unseen)}")
+    return result or ["nothing was dropped: the inputs reach, and the outputs see, everything"]
+
+
+def _unsymmetric(system: System) -> list[str]:
+    """What spins, and what else takes symmetry from C and K."""
+    from mbsvib.elements.rotor import Rotor
+
+    rotors = [part for part in system.provenance.parts if isinstance(part, Rotor)]
+    lines = []
+    for rotor in rotors[:SHOWN]:
+        axis = " ".join(f"{entry:.6g}" for entry in rotor.axis)
+        moment = "" if rotor.inertia is None else f"{rotor.inertia:.6g} kg m^2 on "
+        what = f"{moment}body '{rotor.body}'{'' if moment else ' itself'}"
+        lines.append(f"  rotor '{rotor.name}': {what}, {rotor.speed:.6g} rad/s about ({axis})")
+    if system.gyroscopic is not None:
+        lines.append("  C = dampers + gyroscopic terms: modes have right and left vectors")
+    if system.circulatory is not None:
+        lines.append("  K = stiffness + circulatory terms (dampers that turn along, follower loads): it may flutter")
+    return lines
+
+
+def _massless(system: System) -> list[str]:
+    found = system.provenance.massless
+    if found is None:
+        return []
+    lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; smallest pivot of the mass "
+             f"rows {found.kept:.1e}, largest that is none {found.dropped:.1e}"]  # fmt: skip
+    if found.condensed:
+        lines.append(f"  condensed statically, as no damper acts on them: {listed(found.condensed)}")
+    if found.first_order:
+        lines.append(f"  without mass but damped, one first-order state each: {listed(found.first_order)}; "
+                     f"{2 * system.dof - system.massless} states in all")  # fmt: skip
+    return lines
+
+
+def skipped(system: System) -> list[str]:
+    """Return what was left out of the computation because the scene does not need it, one sentence each.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    list of str
+        What was skipped and why.
+    """
+    result = []
+    if not system.provenance.reduction.groups:
+        result.append("no loop that locks anything: B'' was not formed")
+    elif not any(group.surplus for group in system.provenance.reduction.groups):
+        result.append("no redundant constraint: the poses nearby were not looked at")
+    elif system.provenance.planar:
+        result.append("planar loops that lose all freedoms they can: the poses nearby were not looked at")
+    if not system.damping.any():
+        result.append("no damper acts: C is zero and modes are real")
+    if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
+        result.append("every body hangs on ground by joints: no free joint was added")
+    if system.dof:
+        result += _modal_skips(system)
+    if system.provenance.statics is None:
+        result.append("no gravity, load or preload: no statics, no geometric stiffness")
+    if system.gyroscopic is None:
+        result.append("nothing spins: no gyroscopic terms")
+    return result
+
+
+def _modal_skips(system: System) -> list[str]:
+    """What the modes that were computed so far, if any, did without."""
+    modes = vars(system).get("_modes")
+    if modes is None:
+        return ["modes and responses were not asked for yet: no eigenvalue was computed"]
+    result = []
+    if modes.classical:
+        result.append(f"{modes.classical}: modes are real, and no eigenvalue problem of twice the size was solved")
+    if modes.rung in _ENOUGH:
+        result.append(_ENOUGH[modes.rung])
+    if "_modal_sum" in vars(system) and "_schur" not in vars(system):
+        result.append("responses are sums over modes: no equations were solved frequency by frequency")
+    return result

@@ -1,0 +1,175 @@
+"""Who holds a mode: the strain energy of each shape, shared out to springs, preloads, loads and joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.equations.geometric_stiffness import forms
+from mbsvib.kinematics.loops import EPS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+    from mbsvib.api.system import System
+    from mbsvib.equations.statics import Statics
+    from mbsvib.equations.wrench_pairs import Pairs
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.modes import Modes
+
+# A sum of energies below this share of their sizes is rounding: a rigid-body mode, or one at the point of buckling.
+NO_ENERGY = 64.0 * EPS
+# Of a table, modes and the least share that is shown.
+SHOWN_MODES, SHOWN_SHARE = 8, 5e-4
+ELASTIC, PRELOAD, LOAD, REACTION = "elastic", "preload", "load", "reaction"
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class StiffnessShares:
+    """Shares of the strain energy phi^H K phi of modes: signed, and 1 in sum for each mode.
+
+    ``elements`` names what has a share and ``kinds`` tells as what: "elastic" (a spring's or bushing's stiffness),
+    "preload" (what its force adds to that), "load" (a force on a body), "reaction" (the force in a joint). ``shares``
+    (elements, modes); ``frequencies`` (modes,) [Hz]. Modes without strain energy, the rigid-body modes, have zeros.
+    Gravity acts at the centres of mass, where a force has no stiffness: it shows in the joints that carry it.
+    """
+
+    name: str
+    elements: tuple[str, ...]
+    kinds: tuple[str, ...]
+    frequencies: Array
+    shares: Array
+
+    def of(self, element: str) -> Array:
+        """Return the shares of one element, all kinds together.
+
+        Parameters
+        ----------
+        element : str
+            Name of a spring, bushing, load or joint.
+
+        Returns
+        -------
+        array, shape (modes,)
+            Its share of each mode; zeros where it has none.
+        """
+        mine = [i for i, name in enumerate(self.elements) if name == element]
+        return np.asarray(self.shares[mine].sum(axis=0))
+
+    def by_kind(self) -> dict[str, Array]:
+        """Return the shares of each kind, all elements together.
+
+        Returns
+        -------
+        dict of str to array, shape (modes,)
+            "elastic", "preload", "load" and "reaction" as far as they are there.
+        """
+        kinds = np.array(self.kinds)
+        return {kind: self.shares[kinds == kind].sum(axis=0) for kind in dict.fromkeys(self.kinds)}
+
+    def __str__(self) -> str:
+        from mbsvib.common.tables import text
+
+        count = min(SHOWN_MODES, self.shares.shape[1])
+        shown = [i for i, row in enumerate(self.shares) if np.abs(row[:count]).max(initial=0.0) >= SHOWN_SHARE]
+        rows = [(self.elements[i], self.kinds[i], *(f"{100.0 * share:.1f}" for share in self.shares[i, :count]))
+                for i in shown]  # fmt: skip
+        columns: list[tuple[str, Any]] = [("element", "left"), ("as", "left")]
+        columns += [(f"{frequency:.4g} Hz", "right") for frequency in self.frequencies[:count]]
+        notes = ["Shares of the strain energy in %; what is below 0.05 % in all modes shown is left out."]
+        if count < self.shares.shape[1]:
+            notes.append(f"The first {count} of {self.shares.shape[1]} modes.")
+        return text(f"Stiffness of {self.name}", columns, rows, notes)
+
+    def __repr__(self) -> str:
+        return f"StiffnessShares({self.name!r}: {len(self.elements)} elements, {self.shares.shape[1]} modes)"
+
+
+def stiffness_shares(system: System, modes: Modes | None = None) -> StiffnessShares:
+    """Return the shares of all elements in the strain energy of modes.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    modes : Modes, optional
+        Some of its modes; default: all.
+
+    Returns
+    -------
+    StiffnessShares
+        Signed shares, with a table as text.
+    """
+    modes = system.modes() if modes is None else modes
+    names, kinds, energy = energies(system, modes.shapes)
+    total = energy.sum(axis=0)
+    rigid = np.abs(total) <= NO_ENERGY * np.abs(energy).sum(axis=0)
+    shares = np.where(rigid, 0.0, energy / np.where(rigid, 1.0, total))
+    return StiffnessShares(system.name, names, kinds, modes.frequencies, shares)
+
+
+def energies(system: System, shapes: Array | Complex) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+    """Return twice the strain energy of each element in each of some shapes, phi^H K_e phi.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    shapes : array, shape (m, n)
+        Shapes in minimal coordinates, real or complex.
+
+    Returns
+    -------
+    names, kinds : tuple of str
+        The elements, and what of each.
+    energy : array, shape (elements, n)
+        Energies [J].
+    """
+    springs, statics = system.provenance.springs, system.provenance.statics
+    rows = system.stiffness[:, None] * np.square(np.abs(system.elastic_rows @ shapes))
+    owners = len(springs) + (len(statics.owners) if statics is not None else 0)
+    sums = _summed(rows, system.row_owner, owners)
+    names, kinds = list(springs), [ELASTIC] * len(springs)
+    if statics is not None:
+        count = len(statics.pairs.first)
+        sums = sums[: len(springs) + count]  # the sums over bodies come behind: here each force has its own
+        sums[len(springs) :] += _of_forms(statics, system.body_motion, shapes)
+        applied = statics.applied
+        names += statics.owners[:count]
+        kinds += [LOAD] * applied.loads + [PRELOAD] * (len(applied.names) - applied.loads)
+        kinds += [REACTION] * (count - len(applied.names))
+    used = np.flatnonzero(sums.any(axis=1))
+    return tuple([names[i] for i in used]), tuple([kinds[i] for i in used]), sums[used]
+
+
+def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array:
+    """What each pair of forces adds by its arms from the centres of mass, (pairs, n)."""
+    rotation = motion[:, 3:] @ shapes
+    rotation = np.concatenate((rotation, np.zeros((1, *rotation.shape[1:]))))
+    pairs = _fixed(statics)
+    result = np.zeros((len(pairs.first), rotation.shape[2]))
+    for form, body in zip(forms(pairs, statics.position), (pairs.first, pairs.second), strict=True):
+        turned = rotation[body]
+        result += np.einsum("pin,ijp,pjn->pn", turned.conj(), form, turned, optimize=True).real
+    return result
+
+
+def _summed(rows: Array, owner: Sequence[int] | NDArray[np.intp], count: int) -> Array:
+    result = np.zeros((count, rows.shape[1]))
+    np.add.at(result, np.asarray(owner), rows)
+    return result
+
+
+def _fixed(statics: Statics) -> Pairs:
+    """All pairs of forces; those of follower loads, which have a form of their own, set to zero."""
+    follower, pairs = statics.applied.follower, statics.pairs
+    if not follower.any():
+        return pairs
+    force = pairs.force.copy()
+    force[:, : len(follower)][:, follower] = 0.0
+    return replace(pairs, force=force)

@@ -1,0 +1,71 @@
+"""Explain: the loads of a system and what they do, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.statics import BALANCE
+from mbsvib.explain.energy_shares import ELASTIC, energies
+
+if TYPE_CHECKING:
+    from mbsvib.api.system import System
+
+# Coordinates whose stiffness is shown.
+SHOWN = 12
+
+
+def explain_loads(system: System) -> list[str]:
+    """Return what loads a system, how well it balances, and what it does to stiffness.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    list of str
+        Lines of text; none where nothing loads it.
+    """
+    statics = system.provenance.statics
+    if statics is None:
+        return []
+    applied = statics.applied
+    lines = []
+    if applied.weight.any():
+        lines.append("  gravity: acts at the centres of mass; its stiffness comes through joints and preloads")
+    for names, what in ((applied.names[: applied.loads], "loads"),
+                        (applied.names[applied.loads :], "preloads")):  # fmt: skip
+        if names:
+            lines.append(f"  {what}: {_listed(names)}")
+    lines.append(f"  balance: {statics.imbalance:.1e} of the forces is left over (allowed {BALANCE:g})")
+    lines += _stiffness(system)
+    if system.circulatory is not None:
+        lines.append("  follower loads or torques make K unsymmetric")
+    return lines
+
+
+def _stiffness(system: System) -> list[str]:
+    """The diagonal of K by kinds, and what each element of a loaded scene adds to it where it adds most."""
+    names, kinds, parts = energies(system, np.eye(system.dof))
+    total = np.diagonal(system.K)
+    lines = []
+    for i, coordinate in enumerate(system.coordinates[:SHOWN]):
+        each = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
+        text = " ".join(f"{value:+.6g} {kind}" for kind, value in each.items() if value)
+        unit = "N/m" if system.coordinate_units[i] == "m" else "N m/rad"
+        lines.append(f"  stiffness along {coordinate}: {total[i]:.6g} {unit} = {text or 'nothing'}")
+    for name, kind, part in zip(names, kinds, parts, strict=True):
+        if kind != ELASTIC:
+            most = int(np.argmax(np.abs(part)))
+            where = system.coordinates[most]
+            lines.append(f"  {kind} of '{name}': {part[most]:+.6g} of these along {where}, where it is largest")
+    return lines
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    from mbsvib.explain.dense import listed
+
+    return listed(names)

@@ -1,0 +1,106 @@
+"""Explain: how a sparse system came about, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements import ForceOutput
+from mbsvib.errors import counted
+from mbsvib.explain.dense import dropped, listed
+
+if TYPE_CHECKING:
+    from mbsvib.api.sparse_system import SparseSystem
+
+SHOWN = 8  # groups of loops
+
+
+def explain(system: SparseSystem) -> str:
+    """Return how the equations of a sparse system came about: topology, loops, rank decisions, the tableau, what was
+    skipped.
+
+    Parameters
+    ----------
+    system : SparseSystem
+        The equations of motion.
+
+    Returns
+    -------
+    str
+        A few lines of text.
+    """
+    topology = system.topology
+    parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.springs, "spring-damper"))
+    lines = [
+        f"{system.name}: {system.dof} DOF, held sparse", "topology",
+        "  " + ", ".join(counted(len(group), what) for group, what in parts),
+    ]  # fmt: skip
+    if topology.floating:
+        lines.append(f"  float and got free joints: {listed([topology.bodies[i] for i in topology.floating])}")
+    lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
+    acting = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
+    acting[system.row_owner] = True
+    idle = [name for name, acts in zip(system.springs, acting.tolist(), strict=False) if not acts]
+    if system.dropped is not None:
+        lines += [f"  {text}" for text in dropped(system.dropped)]
+    elif idle:
+        lines.append(f"  without effect, as no motion of the mechanism acts on them: {listed(idle)}")
+    if system.loading:
+        count = int(np.count_nonzero(system.row_owner >= len(system.springs)))
+        of = "of geometric stiffness from gravity, loads, preloads and forces in joints"
+        lines += ["loads", f"  in balance; {counted(count, 'row')} {of}"]
+    lines += ["loops", *_loops(system), "tableau", *_tableau(system), *_forces(system), "skipped", *_skipped(system)]
+    return "\n".join(lines)
+
+
+def _loops(system: SparseSystem) -> list[str]:
+    if not system.constraints.names:
+        return ["  none"]
+    lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
+    for group in system.constraints.groups[:SHOWN]:
+        pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
+        lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
+                     f"{pivots} dropped {group.dropped:.1e} (loop size {group.length:.3g} m)")  # fmt: skip
+        if group.redundant:
+            lines.append(f"    redundant: {listed(group.redundant)}")
+    rest = len(system.constraints.groups) - SHOWN
+    if rest > 0:
+        lines.append(f"  and {counted(rest, 'more group')} of loops")
+    return lines
+
+
+def _tableau(system: SparseSystem) -> list[str]:
+    size = system.layout.size
+    moving = int(system.structure.moves.sum())
+    order = "from leaves to root" if system.tableau.ordering == "NATURAL" else "of COLAMD, as loops overlap"
+    return [
+        f"  {size} unknowns: {moving} displacements and as many joint forces, "
+        f"{counted(len(system.joint_coordinates), 'coordinate')}, "
+        f"{counted(len(system.layout.multiplier), 'multiplier')}",
+        f"  {len(system.tableau.indices)} entries, eliminated in the order {order}",
+    ]  # fmt: skip
+
+
+def _forces(system: SparseSystem) -> list[str]:
+    asked = [output for output in system.model.outputs.values()
+             if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
+    if not asked:
+        return []
+    what = counted(len(asked), "output")
+    lines = [f"  {what} by virtual work, rows as long as what they sum: {listed([output.name for output in asked])}"]
+    return [*lines, *(text for forces in system.undetermined for text in forces.explained())]
+
+
+def _skipped(system: SparseSystem) -> list[str]:
+    result = ["  no matrix over all coordinates was formed: there are more of them than a dense one is quick for"]
+    still = int((~system.structure.moves).sum())
+    if still:
+        result.append(f"  {still} of {system.structure.moves.size} displacements cannot move: they were left out")
+    if not system.loading:
+        result.append("  no gravity, load or preload: no statics, no geometric stiffness")
+    if not system.constraints.groups:
+        result.append("  no loop: no constraint was looked at")
+    if not system.damping.any():
+        result.append("  no damper acts: everything is real")
+    return result

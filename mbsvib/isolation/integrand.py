@@ -1,0 +1,85 @@
+"""Responses of which norms are taken: as accurate as these, and no more."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.modes.damped import Damped
+from mbsvib.responses.frequency_response import trusted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.api.system import System
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+DENSE = 60  # degrees of freedom up to which equations are solved whole at every frequency
+
+
+def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
+    """Return responses that are to be summed up, so that entries which symmetry makes zero need no digits.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    w : array, shape (n,)
+        Angular frequencies [rad/s].
+    outputs, inputs : sequence of str
+        Names.
+
+    Returns
+    -------
+    array, shape (outputs, inputs, n)
+        G(i w), accurate in its norm.
+    """
+    o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
+    entries = np.ix_(o, i)
+    modal = system._modal
+    if (
+        isinstance(modal, Damped)
+        and system._strong_dampers is None
+        and (modal.vectors is None or trusted(modal, modal.shapes.T @ system.B, w))
+    ):
+        result = system._modal_sum.at(np.asarray(1j * w, dtype=complex))[entries]
+        if np.isfinite(result).all():
+            return np.asarray(result)
+    if system.dof > DENSE:
+        return np.asarray(system.frequency_response(w)[entries])
+    return solved(system, w, o, i)[0]
+
+
+def solved(system: System, w: Array, o: list[int], i: list[int]) -> tuple[Complex, Complex, Complex]:
+    """Return responses (outputs, inputs, n), motions (n, m, inputs) and adjoint motions (n, outputs, m).
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion, of few degrees of freedom.
+    w : array, shape (n,)
+        Angular frequencies [rad/s].
+    o, i : list of int
+        Numbers of outputs and inputs.
+
+    Returns
+    -------
+    tuple of array
+        G = H R + D, R = Z^-1 B and L = H Z^-1 with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca.
+    """
+    s = np.asarray(1j * w[:, None, None], dtype=complex)
+    z = system.K + s * system.C + s * s * system.M
+    h = system.Cq[o] + s * system.Cv[o] + s * s * system.Ca[o]
+    try:
+        right = np.linalg.solve(z, np.broadcast_to(system.B[:, i], (len(w), system.dof, len(i))))
+    except np.linalg.LinAlgError:  # on a pole: refused there by its name
+        system.frequency_response(w)
+        raise
+    left = np.linalg.solve(z.transpose(0, 2, 1), h.transpose(0, 2, 1)).transpose(0, 2, 1)
+    value = h @ right + system.D[np.ix_(o, i)]
+    return np.asarray(value.transpose(1, 2, 0)), right, left

@@ -1,0 +1,56 @@
+"""Relaxation legs as their parts, whose derivatives are known: springs, dampers and massless nodes between them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements import Maxwell
+from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from mbsvib.api.model import Model
+
+
+def unfolded(model: Model) -> Model:
+    """Return a model whose Maxwell elements are springs and dampers with a massless node between them.
+
+    It moves alike. Where a Maxwell element NAME was, there are the springs ``NAME.static`` (if it has such a stiffness)
+    and ``NAME.spring``, the damper ``NAME.damper``, and the body ``NAME.node`` that slides along the line on
+    ``NAME.guide``; stiffness and damping of these are variables of a passive design.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism; it stays as it is.
+
+    Returns
+    -------
+    Model
+        A copy.
+
+    Raises
+    ------
+    ModelError
+        If an input, output or other part names a Maxwell element.
+    """
+    relaxing: list[Any] = [part for part in model.springs.values() if isinstance(part, Maxwell)]
+    result = model.with_values({})
+    for part in relaxing:
+        asked = [port.name for port in (*model.inputs.values(), *model.outputs.values())
+                 if part.name in port.words().values()]  # fmt: skip
+        if asked:
+            raise ModelError(f"unfolded: '{asked[0]}' names the Maxwell element '{part.name}', which becomes several "
+                             f"parts; leave this port out.", element=asked[0])  # fmt: skip
+        del result._springs[part.name]
+        start, end = np.array(part.start), np.array(part.end)
+        middle = 0.5 * (start + end)
+        node = f"{part.name}.node"
+        if part.static_stiffness:
+            result.add_spring(f"{part.name}.static", part.first, part.second, start, end, part.static_stiffness)
+        result.add_body(node, 0.0, (0.0, 0.0, 0.0), middle)
+        result.add_joint(f"{part.name}.guide", "prismatic", part.first, node, middle, axis=part.line)
+        result.add_spring(f"{part.name}.spring", part.first, node, start, middle, part.stiffness)
+        result.add_spring(f"{part.name}.damper", node, part.second, middle, end, damping=part.damping)
+    return result

@@ -1,0 +1,218 @@
+"""The scene of an isolation study: a mechanism with its base shaken, its payload loaded, and its legs measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.api.model import ADDERS, Model
+from mbsvib.common import arguments as check
+from mbsvib.common.expected import a_model, names
+from mbsvib.elements import Bushing, Spring
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.superelement import Superelement
+from mbsvib.errors import ModelError, nearest
+from mbsvib.mechanism.mechanism import GROUND
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.api.system import System
+    from mbsvib.common.arguments import Vector
+    from mbsvib.elements import Body
+    from mbsvib.kinematics.relative_motion import Array
+
+DIRECTIONS = check.DIRECTIONS
+REFERENCES = ("first", "second", "body", "a", "b")
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """What is measured of a spring-damper: the outputs ``stroke`` [m] and ``force`` [N]. The stroke is measured along
+    its line in the given pose; where that moves, the force tells it by the ``law``, the parameters k and c in k + c s.
+    """
+
+    name: str
+    stroke: str
+    force: str
+    law: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A mechanism ready to be studied: ``system`` has the inputs ``base.x`` ... ``base.rz`` (accelerations of the base)
+    and ``load.x`` ... ``load.rz`` (wrench on the payload), the outputs ``acceleration.x`` ... ``acceleration.rz``
+    (absolute) and ``displacement.x`` ... (against the base) of the payload, and those of ``legs``.
+
+    All are taken at ``point`` [m]; ``length`` [m] makes rotations comparable; ``moved`` are the directions in which the
+    base is shaken.
+    """
+
+    model: Model
+    system: System
+    body: str
+    base: str
+    point: Vector
+    length: float
+    moved: tuple[str, ...]
+    legs: tuple[Leg, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the base accelerations."""
+        return tuple([f"base.{direction}" for direction in self.moved])
+
+    def scale(self, directions: Sequence[str] = DIRECTIONS) -> Array:
+        """Return what makes motions along the directions comparable: 1 for translations, the length for rotations."""
+        return np.array([self.length if direction.startswith("r") else 1.0 for direction in directions])
+
+
+def scene(
+    model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
+    directions: Sequence[str] | None = None,
+) -> Scene:  # fmt: skip
+    """Return a mechanism with the ports of an isolation study; the model stays as it is.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    body : str
+        The isolated body.
+    base : str
+        What is shaken: the ground, or a body whose motion is prescribed, so that it takes the ground's place.
+    point : array-like, shape (3,), optional
+        Reference point of all motions and wrenches [m]; default: the body's centre of mass.
+    length : float, optional
+        Length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
+        centre.
+    directions : sequence of str, optional
+        In which the base is shaken; default: all six, or x y z where weight or other loads do not turn with the base.
+
+    Returns
+    -------
+    Scene
+        The system and the names of its ports.
+
+    Raises
+    ------
+    ModelError
+        If a body is unknown, is its own base, the length is not positive, or a direction is unknown.
+    """
+    who = "isolation"
+    a_model(model, who)
+    for field, name in (("body", body), ("base", base)):
+        known = [*model.bodies, *([GROUND] if field == "base" else [])]
+        if name not in known:
+            raise ModelError(f"{who}: {field} = {name!r}; expected a body of model '{model.name}'."
+                             f"{nearest(str(name), known)} It has {', '.join(known)}.",
+                             element=str(name), field=field)  # fmt: skip
+    if body == base:
+        raise ModelError(f"{who}: body and base are both '{body}', so that nothing is isolated; name another base.",
+                         element=body, field="base")  # fmt: skip
+    part = model.bodies[body]
+    at = part.position if point is None else check.vector(point, who, "point")
+    size = _size(part) if length is None else check.number(length, who, "length", "a positive length [m]")
+    if size <= 0.0:
+        hint = "A body of no extent has no length of its own: give one." if length is None else ""
+        raise check.refuse(who, "length", length, "a positive length [m]", hint)
+    copy = _without_ports(model) if base == GROUND else _welded(model, base)
+    moved, notes = _moved(copy, directions)
+    for direction in moved:
+        copy.add_base_motion(f"base.{direction}", direction, at)
+    for direction in DIRECTIONS:
+        copy.add_input(f"load.{direction}", body, direction, at)
+    for quantity in ("acceleration", "displacement"):
+        for direction in DIRECTIONS:
+            copy.add_output(f"{quantity}.{direction}", body, direction, at, quantity=quantity)
+    legs = _measured(copy)
+    system = copy.linearize(method="dense")
+    return Scene(copy, system, body, base, at, float(size), moved, legs, notes)
+
+
+def _size(body: Body) -> float:
+    """Root mean square distance of a body's mass from its centre."""
+    return sqrt(0.5 * sum(body.inertia[:3]) / body.mass) if body.mass > 0.0 else 0.0
+
+
+def _without_ports(model: Model) -> Model:
+    copy = model.with_values({})
+    copy._inputs.clear()
+    copy._outputs.clear()
+    return copy
+
+
+def _welded(model: Model, base: str) -> Model:
+    """The model with a body in place of the ground."""
+    result = Model(model.name, model.gravity)
+    groups = (model.bodies, model._composed, model.joints, model.springs, model._couplers, model.rotors, model.loads)
+    removed = set()
+    for part in [part for group in groups for part in group.values() if part.name != base]:
+        words = part.words()
+        named = {words[field] for field in REFERENCES if field in words}
+        if isinstance(part, Coupling):
+            ties = [name for name, _ in part.terms if name.rsplit(".", 1)[0] in removed]
+        elif isinstance(part, Superelement):
+            ties = [name for name in (base, GROUND) if name in repr(words)]
+        elif named and named <= {base, GROUND}:
+            removed.add(part.name)
+            continue
+        else:
+            ties = [GROUND] if GROUND in named else []
+        if ties:
+            raise ModelError(f"isolation: base = '{base}' takes the place of the ground, but '{part.name}' is tied to "
+                             f"'{ties[0]}'; take the ground as the base, or leave '{part.name}' out.",
+                             element=part.name, field="base")  # fmt: skip
+        words |= {field: GROUND for field in REFERENCES if words.get(field) == base}
+        getattr(result, ADDERS[type(part)])(**words)
+    return result
+
+
+def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    if directions is not None:
+        asked = tuple(names(directions, "isolation", "directions", ModelError))
+        for direction in asked:
+            if direction not in DIRECTIONS:
+                raise check.refuse("isolation", "directions", direction, "some of x y z rx ry rz",
+                                   nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
+        if not asked:
+            raise check.refuse("isolation", "directions", directions, "some of x y z rx ry rz")
+        return tuple([d for d in DIRECTIONS if d in asked]), ()
+    from mbsvib.equations.base_motion import _fixed_in_world
+
+    fixed = next(_fixed_in_world(model), None)
+    if fixed is None:
+        return DIRECTIONS, ()
+    return DIRECTIONS[:3], (f"The base is shaken along x, y, z only: {fixed[0]} and does not turn with it.",)
+
+
+def _law(name: str, both: Array, i: int) -> tuple[str, str] | None:
+    """Parameters of a bushing's one direction, if nothing couples it with others."""
+    alone = both.ndim == 1 or np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
+    return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if alone else None
+
+
+def _measured(model: Model) -> tuple[Leg, ...]:
+    legs = []
+    for name, spring in model.springs.items():
+        if isinstance(spring, Bushing):
+            axes, both = np.array(spring.orientation), np.abs(spring.stiffness) + np.abs(spring.damping)
+            for i, direction in enumerate("xyz"):
+                if both[i].any():
+                    legs.append(Leg(f"{name}.{direction}", f"{name}.{direction}.stroke", f"{name}.{direction}.force",
+                                    _law(name, both, i)))  # fmt: skip
+                    model.add_output(legs[-1].stroke, spring.second, axes[:, i], spring.position, spring.first)
+                    model.add_force_output(legs[-1].force, name, direction)
+            continue
+        law = (f"{name}.stiffness", f"{name}.damping")
+        alone = isinstance(spring, Spring) and bool(spring.stiffness or spring.damping)
+        legs.append(Leg(name, f"{name}.stroke", f"{name}.force", law if alone else None))
+        model.add_output(legs[-1].stroke, spring.second, spring.line, spring.start, spring.first)
+        model.add_force_output(legs[-1].force, name)
+    return tuple(legs)

@@ -1,0 +1,1 @@
+"""Kinematics: displacements by joint coordinates, closed loops, couplers and mobility."""

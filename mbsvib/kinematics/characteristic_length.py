@@ -1,0 +1,41 @@
+"""The length of a mechanism: what moments are divided by where they are added to forces."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics.relative_motion import Array
+
+# Points closer than this share of their distance from the origin, or from the centres of mass about which their bodies
+# turned, are one point, told apart by rounding.
+SAME_POINT = 1e-13
+
+
+def length_of(points: Array, *centres: Array) -> float:
+    """Return the root mean square distance of points from their mean.
+
+    L^2 = 1/n sum of |p_i - 1/n sum of p_j|^2
+
+    It is the same in all frames and for all orders of the points.
+
+    Parameters
+    ----------
+    points : array, shape (n, 3)
+        Points [m].
+    *centres : array, shape (n, 3)
+        Centres of mass of the bodies that have these points [m].
+
+    Returns
+    -------
+    float
+        Length [m]; 1 where there is no point, or all are one but for rounding.
+    """
+    if not len(points):
+        return 1.0
+    apart = points - points.mean(axis=0)
+    length = float(np.sqrt((apart * apart).sum() / len(points)))
+    far = max([float(np.abs(points - centre).max()) for centre in (np.zeros(3), *centres)])
+    return length if length > SAME_POINT * far else 1.0

@@ -1,0 +1,273 @@
+"""Mobility: is the number of degrees of freedom the same in the poses nearby?
+
+Redundant constraints are legal where they stay redundant, as in planar loops. Where they are redundant in this pose
+only (a four-bar stretched flat), the count of degrees of freedom jumps and no linear equations describe the motion.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.errors import SingularPoseError
+from mbsvib.kinematics.loops import RANK_FACTOR, pivoted_qr, scaled
+from mbsvib.kinematics.relative_motion import CYCLE, body_motion, relative_motion
+from mbsvib.mechanism.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
+    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.mechanism.topology import Topology
+
+# The pose is moved by STEP (rad, or loop sizes) to first order; loops then close to STEP^2, and a constraint that has
+# become independent shows as a pivot of the order of STEP. The limit lies between the two.
+STEP = 1e-4
+LIMIT = 1e-6
+# Axes that differ by less are parallel: what they differ by shows in no pivot near the limit.
+PARALLEL = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Rod:
+    """The rod of a distance joint, which neither body carries: from ``start`` on ``first`` to ``end`` on ``second``,
+    arrays (3, 1) or (3, variants, 1); ``row`` of the constraints and ``column`` of the coordinates follow it.
+    """
+
+    first: Index
+    second: Index
+    start: Array
+    end: Array
+    row: slice
+    column: slice
+
+
+def check_mobility(
+    topology: Topology, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, position: Array
+) -> bool:
+    """Refuse a pose in which fewer constraints are independent than in the poses nearby.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    coordinates : Twists
+        The joint coordinates.
+    cuts : Cuts or None
+        Locked rows of the cut joints.
+    reduction : Reduction
+        The minimal coordinates; only groups of loops with redundant rows and a freedom left are looked at.
+    position : array, shape (bodies, 3)
+        Centres of mass [m], world axes.
+
+    Returns
+    -------
+    bool
+        Whether planar loops spared a look at the poses nearby.
+
+    Raises
+    ------
+    SingularPoseError
+        If the rank of the constraints is higher in the poses nearby.
+    """
+    groups = [group for group in reduction.groups if group.surplus]
+    if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
+        return False
+    crossing, rods = _crossed(topology, cuts), _rods(topology, coordinates, cuts)
+    # rows of the others are fixed in one body each
+    if not (crossing or rods) and _stays_planar(coordinates, cuts, groups):
+        return True
+    phi = phi_nearby(topology, coordinates, cuts, reduction, position, crossing, rods)
+    for group in groups:
+        scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
+        qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
+        pivots = np.abs(qr.diagonal())
+        limit = max(LIMIT, RANK_FACTOR * group.noise)
+        rank = int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))
+        if rank > group.rank:
+            raise SingularPoseError(
+                f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {len(group.rows)} "
+                f"constraint rows are independent here, {rank} in the poses nearby, so the number of degrees of "
+                f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular one."
+            )
+    return False
+
+
+def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> bool:
+    """Tell whether these loops move in parallel planes, and lose as many freedoms as their rows can take there: then
+    they do so in all poses nearby, as axes stay normal to the planes.
+    """
+    columns = groups[0].columns if len(groups) == 1 else np.concatenate([group.columns for group in groups])
+    if cuts.couplings is not None or not len(columns):
+        return False
+    angular, linear = coordinates.angular.take(columns, axis=1), coordinates.linear.take(columns, axis=1)
+    normal = angular[:, np.add.reduce(np.abs(angular)).argmax()]
+    length = np.sqrt(normal.dot(normal))
+    if not length:
+        return False
+    normal = normal / length
+    if np.count_nonzero(np.abs(normal.dot(linear)) > PARALLEL):
+        return False
+    if np.count_nonzero(np.abs(angular - normal[:, None] * normal.dot(angular)) > PARALLEL):
+        return False
+    along = cuts.rows.force - normal[:, None] * normal.dot(cuts.rows.force)
+    acts = np.maximum.reduce(np.abs(along)) > PARALLEL
+    acts |= np.abs(normal.dot(cuts.rows.moment)) > PARALLEL
+    return all(np.count_nonzero(acts.take(group.rows)) == group.rank for group in groups)
+
+
+def phi_nearby(
+    topology: Topology, coordinates: Twists, cuts: Cuts, reduction: Reduction, position: Array,
+    crossing: list[tuple[int, Array, Array]], rods: list[Rod],
+) -> Array:  # fmt: skip
+    """Return the constraints of the loops in a pose nearby, to which the mechanism moves to first order.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    coordinates : Twists
+        The joint coordinates.
+    cuts : Cuts
+        Locked rows of the cut joints.
+    reduction : Reduction
+        The minimal coordinates.
+    position : array, shape (..., bodies, 3)
+        Centres of mass [m], world axes.
+    crossing : list of (int, array, array)
+        What ``_crossed`` returns; axes (3,) or (3, variants).
+    rods : list of Rod
+        What ``_rods`` returns.
+
+    Returns
+    -------
+    array, shape (..., locked rows, n)
+        Relative displacements of the locked rows per unit joint coordinate.
+    """
+    matrix = reduction.matrix
+    assert matrix is not None
+    # a direction that no symmetry of the mechanism can single out
+    direction = matrix @ np.cos(1.0 + np.arange(matrix.shape[-1]))
+    length = min(group.length for group in reduction.groups if group.surplus)
+    largest = (np.abs(direction) / np.where(coordinates.turns, 1.0, length)).max(axis=-1, keepdims=True, initial=1e-300)
+    motion = body_motion(coordinates, position) @ (STEP / largest * direction)[..., None, :, None]
+    displacement = np.concatenate((motion[..., 0], np.zeros((*motion.shape[:-3], 1, 6))), axis=-2)
+    translation, rotation = np.moveaxis(displacement[..., :3], -1, 0), np.moveaxis(displacement[..., 3:], -1, 0)
+    centre = np.moveaxis(np.concatenate((position, np.zeros((*position.shape[:-2], 1, 3))), axis=-2), -1, 0)
+
+    def turn(body: Index, vector: Array) -> Array:
+        return added(vector, crossed_product(rotation[..., body], vector))
+
+    def shift(body: Index, point: Array) -> Array:
+        arm = added(point, -centre[..., body])
+        return added(added(point, translation[..., body]), crossed_product(rotation[..., body], arm))
+
+    (carrier, other, holder), rows = _carriers(topology), cuts.rows
+    linear, force = turn(carrier, coordinates.linear), turn(rows.first, rows.force)
+    # components of a rotation vector turn with the mean of both bodies, which makes no difference about a single axis
+    angular, moment = (0.5 * (turn(one, axes) + turn(two, axes)) for one, two, axes in (
+        (carrier, other, coordinates.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
+    for rod in rods:
+        line = added(shift(rod.second, rod.end), -shift(rod.first, rod.start))
+        line = line / np.sqrt((line * line).sum(axis=0))
+        force[..., rod.row] = line
+        across = linear[..., rod.column]
+        linear[..., rod.column] = added(across, -(added(0.0 * line, across) * line).sum(axis=0) * line)
+    twists = replace(coordinates, linear=linear, angular=angular, point=shift(holder, coordinates.point))
+    for row, first, second in crossing:
+        at = slice(row, row + 1)
+        axes = turn(rows.first[at], first[..., None]), turn(rows.second[at], second[..., None])
+        moment[..., at] = crossed_product(*axes)
+    point = shift(rows.second, rows.point)
+    moved = replace(rows, point=point, force=force, moment=moment)
+    phi = relative_motion(twists, moved).dense(0, len(rows.first))
+    if cuts.couplings is None:
+        return phi
+    coupled = cuts.couplings.nearby(turn, shift).dense(twists)
+    lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
+    return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in (phi, coupled)], axis=-2)
+
+
+def added(a: Array, b: Array) -> Array:
+    """Return the sum of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
+    if a.ndim == b.ndim:
+        return a + b
+    return a[:, None] + b if a.ndim < b.ndim else a + b[:, None]
+
+
+def crossed_product(a: Array, b: Array) -> Array:
+    """Return a x b of vectors (3, n), either of them with an axis of variants (3, variants, n)."""
+    if a.ndim != b.ndim:
+        a, b = (a[:, None], b) if a.ndim < b.ndim else (a, b[:, None])
+    a, b = a.take(CYCLE, axis=0), b.take(CYCLE, axis=0)
+    result: Array = a[1:4] * b[2:]
+    result -= a[2:] * b[1:4]
+    return result
+
+
+def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
+    """The body in which each twist is fixed: a joint's first, but its second for the second of two successive ones. The
+    body with which its axis turns too, halfway. And the body that carries its point, the joint's second: that turns
+    about its own point, wherever it has slid to.
+    """
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number["ground"] = len(topology.bodies)
+    result: list[int] = []
+    other: list[int] = []
+    holder: list[int] = []
+    for branch in sorted((b for b in topology.branches if b.joint != FLOATS), key=lambda b: b.joint):
+        joint = topology.joints[branch.joint]
+        for name, _ in joint.freedom:
+            second = joint.successive and name == joint.freedom[-1][0]
+            result.append(number[joint.second if second else joint.first])
+            other.append(result[-1] if joint.successive else number[joint.second])
+            holder.append(number[joint.second])
+    ground = [number["ground"]] * (6 * len(topology.floating))
+    carrier, halfway, point = (np.array(bodies + ground, dtype=np.intp) for bodies in (result, other, holder))
+    return carrier, halfway, point
+
+
+def _rods(
+    topology: Topology, coordinates: Twists, cuts: Cuts, given: Mapping[str, Mapping[str, Array]] | None = None
+) -> list[Rod]:
+    """Return the rods of distance joints, in the tree or cut; ``given`` are points of variants by joint and field."""
+    if not any(joint.kind == "distance" for joint in topology.joints):
+        return []
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number["ground"] = len(topology.bodies)
+    cut = {k: count for count, k in enumerate(topology.cut)}
+    result = []
+    for k, joint in enumerate(topology.joints):
+        if joint.kind == "distance":
+            row = np.flatnonzero(cuts.joint == cut[k]) if k in cut else np.zeros(0, dtype=np.intp)
+            column = 0 if k in cut else coordinates.names.index(f"{joint.name}.x")
+            varied = (given or {}).get(joint.name, {})
+            start, end = (varied.get(field, np.array(value))[..., None]
+                          for field, value in (("position", joint.position), ("end", joint.end)))  # fmt: skip
+            result.append(Rod(
+                np.array([number[joint.first]]), np.array([number[joint.second]]), start, end,
+                slice(row[0], row[0] + 1) if k in cut else slice(0), slice(column, column + (0 if k in cut else 2)),
+            ))  # fmt: skip
+    return result
+
+
+def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Array]]:
+    """Return the locked rotations that are normal to an axis of each body: (row, axis in first, axis in second)."""
+    result = []
+    for count, k in enumerate(topology.cut):
+        if topology.joints[k].successive:
+            rows = np.nonzero(cuts.joint == count)[0]
+            row = int(rows[_turns(cuts, rows)][0])
+            (_, first), (_, second) = topology.joints[k].freedom[-2:]
+            result.append((row, np.array(first[3:]), np.array(second[3:])))
+    return result
+
+
+def _turns(cuts: Cuts, rows: Index) -> NDArray[np.bool_]:
+    moment = cuts.rows.moment[..., rows]
+    return np.asarray(moment.any(axis=tuple(range(moment.ndim - 1))))

@@ -1,0 +1,340 @@
+"""Kinematics: from joint coordinates to the displacements of bodies, and to what two bodies do relative to each other.
+
+A joint coordinate moves everything behind its joint by a twist (v, w) at the joint's point p. At a point c a body then
+moves by v + w x (c - p) and turns by w, so every entry of the open-loop matrix B' comes straight from the geometry:
+nothing accumulates along a chain. What two bodies do relative to each other involves only the joints on the tree path
+between them (the path rule): the signs of the common joints cancel as integers, never as rounded numbers.
+
+Geometry may have an axis of variants in front of its last one, vectors (3, variants, n) instead of (3, n): results then
+have it in front of all of theirs, (variants, ...).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.mechanism.topology import FLOATS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.elements import Body, Joint
+    from mbsvib.mechanism.topology import Topology
+
+    Array = NDArray[np.float64]
+    Index = NDArray[np.intp]
+
+# An entry of no more than so many roundings of what it is the sum of is zero: an axis met, or taken across.
+ROUNDING = 32.0 * float(np.finfo(float).eps)
+# An entry above this [m, rad] is none, of points up to 1e6 m off: it need not be looked at.
+LARGEST = 1e-8
+# x y z x y: both shifts of a cross product are slices of vectors with these components
+CYCLE = np.array((0, 1, 2, 0, 1))
+_FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
+
+
+@dataclass(frozen=True, slots=True)
+class Twists:
+    """The joint coordinates of the tree as twists in world axes.
+
+    ``linear`` and ``angular`` (3, n) at ``point`` (3, n) [m]; ``path`` (bodies + 1, n) holds +1 or -1 where the
+    coordinate lies on the path from ground to the body (last row: ground); ``turns`` (n,) tells rotations (rad) from
+    translations (m); ``pitch`` [m] is the largest one of the screws, cut ones included. Components come first, so that
+    each is one contiguous vector.
+    """
+
+    names: tuple[str, ...]
+    linear: Array
+    angular: Array
+    point: Array
+    path: NDArray[np.int8]
+    turns: NDArray[np.bool_]
+    pitch: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Scalar relative displacements d = force . u + moment . theta of ``second`` against ``first`` at ``point``.
+
+    Arrays over rows: ``first``, ``second`` (n,) body numbers, ``point``, ``force``, ``moment`` (3, n), world axes.
+    """
+
+    first: Index
+    second: Index
+    point: Array
+    force: Array
+    moment: Array
+
+    @staticmethod
+    def stack(tuples: list[tuple[float, ...]]) -> Rows:
+        """Build rows from tuples (first, second, point xyz, force xyz, moment xyz)."""
+        entries = columns(tuples, 11)
+        first, second = entries[:2].astype(np.intp)
+        return Rows(first, second, entries[2:5], entries[5:8], entries[8:])
+
+    @staticmethod
+    def join(parts: list[Rows]) -> Rows:
+        """Put several stacks one below the other."""
+        parts = [part for part in parts if len(part.first)] or parts[:1]
+        if len(parts) == 1:
+            return parts[0]
+        return Rows(
+            np.concatenate([part.first for part in parts]), np.concatenate([part.second for part in parts]),
+            _joined([part.point for part in parts]), _joined([part.force for part in parts]),
+            _joined([part.moment for part in parts]),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Triplets:
+    """A matrix of ``shape`` by its entries: ``row`` (ascending) and ``column`` (entries,), ``value`` (..., entries)."""
+
+    row: Index
+    column: Index
+    value: Array
+    shape: tuple[int, int]
+
+    def acting(self, start: int, stop: int) -> NDArray[np.bool_]:
+        """Tell which of the rows start..stop have an entry that is not zero."""
+        entry = self.value != 0.0
+        result = np.zeros(self.shape[0], dtype=bool)
+        result[self.row[entry if entry.ndim == 1 else entry.any(axis=0)]] = True
+        return result[start:stop]
+
+    def dense(self, start: int, stop: int, keep: NDArray[np.bool_] | None = None) -> Array:
+        """Return the rows start..stop, those that ``keep`` picks of them, as an array (..., rows, columns)."""
+        first, last = self.row.searchsorted((start, stop)).tolist()
+        row, column, value = self.row[first:last] - start, self.column[first:last], self.value[..., first:last]
+        count = stop - start if keep is None else int(np.count_nonzero(keep))
+        if keep is not None and count < len(keep):
+            picked = keep.take(row).nonzero()[0]
+            row = (keep.cumsum() - 1).take(row.take(picked))
+            column, value = column.take(picked), value.take(picked, axis=-1)
+        result = np.zeros((*value.shape[:-1], count, self.shape[1]))
+        if value.ndim == 1:
+            result[row, column] = value
+        else:
+            result.reshape(len(result), -1)[:, row * self.shape[1] + column] = value
+        return result
+
+
+def table(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
+    """Return tuples of equal length as the rows of an array (n, width)."""
+    return np.fromiter(chain.from_iterable(tuples), float, width * len(tuples)).reshape(-1, width)
+
+
+def columns(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
+    """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
+    return table(tuples, width).T.copy()
+
+
+def single_entries(rows: Array) -> Index | None:
+    """Return the column of each row's only entry (rows,), None where a row has more or none."""
+    entry = rows != 0.0
+    if np.count_nonzero(entry) != len(entry) or not entry.any(axis=1).all():
+        return None
+    return np.asarray(entry.argmax(axis=1))
+
+
+def twists(topology: Topology, bodies: list[Body]) -> Twists:
+    """Return the twists of all joint coordinates of the tree.
+
+    Parameters
+    ----------
+    topology : Topology
+        The spanning tree.
+    bodies : list of Body
+        The bodies in the topology's order.
+
+    Returns
+    -------
+    Twists
+        Coordinates in the order in which their joints were added, those of floating bodies last.
+    """
+    joints = topology.joints
+    names: list[str] = []
+    six: list[tuple[float, ...]] = []
+    point: list[tuple[float, float, float]] = []
+    turns: list[bool] = []
+    place: dict[int, slice] = {}
+    for branch in sorted([b for b in topology.branches if b.joint != FLOATS], key=attrgetter("joint")):
+        joint = joints[branch.joint]
+        at = joint.point or bodies[branch.body].position
+        start = len(names)
+        for direction, twist in joint.freedom:
+            names.append(f"{joint.name}.{direction}")
+            six.append(twist)
+            point.append(at)
+            turns.append(direction[0] == "r")
+        place[branch.joint] = slice(start, len(names))
+    path = np.zeros((len(bodies) + 1, len(names) + 6 * len(topology.floating)), dtype=np.int8)
+    for branch in topology.branches:
+        if branch.joint == FLOATS:
+            body = bodies[branch.body]
+            start = len(names)
+            names += [f"{body.name}.{direction}" for direction, _ in _FREE]
+            six += [twist for _, twist in _FREE]
+            point += [body.position] * 6
+            turns += [False] * 3 + [True] * 3
+            path[branch.body, start : start + 6] = 1
+        else:
+            path[branch.body] = path[branch.parent]
+            path[branch.body, place[branch.joint]] = branch.sign
+    both = columns(six, 6)
+    return Twists(tuple(names), both[:3], both[3:], columns(point, 3), path, np.array(turns, dtype=bool),
+                  largest_pitch(joints))  # fmt: skip
+
+
+def largest_pitch(joints: Sequence[Joint]) -> float:
+    """Return the largest pitch of the screws among joints [m], 0 where there is none."""
+    return max([abs(joint.pitch) for joint in joints if joint.pitch], default=0.0)
+
+
+def arm(topology: Topology, position: Array, names: Iterable[str]) -> float:
+    """Return how far joints are at most from the centres of mass of the bodies they connect.
+
+    Parameters
+    ----------
+    topology : Topology
+        The joints.
+    position : array, shape (bodies, 3)
+        Centres of mass [m].
+    names : iterable of str
+        Names of joints; others are passed over.
+
+    Returns
+    -------
+    float
+        The largest distance [m] along one of the world axes.
+    """
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    joints, wanted = {joint.name: joint for joint in topology.joints}, set(names)
+    arms = [np.abs(np.subtract(joint.point, position[number[body]])).max()
+            for joint in map(joints.get, wanted & set(joints)) if joint is not None and joint.point is not None
+            for body in (joint.first, joint.second) if body in number]  # fmt: skip
+    return float(max(arms, default=0.0))
+
+
+def body_motion(coordinates: Twists, position: Array) -> Array:
+    """Return the open-loop constraint matrix B': displacements of the bodies per unit joint coordinate.
+
+    x_j = sum over the coordinates k on the path ground -> j of (v_k + w_k x (c_j - p_k), w_k) q_k
+
+    Parameters
+    ----------
+    coordinates : Twists
+        The joint coordinates.
+    position : array, shape (..., bodies, 3)
+        Centres of mass [m], world axes.
+
+    Returns
+    -------
+    array, shape (..., bodies, 6, n)
+        Translations of the centres of mass, then rotations, world axes.
+
+    Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
+    """
+    sign = coordinates.path[:-1, None].astype(float)
+    linear = coordinates.linear.swapaxes(0, -2)[..., None, :, :]
+    angular = coordinates.angular.take(CYCLE, axis=0).swapaxes(0, -2)[..., None, :, :]
+    point = coordinates.point.take(CYCLE, axis=0).swapaxes(0, -2)[..., None, :, :]
+    arm = position.take(CYCLE, axis=-1)[..., None] - point
+    moved = angular[..., 1:4, :] * arm[..., 2:, :]
+    moved -= angular[..., 2:, :] * arm[..., 1:4, :]
+    moved = moved + linear
+    result = np.empty((*moved.shape[:-2], 6, sign.shape[2]))
+    np.multiply(moved, sign, out=result[..., :3, :])
+    np.multiply(angular[..., :3, :], sign, out=result[..., 3:, :])
+    return result
+
+
+def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
+    """Return the rows of relative displacements per unit joint coordinate, by the path rule.
+
+    d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
+
+    Parameters
+    ----------
+    coordinates : Twists
+        The joint coordinates.
+    rows : Rows
+        The relative displacements asked for.
+
+    Returns
+    -------
+    Triplets
+        One row per relative displacement, one column per coordinate.
+
+    Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
+    """
+    sign = coordinates.path.take(rows.second, axis=0) - coordinates.path.take(rows.first, axis=0)
+    flat: Index = (sign != 0).reshape(-1).nonzero()[0]
+    width = max(1, sign.shape[1])
+    row = flat // width
+    column = flat - width * row
+    moment, point, force = rows.moment.take(row, axis=-1), rows.point.take(row, axis=-1), rows.force.take(row, axis=-1)
+    linear, angular = coordinates.linear.take(column, axis=-1), coordinates.angular.take(column, axis=-1)
+    start = coordinates.point.take(column, axis=-1)
+    if moment.ndim + point.ndim + force.ndim + start.ndim + linear.ndim + angular.ndim > 12:
+        moment, point, force, start, linear, angular = _lifted([moment, point, force, start, linear, angular])
+    arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)
+    turned = arm[1:4] * wide[2:]
+    turned -= arm[2:] * wide[1:4]
+    turned = turned + moment
+    turned *= angular
+    turned += force * linear
+    value = (turned[0] + turned[1] + turned[2]) * sign.reshape(-1).take(flat)
+    clear_rounding(value, force, moment, linear, angular, point, start)
+    return Triplets(row, column, value, sign.shape)
+
+
+def clear_rounding(value: Array, *vectors: Array) -> None:
+    """Set entries of relative motion to zero that are nothing but rounding.
+
+    Directions are rounded by eps of one, points by eps of their distance from the origin.
+
+    Parameters
+    ----------
+    value : array, shape (..., entries)
+        f . v + w . ((p_r - p_k) x f + m), changed in place.
+    *vectors : array, shape (3, ..., entries)
+        f, m, v, w, p_r and p_k of each.
+    """
+    size = np.abs(value)
+    small = size < LARGEST
+    if np.count_nonzero(small) + np.count_nonzero(value) == value.size:  # what is small is zero
+        return
+    if value.ndim > 1:
+        force, moment, linear, angular, point, start = (np.maximum.reduce(np.abs(array)) for array in vectors)
+        value[size <= ROUNDING * (((point + start) * force + moment) * angular + force * linear)] = 0.0
+        return
+    at = small.nonzero()[0]
+    force, moment, linear, angular, point, start = np.abs(np.array(vectors).take(at, axis=2)).max(axis=1)
+    noise = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
+    value[at[size.take(at) <= noise]] = 0.0
+
+
+def _joined(arrays: list[Any]) -> Any:
+    """Arrays one behind the other along their last axis; what has no axis of variants gets one where another has."""
+    try:
+        return np.concatenate(arrays, axis=-1)
+    except ValueError:
+        variants = next(array.shape[1] for array in arrays if array.ndim == 3)
+        return np.concatenate([
+            array if array.ndim == 3 else np.broadcast_to(array[:, None], (3, variants, array.shape[1]))
+            for array in arrays
+        ], axis=-1)  # fmt: skip
+
+
+def _lifted(arrays: list[Array]) -> list[Array]:
+    """Vectors (3, n), some of them (3, variants, n), all with an axis of variants; the first gets its whole length."""
+    first, *others = (array if array.ndim == 3 else array[:, None] for array in arrays)
+    variants = max(array.shape[1] for array in others)
+    return [np.repeat(first, variants, axis=1) if first.shape[1] < variants else first, *others]

@@ -1,0 +1,230 @@
+"""Composite rows: sums of several relative displacements, for what more than two bodies share.
+
+The mass of a beam element moves with both of its ends, the stiffness of a reduced model with all of its nodes. Such a
+row is a row of a small matrix on *base rows*, each of them a relative displacement of two bodies by the path rule.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.kinematics.relative_motion import Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.elements.part import Composed, Part
+    from mbsvib.kinematics.relative_motion import Array, Index
+
+# Six rows: the displacement of a body at a point, in world axes
+_SIX = np.eye(6)
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A point of a body whose displacement composite rows see; ``rides`` tells whether the moving ground carries it
+    (internal coordinates of a reduced model count from their own body, which it does not carry). ``against`` is the
+    body it is measured from; ``point`` [m], world axes.
+    """
+
+    body: str
+    point: tuple[float, float, float]
+    rides: bool = True
+    against: str = "ground"
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Rows of one matrix (rows, 6 nodes) on the six displacements of its nodes, with a coefficient for each row: they
+    belong to part ``owner``.
+    """
+
+    owner: str
+    nodes: tuple[Node, ...]
+    matrix: Array
+    stiffness: Array | None = None
+    damping: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Composite:
+    """Composite rows in numbers: base ``rows``, and ``blocks`` of pieces of equal shape, numbers of base rows (e, b)
+    and matrices (e, r, b). ``rides`` tells which base rows the moving ground carries.
+    """
+
+    rows: Rows
+    rides: Array
+    blocks: tuple[tuple[Index, Array], ...]
+
+    @property
+    def count(self) -> int:
+        """Number of composite rows."""
+        return sum(matrix.shape[0] * matrix.shape[1] for _, matrix in self.blocks)
+
+    def of(self, base: Array) -> Array:
+        """Return the composite rows (rows, m) of the base rows (base, m)."""
+        parts = [np.matmul(matrix, base[index]).reshape(len(index) * matrix.shape[1], base.shape[1])
+                 for index, matrix in self.blocks]  # fmt: skip
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def back(self, forces: Array) -> Array:
+        """Return the forces (base, n) along the base rows of forces (rows, n) along the composite rows."""
+        result, start = np.zeros((len(self.rows.first), forces.shape[1])), 0
+        for index, matrix in self.blocks:
+            e, r, b = matrix.shape
+            part = np.einsum("erb,ern->ebn", matrix, forces[start : start + e * r].reshape(e, r, -1))
+            np.add.at(result, index.reshape(-1), part.reshape(e * b, -1))
+            start += e * r
+        return result
+
+    def of_sparse(self, base: csr_matrix) -> csr_matrix:
+        """Return the composite rows of sparse base rows."""
+        from scipy.sparse import csr_matrix
+
+        row, column, value, start = [], [], [], 0
+        for index, matrix in self.blocks:
+            e, r, b = matrix.shape
+            row.append(np.repeat(start + np.arange(e * r), b))
+            column.append(np.repeat(index, r, axis=0).reshape(-1))
+            value.append(matrix.reshape(-1))
+            start += e * r
+        shape = (start, base.shape[0])
+        flat = [np.concatenate(part) for part in (value, row, column)]
+        used = flat[0] != 0.0
+        return csr_matrix((flat[0][used], (flat[1][used], flat[2][used])), shape=shape) @ base
+
+    def carried(self, linear: Array, angular: Array, origin: Array) -> Array:
+        """Return the composite rows of a motion of the ground, which carries everything along rigidly, (rows, 1)."""
+        point = self.rows.point
+        moved = np.cross(angular, (point.T - origin)) + linear
+        base = np.einsum("in,ni->n", self.rows.force, moved) + angular @ self.rows.moment
+        return self.of((base * self.rides)[:, None])
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    """Composite elastic and damping rows: ``stiffness``, ``damping`` and the name of the ``owner`` of each."""
+
+    composite: Composite
+    stiffness: Array
+    damping: Array
+    owner: tuple[str, ...]
+
+
+def stack(pieces: Sequence[Piece], number: Mapping[str, int]) -> Composite:
+    """Return composite rows, pieces of equal shape together.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        At least one.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    Composite
+        Base rows, each node once, and blocks.
+    """
+    place: dict[Node, int] = {}
+    shapes: dict[tuple[int, ...], list[tuple[list[int], Array]]] = {}
+    for piece in pieces:
+        start = [place.setdefault(node, len(place)) for node in piece.nodes]
+        shapes.setdefault(piece.matrix.shape, []).append((start, piece.matrix))
+    nodes = list(place)
+    count = len(nodes)
+    force, moment = np.tile(_SIX[:3], count), np.tile(_SIX[3:], count)
+    second = np.repeat(np.array([number[node.body] for node in nodes], dtype=np.intp), 6)
+    first = np.repeat(np.array([number[node.against] for node in nodes], dtype=np.intp), 6)
+    point = np.repeat(np.array([node.point for node in nodes], dtype=float).T, 6, axis=1)
+    blocks = tuple([
+        ((6 * np.array([start for start, _ in group])[:, :, None] + np.arange(6)).reshape(len(group), -1),
+         np.array([matrix for _, matrix in group]))
+        for group in shapes.values()
+    ])  # fmt: skip
+    rides = np.repeat(np.array([float(node.rides) for node in nodes]), 6)
+    return Composite(Rows(first, second, point, force, moment), rides, blocks)
+
+
+def blend(pieces: Sequence[Piece], number: Mapping[str, int]) -> Blend:
+    """Return composite elastic and damping rows of pieces, in the order in which ``stack`` puts them."""
+    shapes: dict[tuple[int, ...], list[Piece]] = {}
+    for piece in pieces:
+        shapes.setdefault(piece.matrix.shape, []).append(piece)
+    ordered = [piece for group in shapes.values() for piece in group]
+
+    def values(key: str) -> Any:
+        return np.concatenate([
+            np.zeros(len(piece.matrix)) if getattr(piece, key) is None else getattr(piece, key) for piece in ordered
+        ])  # fmt: skip
+
+    owner = tuple([piece.owner for piece in ordered for _ in range(len(piece.matrix))])
+    return Blend(stack(pieces, number), values("stiffness"), values("damping"), owner)
+
+
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What more than two bodies share: ``mass`` rows, and ``elastic`` rows whose owners count from ``first`` on."""
+
+    mass: Composite | None
+    elastic: Blend | None
+    first: int
+    names: tuple[str, ...]
+
+    @property
+    def base(self) -> list[Rows]:
+        """Base rows of the masses, then those of the elastic rows."""
+        elastic = None if self.elastic is None else self.elastic.composite
+        return [part.rows for part in (self.mass, elastic) if part is not None]
+
+    def inertia_rows(self, factor: Array, base: Array) -> Array:
+        """Return W with the shared rows below those of the bodies."""
+        if self.mass is None:
+            return factor
+        return np.concatenate((factor, self.mass.of(base[: len(self.mass.rows.first)])))
+
+    def carried(self, factor: Array, linear: Array, angular: Array, origin: Array) -> Array:
+        """Return W of a motion of the ground, which carries everything along."""
+        return factor if self.mass is None else np.concatenate((factor, self.mass.carried(linear, angular, origin)))
+
+    def elastic_rows(
+        self, base: Array, above: Array, stiffness: Array, damping: Array, owner: Index
+    ) -> tuple[Array, Array, Array, Index]:
+        """Return elastic rows, stiffness, damping and owners: those given, and below them the shared ones that act."""
+        if self.elastic is None:
+            return above, stiffness, damping, owner
+        start = 0 if self.mass is None else len(self.mass.rows.first)
+        rows = self.elastic.composite.of(base[start:])
+        number = {name: self.first + i for i, name in enumerate(self.names)}
+        own = np.array([number[name] for name in self.elastic.owner], dtype=np.intp)
+        acts = np.asarray(rows.any(axis=1))
+        return (np.concatenate((above, rows[acts])), np.concatenate((stiffness, self.elastic.stiffness[acts])),
+                np.concatenate((damping, self.elastic.damping[acts])), np.concatenate((owner, own[acts])))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Rows of a model that more than two bodies share: ``mass``, W of M = W^T W, and ``elastic`` ones; ``nodes`` are
+    the bodies whose mass these rows are.
+    """
+
+    mass: tuple[Piece, ...]
+    elastic: tuple[Piece, ...]
+    nodes: frozenset[str]
+    owners: tuple[Composed, ...] = ()
+
+    def said(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+        """Return parts as the user knows them: the owners in place of what they have become."""
+        made = {name for owner in self.owners for name in owner.made}
+        return (*[part for part in parts if part.name not in made], *self.owners)
+
+    def numbered(self, number: Mapping[str, int], first: int) -> Shared:
+        """Return them in numbers; there are ``first`` owners of elastic rows already."""
+        names = tuple(dict.fromkeys(piece.owner for piece in self.elastic))
+        return Shared(stack(self.mass, number) if self.mass else None,
+                      blend(self.elastic, number) if self.elastic else None, first, names)  # fmt: skip

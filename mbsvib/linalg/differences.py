@@ -1,0 +1,49 @@
+"""Slopes of smooth functions by differences, extrapolated to rounding by Romberg's table.
+
+Steps are halves of each other; errors of the differences are powers of the step, which the table takes out one by one.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.kinematics.relative_motion import Array
+
+# Differences with four steps to both sides: the error is of the eighth order. To one side only there are more of them.
+LEVELS, ONE_SIDED = 4, 7
+
+
+def slope(of: Callable[[float], Array], step: float, sides: int = 0) -> tuple[Array, Array]:
+    """Return the slope of a function at 0.
+
+    Parameters
+    ----------
+    of : callable
+        Array of an argument.
+    step : float
+        The largest argument that is tried.
+    sides : int
+        0: both sides; 1 or -1: arguments of this sign only.
+
+    Returns
+    -------
+    pair of array
+        Slopes, and the change that the last extrapolation made, an estimate of their error.
+    """
+    if sides:
+        start = of(0.0)
+        table = [(of(sides * h) - start) / (sides * h) for h in (step * 0.5**k for k in range(ONE_SIDED))]
+    else:
+        table = [(of(h) - of(-h)) / (2.0 * h) for h in (step * 0.5**k for k in range(LEVELS))]
+    last = table[-1]
+    for order in range(1, len(table)):
+        factor = 2.0**order if sides else 4.0**order
+        last = table[-1]
+        table = [(factor * fine - coarse) / (factor - 1.0) for coarse, fine in pairwise(table)]
+    return table[0], np.abs(table[0] - last)

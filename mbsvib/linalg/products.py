@@ -1,0 +1,64 @@
+"""Products of factors: W^T W and D^T diag(k) D, exactly symmetric, and cheap where rows or entries are zero."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common.memory import MANY
+from mbsvib.kinematics.relative_motion import single_entries
+
+if TYPE_CHECKING:
+    from mbsvib.kinematics.relative_motion import Array
+
+
+def gram(factor: Array) -> Array:
+    """Return W^T W; rows that don't move, as all but two or three of a body in a plane, are left out where many."""
+    if factor.ndim == 2 and factor.shape[1] >= MANY:
+        moves = np.asarray(factor.any(axis=1))
+        if 2 * np.count_nonzero(moves) < len(moves):
+            factor = factor[moves]
+    return _square(factor)
+
+
+def product(rows: Array, value: Array) -> Array:
+    """Return rows^T diag(value) rows, exactly symmetric; either may have an axis of variants in front."""
+    if value.ndim == 1 and rows.ndim == 2:
+        used = value.nonzero()[0]
+        if len(used) < len(value):
+            rows, value = rows.take(used, axis=0), value.take(used)
+        if rows.shape[1] >= MANY:
+            column = single_entries(rows)
+            if column is not None:
+                # bincount of nothing counts in integers
+                weights = value * rows[np.arange(len(rows)), column] ** 2
+                return np.diag(np.bincount(column, weights, rows.shape[1]).astype(float))
+    elif rows.ndim == 2:
+        return _combined(rows, value)
+    half: Array = rows * np.sqrt(np.abs(value))[..., None]
+    negative = value < 0.0
+    if not np.count_nonzero(negative):
+        return _square(half)
+    if half.ndim == 2:
+        plus, minus = half[~negative], half[negative]
+        return _square(plus) - _square(minus)
+    result: Array = half.swapaxes(-1, -2) @ (half * np.sign(value)[..., None])
+    return 0.5 * (result + result.swapaxes(-1, -2))
+
+
+def _square(rows: Array) -> Array:
+    result: Array = rows.T.dot(rows) if rows.ndim == 2 else rows.swapaxes(-1, -2) @ rows
+    return result
+
+
+def _combined(rows: Array, value: Array) -> Array:
+    """The same rows with many sets of values (variants, rows): one product with the outer squares of the rows."""
+    m = rows.shape[1]
+    i, j = np.triu_indices(m)
+    varies = np.asarray((value != value[:1]).any(axis=0))
+    result = np.empty((len(value), m, m))
+    upper = value[:, varies] @ (rows[varies][:, i] * rows[varies][:, j])
+    upper += product(rows[~varies], value[0, ~varies])[i, j]
+    result[:, i, j] = result[:, j, i] = upper
+    return result

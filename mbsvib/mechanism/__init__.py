@@ -1,0 +1,1 @@
+"""The mechanism as data: all parts, their parameters, and the spanning tree."""

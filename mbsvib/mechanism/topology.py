@@ -1,0 +1,168 @@
+"""Topology: the spanning tree of a mechanism, the joints that are cut, and the bodies that float.
+
+Bodies are nodes, joints are edges, ground is the root. A joint weighs its degrees of freedom; the shortest paths from
+ground form the tree, so that the joints left over are those whose cut leaves the smallest cumulative degree of freedom
+on both sides (CDOF; Chaudhary & Saha, Dynamics and Balancing of Multibody Systems, 2009, appendix B).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING
+
+from mbsvib.common.expected import names
+from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from mbsvib.api.model import Model
+    from mbsvib.elements import Joint
+
+FLOATS = -1  # stands for the free joint on which a floating body hangs
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A body of the tree, the body and the joint it hangs on, and the joint's sign along the path from ground."""
+
+    body: int
+    parent: int
+    joint: int
+    sign: int
+
+
+@dataclass(frozen=True, slots=True)
+class Topology:
+    """A spanning tree in numbers: bodies and joints count in the model's order, ground is ``len(bodies)``.
+
+    ``branches`` come parent before child; ``cut`` lists the joints outside the tree, ``floating`` the bodies that hang
+    on ground by a free joint of their own.
+    """
+
+    bodies: tuple[str, ...]
+    joints: tuple[Joint, ...]
+    branches: tuple[Branch, ...]
+    cut: tuple[int, ...]
+    floating: tuple[int, ...]
+
+    @property
+    def tree(self) -> tuple[str, ...]:
+        """Names of the joints of the tree, from ground outwards."""
+        return tuple(self.joints[branch.joint].name for branch in self.branches if branch.joint != FLOATS)
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints that are cut."""
+        return tuple(self.joints[k].name for k in self.cut)
+
+
+def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
+    """Return the spanning tree of smallest cumulative degree of freedom.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    cut : sequence of str, optional
+        Names of joints that must not be in the tree.
+
+    Returns
+    -------
+    Topology
+        Tree, cut joints and floating bodies.
+
+    Raises
+    ------
+    ModelError
+        If the model has no body, a name is unknown, or the cut leaves bodies hanging on nothing.
+
+    Source: Chaudhary & Saha (2009), appendix B.
+    """
+    excluded = () if cut is None else _excluded(cut, model)
+    if not excluded and model._topology is not None:
+        return model._topology
+    if not model.bodies:
+        raise ModelError(f"model '{model.name}' has no body; add one with add_body.", element=model.name)
+    bodies, joints = tuple(model.bodies), tuple(model.joints.values())
+    number = {name: i for i, name in enumerate(bodies)}
+    number["ground"] = len(bodies)
+    edges = _edges(joints, number, set(excluded))
+    branches, floating = _shortest_paths(len(bodies), edges)
+    if excluded:
+        _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
+    used = {branch.joint for branch in branches}
+    left = tuple(k for k in range(len(joints)) if k not in used)
+    topology = Topology(bodies, joints, tuple(branches), left, tuple(floating))
+    if not excluded:
+        model._topology = topology
+    return topology
+
+
+def _edges(
+    joints: Iterable[Joint], number: dict[str, int], excluded: set[str]
+) -> list[list[tuple[int, int, int, int]]]:
+    """For every body (ground last): its joints as (weight, joint, other body, sign towards the other body)."""
+    edges: list[list[tuple[int, int, int, int]]] = [[] for _ in number]
+    for k, joint in enumerate(joints):
+        if joint.name not in excluded:
+            a, b = number[joint.first], number[joint.second]
+            weight = len(joint.freedom)
+            edges[a].append((weight, k, b, 1))
+            edges[b].append((weight, k, a, -1))
+    return edges
+
+
+def _shortest_paths(
+    ground: int, edges: list[list[tuple[int, int, int, int]]]
+) -> tuple[list[Branch], list[int]]:
+    """Dijkstra from ground; what ground does not reach floats, each part on its first body."""
+    branches: list[Branch] = []
+    floating: list[int] = []
+    reached = [False] * (ground + 1)
+    reached[ground] = True
+    # among equal CDOF the path of fewer joints wins, then the joint that was added first
+    heap = [(weight, 1, joint, body, ground, sign) for weight, joint, body, sign in edges[ground]]
+    heap.sort()
+    start = 0
+    while True:
+        while heap:
+            cost, hops, joint, body, parent, sign = heappop(heap)
+            if reached[body]:
+                continue
+            reached[body] = True
+            branches.append(Branch(body, parent, joint, sign))
+            for weight, k, other, direction in edges[body]:
+                if not reached[other]:
+                    heappush(heap, (cost + weight, hops + 1, k, other, body, direction))
+        while start < ground and reached[start]:
+            start += 1
+        if start == ground:
+            return branches, floating
+        floating.append(start)
+        heap = [(6, 1, FLOATS, start, ground, 1)]
+
+
+def _excluded(cut: str | Sequence[str], model: Model) -> tuple[str, ...]:
+    asked = names(cut, "linearize", "cut", ModelError)
+    for name in asked:
+        if name not in model.joints:
+            raise ModelError(f"cut = {name!r} is no joint of model '{model.name}'.{nearest(str(name), model.joints)}",
+                             element=str(name), field="cut")  # fmt: skip
+    return tuple(asked)
+
+
+def _check_nothing_hangs(
+    model: Model, bodies: tuple[str, ...], edges: list[list[tuple[int, int, int, int]]], floating: list[int],
+    cut: list[str],
+) -> None:  # fmt: skip
+    """Refuse a cut that takes more away than loops: bodies that hung on something and now hang on nothing."""
+    whole = set(_shortest_paths(len(bodies), edges)[1])
+    hanging = [bodies[i] for i in floating if i not in whole]
+    if hanging:
+        raise ModelError(
+            f"cut = {cut}: leaves part of model '{model.name}' hanging on nothing, from body '{hanging[0]}' on; "
+            f"cut one joint of each loop, and none outside loops.",
+            element=cut[0], field="cut",
+        )  # fmt: skip

@@ -1,0 +1,44 @@
+"""What looks like a mistake of units, though a mechanism could be like that: said by ``explain``, never refused."""
+
+from __future__ import annotations
+
+from math import dist, sqrt
+from typing import TYPE_CHECKING
+
+from mbsvib.elements import Body
+from mbsvib.elements.body import principal
+
+if TYPE_CHECKING:
+    from mbsvib.api.system import System
+
+# Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
+FAR = 10.0
+
+
+def doubts(system: System) -> list[str]:
+    """Return what to look at again, one sentence each.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    list of str
+        Bodies whose radius of gyration is far larger than the whole mechanism.
+    """
+    parts = system.provenance.parts
+    points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]
+    given = [point for point in points if point is not None]
+    if not given:
+        return []
+    size = dist([min(axis) for axis in zip(*given, strict=True)], [max(axis) for axis in zip(*given, strict=True)])
+    result = []
+    for part in parts:
+        if isinstance(part, Body) and part.mass > 0.0 and size > 0.0:
+            radius = sqrt(max(principal(*part.inertia)[2], 0.0) / part.mass)
+            if radius > FAR * size:
+                result.append(f"body '{part.name}': a radius of gyration of {radius:.3g} m in a mechanism of "
+                              f"{size:.3g} m; is its inertia in kg m^2?")  # fmt: skip
+    return result

@@ -1,0 +1,143 @@
+"""Modes of all variants, with an axis of variants in front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.modes import RTOL, Modes, modes
+from mbsvib.modes.batch_damped import DampedBatch, damped_batch, joined
+from mbsvib.modes.batch_undamped import undamped_batch
+from mbsvib.modes.damped import Damped
+from mbsvib.modes.result import growing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from mbsvib.api.batch import Batch
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+
+# State matrices of one piece of a batch stay in the second-level cache.
+PIECE_BYTES = 2**20
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class BatchModes:
+    """The modes of n variants, in each in ascending natural frequency; ``modes[i]`` are those of variant i.
+
+    ``eigenvalues`` and ``errors`` (n, 2m), ``shapes`` (n, m, m), ``classical`` (n,) and ``rigid`` (n,) are those of
+    ``Modes`` with an axis of variants in front. The modes of a number are not followed from variant to variant: where
+    two frequencies cross, they change places.
+    """
+
+    batch: Batch = field(repr=False)
+    eigenvalues: Complex
+    errors: Array
+    shapes: Array | Complex
+    classical: tuple[str, ...]
+    rigid: NDArray[np.intp]
+    damped: DampedBatch = field(repr=False)
+    _alone: Mapping[int, Modes] = field(repr=False)
+
+    @cached_property
+    def natural(self) -> Array:
+        """Natural angular frequencies [rad/s], shape (n, m): |lambda|, of a real pair the geometric mean."""
+        return np.sqrt(np.abs(self.eigenvalues[:, 0::2] * self.eigenvalues[:, 1::2]))
+
+    @cached_property
+    def frequencies(self) -> Array:
+        """Natural (undamped) frequencies [Hz], shape (n, m)."""
+        return self.natural / (2.0 * np.pi)
+
+    @cached_property
+    def damped_frequencies(self) -> Array:
+        """Frequencies of the decaying oscillation [Hz], shape (n, m), 0 where nothing oscillates."""
+        return np.abs(self.eigenvalues[:, 0::2].imag) / (2.0 * np.pi)
+
+    @cached_property
+    def damping_ratios(self) -> Array:
+        """Damping ratios, shape (n, m), as of a single system's modes."""
+        first, second = self.eigenvalues[:, 0::2], self.eigenvalues[:, 1::2]
+        total, natural = 0.0 - (first + second).real, self.natural
+        ratio = np.divide(total, 2.0 * natural, out=np.where(total > 0.0, np.inf, 0.0), where=natural > 0.0)
+        return np.where((first * second).real < 0.0, -1.0, ratio)
+
+    @cached_property
+    def body_shapes(self) -> dict[str, Array | Complex]:
+        """Displacements of the bodies, {name: (n, 6, m)}: translation of the centre of mass and rotation, world."""
+        motion = self.batch.body_motion @ self.shapes[:, None]
+        return {name: motion[:, i] for i, name in enumerate(self.batch.bodies)}
+
+    @cached_property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether no mode of a variant grows, shape (n,)."""
+        return np.asarray(~growing(self.eigenvalues, self.errors).any(axis=1))
+
+    def __len__(self) -> int:
+        return len(self.eigenvalues)
+
+    def __iter__(self) -> Iterator[Modes]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, i: int) -> Modes:
+        k = range(len(self))[i]
+        if k in self._alone:
+            return self._alone[k]
+        batch = self.batch
+        shapes = self.shapes[k].real if self.classical[k] else self.shapes[k]
+        return Modes(batch.name, batch.coordinates, batch.bodies, self.eigenvalues[k], self.errors[k], shapes,
+                     self.classical[k], int(self.rigid[k]), batch.body_motion[k], batch.inertia_factor[k],
+                     self.damped.single(k))  # fmt: skip
+
+    def __repr__(self) -> str:
+        low, high = (self.frequencies.min(), self.frequencies.max()) if self.frequencies.size else (0.0, 0.0)
+        return f"BatchModes({self.batch.name!r}: {len(self)} variants, {low:.6g} to {high:.6g} Hz)"
+
+
+def batch_modes(batch: Batch, rtol: float = RTOL) -> BatchModes:
+    """Return the modes of all variants, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
+
+    Parameters
+    ----------
+    batch : Batch
+        The variants.
+    rtol : float
+        Relative accuracy asked of every eigenvalue; variants that the common pass leaves short of it are solved one
+        by one.
+
+    Returns
+    -------
+    BatchModes
+        Eigenvalues, shapes and error estimates.
+    """
+    size = max(1, PIECE_BYTES // (64 * max(1, batch.dof) ** 2))
+    pieces = [batch.piece(start, min(start + size, len(batch))) for start in range(0, len(batch), size)]
+    result = joined([damped_batch(piece, undamped_batch(piece, rtol), rtol) for piece in pieces])
+    classical = np.array([bool(reason) for reason in result.classical])
+    shapes: Array | Complex = result.shapes.copy()
+    if not classical.all():
+        together = result.shapes @ result.vectors[..., 0]
+        largest = np.take_along_axis(together, np.abs(together).argmax(axis=1)[:, None], 1)
+        turned = together * np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
+        shapes = np.where(classical[:, None, None], result.shapes, turned)
+    eigenvalues, errors = result.pairs.reshape(len(batch), -1), result.errors.reshape(len(batch), -1)
+    reasons, rigid, alone = list(result.classical), np.zeros(len(batch), dtype=np.intp), {}
+    for i in np.flatnonzero(~result.settled).tolist():
+        one = alone[i] = modes(batch[i], rtol)
+        eigenvalues[i], errors[i], reasons[i], rigid[i] = one.eigenvalues, one.errors, one.classical, one.rigid
+        if np.iscomplexobj(one.shapes) and not np.iscomplexobj(shapes):
+            shapes = shapes.astype(complex)
+        shapes[i] = one.shapes
+        modal = one.damped
+        assert isinstance(modal, Damped)  # batches refuse what has no symmetry
+        result.shapes[i], result.square[i] = modal.shapes, modal.square
+        result.gamma[i] = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
+    return BatchModes(batch, eigenvalues, errors, shapes, tuple(reasons), rigid, result, alone)

@@ -1,0 +1,120 @@
+"""Undamped modes of all variants at once: the first rung of ``mbsvib.modes.undamped``, and its look at the factors.
+
+The formulas are those of single systems, over arrays with an axis of variants, for the common case: nothing rigid,
+no stiffness negative, shapes that one small rotation cleans. The variants that this does not settle to the accuracy
+asked for are told apart, so that they can be solved one by one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.modes.undamped import EPS, SEPARATE, SMALL_ANGLE, SUSPECT
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.api.batch import Batch
+
+    Array = NDArray[np.float64]
+    Mask = NDArray[np.bool_]
+    Index = NDArray[np.intp]
+
+# A mass matrix of unit diagonal with a smaller pivot than this has an inverse factor that costs digits of its own.
+PIVOT = 1e-8
+# Rounding of |H|^2 counts half in |H|.
+ROUNDING = 0.5
+# Of the accuracy asked for, undamped modes may take this share as they are: what damping adds to it needs the rest.
+SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class UndampedBatch:
+    """Undamped modes: ``square`` (n, m), ``shapes`` (n, m, m) and ``errors`` (n, m) as of a single system;
+    ``settled`` (n,) tells the variants of which they are as accurate as was asked.
+    """
+
+    square: Array
+    shapes: Array
+    errors: Array
+    settled: Mask
+
+
+def undamped_batch(batch: Batch, rtol: float) -> UndampedBatch:
+    """Return the undamped modes, K_i phi = omega^2 M_i phi.
+
+    Parameters
+    ----------
+    batch : Batch
+        The variants.
+    rtol : float
+        Relative accuracy asked of every frequency.
+
+    Returns
+    -------
+    UndampedBatch
+        Modes of all variants; those that are not settled are to be solved by themselves.
+    """
+    square, shapes, settled = _by_products(batch)
+    largest = np.abs(square).max(axis=1, initial=0.0)
+    # rigid-body modes are a question of rank, negative stiffness of sign: both are answered for single systems
+    settled &= (square > SUSPECT**2 * largest[:, None]).all(axis=1) & (batch.stiffness >= 0.0).all(axis=1)
+    square[~settled] = 1.0
+    growth = _growth(batch, shapes) ** 2
+    errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
+    late = np.flatnonzero(settled & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
+    if len(late):
+        square[late], shapes[late], errors[late], left = _refined(batch, late, shapes[late])
+        settled[late] = left <= rtol
+    return UndampedBatch(square, shapes, errors, settled)
+
+
+def _by_products(batch: Batch) -> tuple[Array, Array, Mask]:
+    """Squared frequencies, shapes, and where the mass matrix is far enough from singular for them."""
+    diagonal = np.einsum("vii->vi", batch.M)
+    scale = 1.0 / np.sqrt(diagonal)
+    root = np.linalg.cholesky(batch.M * scale[:, :, None] * scale[:, None])
+    settled = np.einsum("vii->vi", root).min(axis=1, initial=1.0) ** 2 > PIVOT
+    inverse = np.linalg.inv(root) * scale[:, None]
+    square, vectors = np.linalg.eigh(inverse @ batch.K @ inverse.swapaxes(1, 2))
+    return square, inverse.swapaxes(1, 2) @ vectors, settled
+
+
+def _growth(batch: Batch, shapes: Array) -> Array:
+    return np.asarray((np.sqrt(np.einsum("vii->vi", batch.M))[:, None] @ np.abs(shapes))[:, 0])
+
+
+def _refined(batch: Batch, which: Index, shapes: Array) -> tuple[Array, Array, Array, Array]:
+    """Frequencies from the factors, cleaned shapes, errors, and the largest error that other solvers could mend."""
+    rows = batch.elastic_rows[which] * np.sqrt(batch.stiffness[which])[:, :, None]
+    h = batch.inertia_factor[which] @ shapes
+    length = np.sqrt(np.einsum("vij,vij->vj", h, h))[:, None]
+    h, phi = h / length, shapes / length
+    e = rows @ phi
+    inertia, elastic = h.swapaxes(1, 2) @ h, e.swapaxes(1, 2) @ e
+    square = np.einsum("vii->vi", elastic).copy()
+    at = np.arange(square.shape[1])
+    residual = elastic - inertia * square[:, None]
+    residual[:, at, at] = 0.0
+    shared, gap = np.abs(residual), square[:, None] - square[:, :, None]
+    apart = (shared < SEPARATE * np.abs(gap)) & (gap != 0.0)
+    mixing = np.divide(residual, gap, out=np.zeros_like(gap), where=apart)
+    value = square + (mixing * gap * mixing).sum(axis=1)
+    unresolved = np.where(apart, 0.0, np.minimum(shared, np.abs(gap)))
+    cancel = np.abs(rows) @ np.abs(phi)
+    noise = EPS * np.einsum("vij,vij->vj", np.abs(e), cancel) + EPS**2 * np.einsum("vij,vij->vj", cancel, cancel)
+    doubt = np.abs(mixing * shared).sum(axis=1) + unresolved.max(axis=1, initial=0.0) + noise
+    errors = 0.5 * doubt / np.abs(value)
+    left = errors.max(axis=1, initial=0.0)
+    growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
+    errors += EPS * (2.0 + ROUNDING * growth)
+    angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
+    left = np.where(np.abs(angle).max(axis=(1, 2), initial=0.0) * len(at) < SMALL_ANGLE, left, np.inf)
+    inertia[:, at, at] = 0.0
+    phi = phi @ (np.eye(len(at)) + angle + 0.5 * (angle @ angle) - 0.5 * inertia)
+    order = np.argsort(value, axis=1, kind="stable")
+    return (np.take_along_axis(value, order, 1), np.take_along_axis(phi, order[:, None], 2),
+            np.take_along_axis(errors, order, 1), left)  # fmt: skip

@@ -1,0 +1,124 @@
+"""Frequency response of all variants at few frequencies: one linear solution for each of them, all at once.
+
+In the basis of the undamped modes (Omega^2 - w^2 + i w Gamma) eta = Phi^T B. Where w is above the frequency of a mode
+its eta is mainly -b / w^2, which nearly cancels in the sum over modes; there only the rest, r = (Omega^2 + i w Gamma)
+eta / w^2, is summed, and c b over these modes, with D for accelerations, is known beforehand (see ``modal_sum``).
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.responses.modal_sum import CANCELLED, EPS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.api.batch import Batch
+    from mbsvib.modes.batch import BatchModes
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+
+# Up to this many frequencies times degrees of freedom, a solution for each costs less than the sums over the modes of
+# each variant cost to set up.
+FEW = 300
+# Matrices of one piece of the batch stay in this much memory.
+PIECE_BYTES = 2**22
+
+
+def few_frequencies(batch: Batch, modal: BatchModes, w: Array) -> Complex:
+    """Return the responses of all variants at a few frequencies, (n, outputs, inputs, k); not finite at poles.
+
+    Parameters
+    ----------
+    batch : Batch
+        The variants.
+    modal : BatchModes
+        Their modes, as accurate as responses want them.
+    w : array, shape (k,)
+        Angular frequencies [rad/s], none negative.
+
+    Returns
+    -------
+    array, shape (n, outputs, inputs, k)
+        Complex responses.
+    """
+    damped = modal.damped
+    rates = [batch.Cq, batch.Cv, batch.Ca]
+    order, output = np.nonzero([c.any(axis=(0, 2)) for c in rates])
+    result: Complex = np.empty((len(batch), len(batch.outputs), len(batch.inputs), len(w)), dtype=complex)
+    size = max(1, PIECE_BYTES // (16 * max(1, len(w) * batch.dof**2)))
+    for start in range(0, len(batch), size):
+        part = slice(start, start + size)
+        phi, square, gamma = _ascending(damped.shapes[part], damped.square[part], damped.gamma[part])
+        c = np.stack([rates[k][part, o] for k, o in zip(order, output, strict=True)], axis=1) @ phi if len(order) \
+            else np.zeros((len(phi), 0, batch.dof))  # fmt: skip
+        b = phi.swapaxes(1, 2) @ batch.B[part]
+        motion, below = _motions(square, gamma, b, w)
+        accelerates = order == 2
+        direct = np.where(accelerates[:, None], batch.D[part][:, output], 0.0)
+        known = np.take_along_axis(_sums(c, b, direct), below[:, None, None], 3)
+        value = (c[:, None] @ motion).transpose(0, 2, 3, 1)  # (variants, rows, inputs, frequencies)
+        inverse = np.divide(1.0, w * w, out=np.zeros_like(w), where=w > 0.0)
+        feedthrough = batch.D[part].copy()
+        feedthrough[:, output[accelerates]] = 0.0
+        result[part] = feedthrough[..., None]
+        for row, (k, o) in enumerate(zip(order.tolist(), output.tolist(), strict=True)):
+            if k == 2:
+                result[part, o] += known[:, row] - w * w * value[:, row]
+            else:
+                result[part, o] += (1j * w) ** k * (value[:, row] - known[:, row] * inverse)
+    return result
+
+
+def _ascending(phi: Array, square: Array, gamma: Array) -> tuple[Array, Array, Array]:
+    """The basis by magnitude of the frequencies, which is another order than that of their squares if some diverge."""
+    order = np.argsort(np.abs(square), axis=1, kind="stable")
+    if (order == np.arange(square.shape[1])).all():
+        return phi, square, gamma
+    gamma = np.take_along_axis(np.take_along_axis(gamma, order[:, None], 2), order[:, :, None], 1)
+    return np.take_along_axis(phi, order[:, None], 2), np.take_along_axis(square, order, 1), gamma
+
+
+def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, NDArray[np.intp]]:
+    """What is to be summed of each mode (variants, k, m, inputs), and how many modes are below each frequency."""
+    at = np.arange(square.shape[1])
+    root = np.sqrt(np.abs(square))[:, None]
+    wide = w[:, None]
+    brake = np.asarray((1j * w)[:, None, None] * gamma[:, None], dtype=complex)
+    stiff = np.where(square[:, None] >= 0.0, (root - wide) * (root + wide), square[:, None] - wide**2)
+    eta: Complex = np.full((len(b), len(w), *b.shape[1:]), np.nan, dtype=complex)
+    if not gamma[:, ~np.eye(len(at), dtype=bool)].any():  # every mode answers alone
+        down = stiff + brake[..., at, at]
+        np.divide(b[:, None], down[..., None], out=eta, where=down[..., None] != 0.0)
+    else:
+        matrix = brake.copy()
+        matrix[..., at, at] += stiff
+        with suppress(np.linalg.LinAlgError):  # a pole: not a number says so
+            eta[:] = np.linalg.solve(matrix, np.broadcast_to(b[:, None], eta.shape))
+    low = root < wide
+    inverse = np.divide(1.0, w * w, out=np.zeros_like(w), where=w > 0.0)[:, None, None]
+    rest = (square[:, None, :, None] * eta + brake @ eta) * inverse
+    return np.where(low[..., None], rest, eta), np.count_nonzero(low, axis=2)
+
+
+def _sums(c: Array, b: Array, direct: Array) -> Array:
+    """Sums of ``direct`` + c_j b_j over the first 0, 1 .. m modes, each by the road on which less cancels.
+
+    Shape (variants, rows, inputs, m + 1).
+    """
+    terms = c[:, :, None] * b.swapaxes(1, 2)[:, None]
+    shape = (*terms.shape[:3], terms.shape[3] + 1)
+    up, left, down, right = (np.zeros(shape) for _ in range(4))
+    np.cumsum(terms, axis=3, out=up[..., 1:])
+    np.cumsum(np.abs(terms), axis=3, out=left[..., 1:])
+    down[..., :-1] = np.cumsum(terms[..., ::-1], axis=3)[..., ::-1]
+    right[..., :-1] = np.cumsum(np.abs(terms[..., ::-1]), axis=3)[..., ::-1]
+    whole = c @ b + direct
+    whole[np.abs(whole) <= CANCELLED * EPS * (np.abs(c) @ np.abs(b) + np.abs(direct))] = 0.0
+    near = left + np.abs(direct)[..., None] <= right + np.abs(whole)[..., None]
+    return np.where(near, direct[..., None] + up, whole[..., None] - down)

@@ -1,0 +1,100 @@
+"""First-order equations where motions move no mass: as many states as there are eigenvalues, and no input derivative.
+
+With N the massless motions, each one at a coordinate of its own, q' = E w + N p: w are the rates that move mass, and p
+follow at once from the dampers, (N^T C N) p = N^T (B u - K q - C E w). The states are q and w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.eigensolvers import triangle
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.api.system import System
+
+    Array = NDArray[np.float64]
+
+# So many coordinates are spelled out in the name of a rate that is a sum of several.
+SPELLED = 3
+_RATE = {"m": "m/s", "rad": "rad/s"}
+
+
+@dataclass(frozen=True, slots=True)
+class FirstOrder:
+    """x' = A x + B u,  (q, q') = T x + U u: ``a`` (n, n), ``b`` (n, inputs), ``transform`` T (2m, n) and ``through`` U
+    (2m, inputs), with names and units of the states.
+    """
+
+    a: Array
+    b: Array
+    transform: Array
+    through: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+def own_coordinates(null: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the coordinates that are one in a massless motion of their own and zero in others, and all other ones."""
+    single = (np.count_nonzero(null, axis=1) == 1) & (null.max(axis=1, initial=0.0) == 1.0)
+    own = np.array([int(np.flatnonzero(single & (null[:, k] == 1.0))[0]) for k in range(null.shape[1])], dtype=np.intp)
+    return own, np.setdiff1d(np.arange(len(null)), own)
+
+
+def physical(system: System) -> FirstOrder:
+    """Return first-order equations of a system with massless motions in physical states.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion, with ``massless`` > 0.
+
+    Returns
+    -------
+    FirstOrder
+        2m - massless states: the coordinates, then the rates that move mass.
+    """
+    null = system.null_inertia
+    assert null is not None
+    m, inputs = system.dof, system.B.shape[1]
+    _, moved = own_coordinates(null)
+    n = m + len(moved)
+    # p = slow x + push u
+    braked = null.T @ system.C
+    right = np.concatenate((-null.T @ system.K, -braked[:, moved], null.T @ system.B), axis=1)
+    at_once = np.linalg.solve(braked @ null, right)
+    transform = np.zeros((2 * m, n))
+    transform[:m, :m] = np.eye(m)
+    transform[m + moved, np.arange(m, n)] = 1.0
+    transform[m:] += null @ at_once[:, :n]
+    through = np.zeros((2 * m, inputs))
+    through[m:] = null @ at_once[:, n:]
+    a, b = np.empty((n, n)), np.empty((n, inputs))
+    a[:m], b[:m] = transform[m:], through[m:]
+    if len(moved):
+        root = triangle(system.inertia_factor[:, moved])
+        forces = np.concatenate(
+            (-system.K[moved] @ transform[:m] - system.C[moved] @ transform[m:],
+             system.B[moved] - system.C[moved] @ through[m:]), axis=1,
+        )  # fmt: skip
+        solution = np.linalg.solve(root, np.linalg.solve(root.T, forces))
+        a[m:], b[m:] = solution[:, :n], solution[:, n:]
+    rates = [rate_name(system.coordinates, null, i) for i in moved.tolist()]
+    units = tuple(_RATE[system.coordinate_units[i]] for i in moved.tolist())
+    return FirstOrder(a, b, transform, through, system.coordinates + tuple(rates), system.coordinate_units + units)
+
+
+def rate_name(coordinates: tuple[str, ...], null: Array, moved: int) -> str:
+    """Return the name of a rate that moves mass: of one coordinate, less what massless motions do to it."""
+    own, _ = own_coordinates(null)
+    text = coordinates[moved]
+    shares = [(-float(null[moved, k]), coordinates[own[k]]) for k in np.flatnonzero(null[moved]).tolist()]
+    for factor, name in shares[: SPELLED - 1]:
+        size = "" if abs(factor) == 1.0 else f"{abs(factor):.6g} "
+        text += f" {'-' if factor < 0.0 else '+'} {size}{name}"
+    return f"d({text}{' + ...' if len(shares) >= SPELLED else ''})/dt"

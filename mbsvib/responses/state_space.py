@@ -1,0 +1,192 @@
+"""State space: first-order equations with names, in physical, modal or balanced states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from mbsvib.errors import ResponseError, counted, nearest
+from mbsvib.linalg.eigensolvers import triangle
+from mbsvib.modes.general import is_general
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.api.system import System
+    from mbsvib.modes.damped import Damped
+
+    Array = NDArray[np.float64]
+
+REALIZATIONS = ("physical", "modal", "balanced")
+_RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateSpace:
+    """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
+
+    ``transform`` (2m, states) leads back: (q, q') = transform x, and ``through`` (2m, inputs) u besides, which is None
+    but where a damped massless motion has a rate that inputs change at once. Arrays are read-only.
+    """
+
+    name: str
+    realization: str
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    transform: Array
+    states: tuple[str, ...]
+    state_units: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    through: Array | None = None
+
+    def __post_init__(self) -> None:
+        for array in (self.A, self.B, self.C, self.D, self.transform, self.through):
+            if array is not None:
+                array.setflags(write=False)
+
+    def __repr__(self) -> str:
+        groups = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"))
+        counts = ", ".join(counted(len(names), what) for names, what in groups)
+        return f"StateSpace({self.name!r}, {self.realization}: {counts})"
+
+
+def state_space(system: System, realization: str = "physical") -> StateSpace:
+    """Return first-order equations of a system.
+
+    physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
+    [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order);  balanced:
+    the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size
+
+    The equations are proper, and as few as there are eigenvalues: where motions move no mass, those that nothing damps
+    are condensed in the system already, and of the damped ones there is no rate among the states: physical states are
+    then q and the rates that move mass (``"d(node.z + body.z)/dt"`` where a rate is a sum).
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    realization : str
+        "physical", "modal" or "balanced".
+
+    Returns
+    -------
+    StateSpace
+        Matrices, names and units.
+
+    Raises
+    ------
+    ResponseError
+        If the realization is unknown, or modes all but meet, so that they have no modal states of their own.
+    """
+    if not isinstance(realization, str) or realization not in REALIZATIONS:
+        raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
+                            f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
+    if realization == "balanced":
+        from mbsvib.linalg.balancing import balanced
+
+        return balanced(state_space(system, "physical"))
+    if system.massless or (realization == "modal" and is_general(system)):
+        return _massless(system, realization)
+    make = _physical if realization == "physical" else _modal
+    a, b, transform, names, units = make(system)
+    m = system.dof
+    q, rate = transform[:m], transform[m:]
+    # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
+    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ a)
+    d = system.D + system.Ca @ (rate @ b)
+    return StateSpace(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
+                      system.outputs, system.output_units)  # fmt: skip
+
+
+def _massless(system: System, realization: str) -> StateSpace:
+    from mbsvib.modes.general import General
+    from mbsvib.responses import first_order
+    from mbsvib.responses.general_states import modal_states
+
+    modal = system._modal if realization == "modal" else None
+    found = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
+    m = system.dof
+    q, rate = found.transform[:m], found.transform[m:]
+    through = found.through[m:]
+    # q'' = rate x' + through u': the rate of an input reaches no output, which linearize has made sure of
+    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ found.a)
+    d = system.D + system.Cv @ through + system.Ca @ (rate @ found.b)
+    return StateSpace(
+        system.name, realization, found.a, found.b, c, d, found.transform, found.names, found.units, system.inputs,
+        system.input_units, system.outputs, system.output_units, found.through if system.massless else None,
+    )  # fmt: skip
+
+
+def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+    m = system.dof
+    a = np.zeros((2 * m, 2 * m))
+    b = np.zeros((2 * m, system.B.shape[1]))
+    if m:
+        root = triangle(system.inertia_factor)
+        right = np.concatenate((system.K, system.C, system.B), axis=1)
+        solution = np.linalg.solve(root, np.linalg.solve(root.T, right))
+        a[:m, m:] = np.eye(m)
+        a[m:] = -solution[:, : 2 * m]
+        b[m:] = solution[:, 2 * m :]
+    names = (*system.coordinates, *(f"d({name})/dt" for name in system.coordinates))
+    units = (*system.coordinate_units, *(_RATE[unit] for unit in system.coordinate_units))
+    return a, b, np.eye(2 * m), names, units
+
+
+def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+    modes = system._clean_modes
+    modal = cast("Damped", modes.damped)
+    m = system.dof
+    product = (modes.eigenvalues[0::2] * modes.eigenvalues[1::2]).real
+    total = (modes.eigenvalues[0::2] + modes.eigenvalues[1::2]).real
+    even = 2 * np.arange(m)
+    a = np.zeros((2 * m, 2 * m))
+    a[even, even + 1] = 1.0
+    a[even + 1, even] = -product
+    a[even + 1, even + 1] = total
+    transform: Array = np.zeros((2 * m, 2 * m))
+    b: Array = np.zeros((2 * m, system.B.shape[1]))
+    if modal.vectors is None:
+        phi = modal.shapes
+        transform[:m, even] = phi
+        transform[m:, even + 1] = phi
+        b[even + 1] = phi.T @ system.B
+    else:
+        basis = np.zeros((2 * m, 2 * m))
+        basis[:m, :m] = basis[m:, m:] = modal.shapes
+        forces = np.concatenate((np.zeros_like(b[:m]), modal.shapes.T @ system.B))
+        local, b = _blocks(modal, a, forces, system.name)
+        transform = basis @ local
+    names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
+    return a, b, transform, names, ("modal", "modal/s") * m
+
+
+def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, Array]:
+    """Columns T that turn the state matrix into companion blocks ``a``, in which those of close pairs are set, and the
+    inputs B of these.
+    """
+    from mbsvib.responses.energy_schur import energy_matrix
+    from mbsvib.responses.modal_blocks import modal_inputs, pair_block
+
+    m = len(modal.square)
+    result = np.zeros((2 * m, 2 * m))
+    assert modal.vectors is not None
+    scale, matrix = energy_matrix(modal)
+    size = np.concatenate((scale, np.ones(m)))
+    for k, (one, two) in enumerate(modal.pairs):
+        first, second = modal.vectors[:, k, 0], modal.vectors[:, k, 1]
+        if one == two == 0.0:  # a rigid-body mode that nothing brakes: z and z' themselves
+            result[:m, 2 * k], result[m:, 2 * k + 1] = scale * first.real, first.real
+            continue
+        v1, v2 = np.concatenate((scale * first, one * first)), np.concatenate((scale * second, two * second))
+        at = slice(2 * k, 2 * k + 2)
+        a[at, at], result[:, at] = pair_block(matrix, one, two, v1, v2)
+    inputs = modal_inputs(matrix, a, result, [2] * m, forces, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
+    return result / size[:, None], inputs

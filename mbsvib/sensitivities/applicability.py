@@ -1,0 +1,91 @@
+"""Which parameters act as one part's rule tells, in mechanisms with loads, spin or beams.
+
+There, too, stiffness, damping and inertia enter by the motions alone: the pose balances as before, as preloads are
+forces at the pose. What moves the equilibrium or changes forces in joints goes through ``balance``, where all parts
+are known there, or acts on the matrices as wholes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.load import Gravity
+from mbsvib.elements.rotor import Rotor
+from mbsvib.sensitivities.balance.reference_pose import holds_turns, turned
+
+if TYPE_CHECKING:
+    from mbsvib.api.system import System
+
+    Limit = frozenset[tuple[str, str]]
+
+_STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
+_MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
+_KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
+GEOMETRY = frozenset({"start", "end", "length"})
+
+
+def limits(system: System) -> tuple[Limit, ...]:
+    """Return what limits the parameters that act by rules of their own, nothing for most systems.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    tuple of frozenset of (str, str)
+        Kinds of parts with their fields; only what is in all of these sets has a rule.
+    """
+    came = system.provenance
+    parts, result = came.parts, []
+    beams = [part for part in parts if isinstance(part, Beam)]
+    if beams:
+        result.append({_STIFFNESS, _DAMPING, _MASS, _INERTIA} | {
+            ("beam", field) for beam in beams for field, _, _ in beam.numbers()
+            if field not in GEOMETRY and field != "damping_ratio"})  # fmt: skip
+    if came.statics is not None:
+        falls = any(isinstance(part, Gravity) for part in parts)
+        still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
+        result.append(({_INERTIA} if _turned(system) else {_DAMPING, _INERTIA}) if came.settled else still)
+    if system.gyroscopic is not None or any(isinstance(part, Rotor) for part in parts):
+        # dampers that turn with a rotor are stiffness, too
+        result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
+    return tuple(map(frozenset, result))
+
+
+def follows(system: System) -> bool:
+    """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+
+    Returns
+    -------
+    bool
+        True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where
+        all motions without mass have dampers; unless bushings with moments were turned on the way to an equilibrium
+        that was found, couplers or Maxwell elements went along, or couplers contradict each other.
+    """
+    came = system.provenance
+    return (
+        came.statics is not None and came.dropped is None and system.gyroscopic is None
+        and (came.massless is None or came.massless.transform is None)
+        and all(isinstance(part, _KNOWN) for part in came.parts)
+        and not (came.settled and any(isinstance(part, Maxwell) for part in came.parts))
+        and not (any(isinstance(part, Coupling) for part in came.parts)
+                 and (came.settled or any(group.surplus for group in came.reduction.groups)))
+        and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)
+                    for part in came.parts)
+    )  # fmt: skip
+
+
+def _turned(system: System) -> frozenset[str]:
+    """Bushings that turned on the way to an equilibrium that was found elsewhere."""
+    came = system.provenance
+    return turned(came.origin, came.parts) if came.settled and came.origin is not None else frozenset()

@@ -1,0 +1,228 @@
+"""Scenes that found their equilibrium elsewhere: what parameters of the model as described do to it in the pose there.
+
+There a part is described by what its body carried along, so that changes dp of points and axes arrive as R dp, R the
+turn of the body. What joins two bodies is carried by both: where these turn differently, by R_a and R_b, joints come
+apart by (R_a - R_b) dp, and their bodies have to follow. Springs keep their law, so that what changes their length as
+described changes their tension there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from mbsvib.elements import Bushing, Load
+from mbsvib.sensitivities.balance.connection_changes import Terms
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from mbsvib.api.model import Model
+    from mbsvib.elements import Joint, Spring
+    from mbsvib.elements.part import Part
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.mechanism.parameters import Parameter
+    from mbsvib.sensitivities.balance.connection_changes import Links
+    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.network import Network
+
+    Follows = Callable[[str, str, Array], None]
+
+# Bodies that turned by less than this [rad] against each other did not.
+STRAIGHT = 1e-14
+
+
+@dataclass(frozen=True)
+class Described:
+    """What p parameters as described change in the pose there: parameters by ``rates`` (p, p), forces by ``forces``
+    (p, e) beside these, and joints come apart by ``gaps`` (p, 6 joints) at their points. Bushings ``turned`` are those
+    whose bodies turned against each other.
+    """
+
+    rates: csr_array
+    forces: csr_array
+    gaps: csr_array
+    turned: frozenset[str]
+
+    def tells(self, entry: Parameter) -> bool:
+        """Tell whether it is known what a parameter does: all but what ``turned`` bushings do about axes."""
+        return entry.part not in self.turned or max(entry.index, default=0) < 3
+
+
+class Displaced:
+    """Where bodies went from where they are described."""
+
+    def __init__(self, origin: Model, there: Mapping[str, Any]) -> None:
+        self._origin, self._there = origin.bodies, there
+
+    def turn(self, body: str) -> Array:
+        """Return the rotation matrix (3, 3) of a body since it was described."""
+        if body == "ground":
+            return np.eye(3)
+        return np.asarray(np.array(self._there[body].orientation) @ np.array(self._origin[body].orientation).T)
+
+    def point(self, body: str, at: Any) -> Array:
+        """Return where a point (3,) [m] of a body has gone."""
+        if body == "ground":
+            return np.array(at)
+        return np.asarray(self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position))
+
+
+def turned(origin: Model, parts: Iterable[Part]) -> frozenset[str]:
+    """Return the bushings whose bodies turned against each other: what they do about axes changes in ways of its own.
+
+    Parameters
+    ----------
+    origin : Model
+        The model as described.
+    parts : iterable of Part
+        Its parts in the pose there.
+
+    Returns
+    -------
+    frozenset of str
+        Their names.
+    """
+    known = {part.name: part for part in parts}
+    pose = Displaced(origin, known)
+    return frozenset(part.name for part in known.values() if isinstance(part, Bushing)
+                     and np.abs(pose.turn(part.first) - pose.turn(part.second)).max() > STRAIGHT)  # fmt: skip
+
+
+def holds_turns(bushing: Bushing) -> bool:
+    """Tell whether a bushing carries moments, or forces by rotations."""
+    blocks = [np.array(value) for value in (bushing.stiffness, bushing.damping, bushing.preload or np.zeros(6))]
+    return any(value[3:].any() or (value.ndim == 2 and value[:, 3:].any()) for value in blocks)
+
+
+def described(network: Network, forces: Forces, links: Links, origin: Model) -> Described:
+    """Return what parameters as described do in the pose there.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections there.
+    forces : Forces
+        The forces there.
+    links : Links
+        Places of parameters and forces.
+    origin : Model
+        The model as described.
+
+    Returns
+    -------
+    Described
+        As matrices.
+    """
+    pose = Displaced(origin, {body.name: body for body in network.bodies})
+    own, beside, gaps = (Terms(links.row, links.at) for _ in range(3))
+    told = set()
+
+    def follows(part: str, field: str, turn: Array) -> None:
+        for i in range(3):
+            told.add((part, field, (i,)))
+            for j in range(3):
+                own.put((part, field, (i,)), links.row[part, field, (j,)], (turn[j, i],))
+
+    for body in network.bodies:
+        for field in ("position", "orientation"):
+            follows(body.name, field, pose.turn(body.name))
+    for k, joint in enumerate(network.joints):
+        put = _joint if joint.end is None else _rod
+        put(follows, gaps, k, origin.joints[joint.name], joint, pose)
+    away = np.zeros((len(forces.first), 6, 3))
+    for k, joint in enumerate(network.joints):
+        away[k, 3:] = pose.turn(joint.second) - pose.turn(joint.first)
+    turned_axes = forces.turned_axes(away)
+    for k in (*forces.twice.tolist(), *forces.halves.tolist()):
+        for i in range(3):
+            for j in range(3):
+                name = network.joints[k].name
+                own.put((name, "orientation", (i,)), links.row[name, "orientation", (j,)], (turned_axes[k, j, i],))
+    for k, spring in enumerate(network.springs, len(network.joints)):
+        turns, place = (pose.turn(spring.first), pose.turn(spring.second)), links.at.wrench_of(k)
+        given: Any = origin.springs[spring.name]
+        if isinstance(spring, Bushing):
+            follows(spring.name, "position", turns[1])
+            follows(spring.name, "orientation", turns[0])
+            gap = pose.point(spring.second, given.position) - pose.point(spring.first, given.position)
+            _bushing(beside, spring, place, network.stiffness[k - len(network.joints)], turns, gap)
+        else:
+            follows(spring.name, "start", turns[0])
+            follows(spring.name, "end", turns[1])
+            if spring.free_length is None:
+                _spring(beside, spring, given, place, turns)
+    for load in (part for part in network.parts if isinstance(part, Load)):
+        turn = pose.turn(load.body)
+        for field in ("force", "torque") if load.follower else ():
+            follows(load.name, field, turn)
+        if load.position is not None:
+            follows(load.name, "position", turn)
+    for key, row in links.row.items():
+        if key not in told:
+            own.put(key, row, (1.0,))
+    return Described(own.matrix(links.count), beside.matrix(links.at.size), gaps.matrix(6 * len(network.joints)),
+                     turned(origin, network.parts))  # fmt: skip
+
+
+def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, pose: Displaced) -> None:
+    """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
+    first, second = pose.turn(joint.first), pose.turn(joint.second)
+    at = given.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
+    gap = pose.point(joint.second, at) - pose.point(joint.first, at)
+    follows(joint.name, "orientation", first)
+    if given.position is not None:
+        follows(joint.name, "position", second)
+    for i in range(3):
+        if given.position is not None:
+            gaps.put((joint.name, "position", (i,)), 6 * k, (first - second)[:, i])
+        gaps.put((joint.name, "orientation", (i,)), 6 * k, np.cross(first[:, i], gap))
+        gaps.put((joint.name, "orientation", (i,)), 6 * k + 3, (first - second)[:, i])
+    if joint.pitch:
+        axis = np.array(joint.axes)[:, 2]
+        gaps.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
+
+
+def _rod(follows: Follows, gaps: Terms, k: int, given: Any, joint: Any, pose: Displaced) -> None:
+    """It keeps its length as described."""
+    before, after = (np.subtract(rod.end, rod.position) for rod in (given, joint))
+    before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+    for field, body, sign in (("position", joint.first, -1.0), ("end", joint.second, 1.0)):
+        turn = pose.turn(body)
+        follows(joint.name, field, turn)
+        for i in range(3):
+            gaps.put((joint.name, field, (i,)), 6 * k, sign * (before[i] - after @ turn[:, i]) * after)
+
+
+def _spring(beside: Terms, spring: Spring, given: Spring, place: int, turns: tuple[Array, Array]) -> None:
+    """Its tension there is T + k (L there - L as described)."""
+    before, after = np.array(given.line), np.array(spring.line)
+    beside.put((spring.name, "stiffness", ()), place, -(spring.length - given.length) * after)
+    for field, turn, sign in (("start", turns[0], -1.0), ("end", turns[1], 1.0)):
+        for i in range(3):
+            change = sign * spring.stiffness * (after @ turn[:, i] - before[i])
+            beside.put((spring.name, field, (i,)), place, -change * after)
+
+
+def _bushing(
+    beside: Terms, bushing: Bushing, place: int, stiffness: Array, turns: tuple[Array, Array], gap: Array
+) -> None:
+    """Its force there is its preload less stiffness times how far it has been moved, in axes of the first body."""
+    axes = np.array(bushing.orientation)
+    for i in range(3):
+        moved = stiffness[:, :3] @ (turns[1] - turns[0])[:, i]
+        beside.put((bushing.name, "position", (i,)), place, -moved)
+        back = stiffness[:, :3] @ np.cross(turns[0][:, i], gap)
+        beside.put((bushing.name, "orientation", (i,)), place, back)
+    local = np.concatenate((axes.T @ gap, np.zeros(3)))
+    whole = isinstance(bushing.stiffness[0], tuple)
+    for i in range(6):
+        for j in range(i, 6) if whole else (i,):
+            force = np.zeros(6)
+            force[i] = -local[j]
+            force[j] = -local[i]
+            in_world = (force.reshape(2, 3) @ axes.T).reshape(6)
+            beside.put((bushing.name, "stiffness", (i, j) if whole else (i,)), place, in_world)

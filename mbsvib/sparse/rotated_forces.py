@@ -1,0 +1,134 @@
+"""What a motion changes in the forces of the pose, for outputs that are forces: they turn, and their arms change.
+
+The terms are those of the dense path (``loads/joint_forces.py``), each multiplied by the motion in which a joint gives
+way: vectors for every force, and one row over the unknowns in the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics.mobility import crossed_product as cross
+from mbsvib.kinematics.relative_motion import Rows
+from mbsvib.sparse.rows import relative_rows
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.sparse.forces import Motion
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.loads import Geometric
+    from mbsvib.sparse.tree import Tree
+
+
+@dataclass(frozen=True)
+class Turning:
+    """The forces of the pose, ``found`` in balance, on the unknowns of the tableau."""
+
+    tree: Tree
+    place: Layout
+    found: Geometric
+
+    @cached_property
+    def _gaps(self) -> csr_matrix:
+        """How far each pair's second body moves against its first at the end of the force, three rows a pair."""
+        pairs = self.found.pairs
+        count = len(pairs.first)
+        axes, end = np.tile(np.eye(3), count), pairs.end.repeat(3, axis=1)
+        rows = Rows(pairs.first.repeat(3), pairs.second.repeat(3), end, axes, np.zeros_like(axes))
+        return relative_rows(self.tree, self.place, rows)
+
+    @cached_property
+    def _arms(self) -> tuple[Array, Array]:
+        return self.found.pairs.arms(np.concatenate((self.tree.position, np.zeros((1, 3)))).T)
+
+    def of_joints(self, motion: Motion) -> Array:
+        """Return the work of what a motion changes, less what the axes of joints carry along, (size,).
+
+        Parameters
+        ----------
+        motion : Virtual or Yielding
+            The motion in which joints give way.
+
+        Returns
+        -------
+        array
+            The row over the unknowns.
+        """
+        applied, pairs, feels = self.found.applied, self.found.pairs, self.found.feels
+        count, arm_a, arm_b = len(pairs.first), *self._arms
+        f, t, along = pairs.force, pairs.torque, pairs.end - pairs.start
+        turn_a, turn_b, gap = self._virtual(motion, along)
+        lines = feels.line_owner[::2]
+        solid = np.ones(count)
+        solid[: applied.loads] = solid[lines] = 0.0
+        apart = turn_b - turn_a
+        twisting = apart.copy()
+        twisting[:, len(applied.names) :] -= motion.opened(count - len(applied.names))
+        half = 0.5 * cross(t, twisting)
+        self._two(half, twisting)
+        lever = cross(f, turn_a)
+        on_gap = -solid * lever
+        direction = feels.line[:, ::2]
+        pull = (f[:, lines] * direction).sum(axis=0) / feels.length[::2]
+        on_gap[:, lines] += pull * (gap[:, lines] - direction * (direction * gap[:, lines]).sum(axis=0))
+        on_a = solid * (cross(f, gap) + cross(t, apart) - half) - cross(arm_a, lever)
+        on_a[:, lines] += cross(along[:, lines], on_gap[:, lines])
+        on_b = solid * half + cross(arm_b, cross(f, turn_b))
+        on_gap[:, self.found.carrier == pairs.first] = 0.0
+        result: Array = self._gaps.T @ on_gap.T.reshape(-1)
+        turns = np.zeros((len(self.tree.parent) + 1, 3))
+        np.add.at(turns, pairs.first, on_a.T)
+        np.add.at(turns, pairs.second, on_b.T)
+        column = self.place.displacement[:, 3:]
+        result[column[column >= 0]] += turns[:-1][column >= 0]
+        return result
+
+    def _virtual(self, motion: Motion, along: Array) -> tuple[Array, Array, Array]:
+        """Rotations of first and second and the gap between start and end of each force in a motion, (3, pairs)."""
+        pairs = self.found.pairs
+        turns = motion.turns
+        gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.start)
+        if motion.follows is not None:
+            column = self.place.displacement[:, 3:]
+            more = np.where(column >= 0, motion.follows[column], 0.0)
+            turns[:-1] += more
+            swing = np.concatenate((more, np.zeros((1, 3))))[pairs.first].T
+            gap = gap + (self._gaps @ motion.follows).reshape(-1, 3).T + cross(swing, along)
+        return turns[pairs.first].T, turns[pairs.second].T, gap
+
+    def _two(self, half: Array, twisting: Array) -> None:
+        """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
+        feels, torque = self.found.feels, self.found.pairs.torque
+        if not feels.two.size:
+            return
+        who, first, second = feels.two
+        one, other = feels.rows.moment[:, first], feels.rows.moment[:, second]
+        size, turn = 0.5 * (torque[:, who] * feels.cross).sum(axis=0), twisting[:, who]
+        half[:, who] -= size * ((one * turn).sum(axis=0) * other + (other * turn).sum(axis=0) * one)
+
+    def on_ground(self, wrench: Array) -> Array:
+        """Return what a motion changes in the sum of gravity and loads, moments about the origin, as a row (size,).
+
+        Parameters
+        ----------
+        wrench : array, shape (6,)
+            Direction of the output.
+
+        Returns
+        -------
+        array
+            The row over the unknowns.
+        """
+        applied, pairs, n = self.found.applied, self.found.pairs, len(self.tree.parent)
+        loads = slice(0, applied.loads)
+        second = np.concatenate((pairs.second[loads], np.arange(n)))
+        point = np.concatenate((pairs.end[:, loads], self.tree.position.T), axis=1)
+        force = cross(np.concatenate((pairs.force[:, loads], applied.weight[:, :-1]), axis=1), wrench[3:, None])
+        rows = Rows(np.full(len(second), n), second, point, force, np.zeros_like(force))
+        return np.asarray(relative_rows(self.tree, self.place, rows).sum(axis=0)).reshape(-1)

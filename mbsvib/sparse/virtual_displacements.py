@@ -1,0 +1,152 @@
+"""Release: motions of the tree in which cut joints give way by given amounts, and nothing else does.
+
+Where constraints are redundant some of these motions do not exist (``self_stress`` tells which do).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from mbsvib.errors import ModelError
+from mbsvib.explain.dense import listed
+from mbsvib.kinematics.loops import EPS, RANK_FACTOR, pivoted_qr
+from mbsvib.sparse.constraints import WHOLE
+from mbsvib.sparse.couplers import row_scale
+from mbsvib.sparse.layout import kinematics
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.kinematics.loops import LoopGroup
+    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.sparse.constraints import Constraints, Entries
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+
+# Regularises columns of unit length: far below the squares of singular values that loops have, far above rounding.
+DELTA = 1e-12
+STEPS = 60
+# The last step may change the solution by no more than this, or by rounding of what it is to make up for.
+CONVERGED = 1e-13
+
+
+class Release:
+    """Motions of the tree by what they do to the locked rows; factors of each group of loops are kept."""
+
+    def __init__(self, tree: Tree, place: Layout, closure: Constraints) -> None:
+        self._tree, self._place, self._closure = tree, place, closure
+        self._solvers: dict[int, tuple[Callable[[Array], Array], Array, Array]] = {}
+
+    @cached_property
+    def _entries(self) -> Entries:
+        return self._closure.entries(self._tree)
+
+    @cached_property
+    def _group(self) -> Index:
+        result = np.zeros(len(self._closure.names), dtype=np.intp)
+        for k, group in enumerate(self._closure.groups):
+            result[group.rows] = k
+        return result
+
+    @cached_property
+    def _bodies(self) -> Any:
+        """What carries coordinates over to displacements of bodies: the kinematics, from the root to the leaves."""
+        from scipy.sparse.linalg import splu
+
+        tree, place = self._tree, self._place
+        fixed = kinematics(tree, place)
+        x = place.displacement[tree.outward][tree.moves[tree.outward]]
+        rows = fixed[x]
+        return x, splu(rows[:, x].tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, place.coordinate]
+
+    def unknowns(self, target: Array) -> Array:
+        """Return coordinates and displacements (size,) of the motion.
+
+        Parameters
+        ----------
+        target : array, shape (locked rows,)
+            How far each row is to give way.
+
+        Returns
+        -------
+        array
+            The motion over the unknowns of the tableau.
+        """
+        q = np.zeros(len(self._tree.names))
+        for k in np.unique(self._group[np.flatnonzero(target)]).tolist():
+            group = self._closure.groups[k]
+            solve, scale, column_scale = self._solver(k, group)
+            q[group.columns] = column_scale * solve(scale * target[group.rows])
+        result = np.zeros(self._place.size)
+        result[self._place.coordinate] = q
+        x, factor, twists = self._bodies
+        result[x] = factor.solve(-(twists @ q))
+        return result
+
+    def _solver(self, k: int, group: LoopGroup) -> tuple[Callable[[Array], Array], Array, Array]:
+        if k not in self._solvers:
+            closure, tree = self._closure, self._tree
+            shape = (len(group.rows), len(group.columns))
+            small, length = shape[0] * shape[1] <= WHOLE, group.length
+            rows = row_scale(closure.rows, closure.couplers, group.rows, length)
+            column_scale = np.where(tree.turns[group.columns], 1.0, length)
+            row, column, value = self._entries.of(group.rows)
+            column = np.searchsorted(group.columns, column)
+            value = value * rows[row] * column_scale[column]
+            solve = _of_small((value, (row, column)), shape, group.rank) if small else \
+                _of_large((value, (row, column)), shape, group)  # fmt: skip
+            self._solvers[k] = (solve, rows, column_scale)
+        return self._solvers[k]
+
+
+def _of_small(entries: Any, shape: tuple[int, int], rank: int) -> Callable[[Array], Array]:
+    """Least squares by pivoted QR of known rank."""
+    a = np.zeros(shape)
+    a[entries[1]] = entries[0]
+    qr, order, tau = pivoted_qr(a)
+
+    def solve(right: Array) -> Array:
+        result = np.zeros(shape[1])
+        if rank:
+            turned = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, right[:, None], 64)[0]
+            result[order[:rank]] = blas.dtrsm(1.0, qr[:rank, :rank], turned[:rank])[:, 0]
+        return result
+
+    return solve
+
+
+def _of_large(entries: Any, shape: tuple[int, int], group: LoopGroup) -> Callable[[Array], Array]:
+    """Least squares by a regularised sparse system, again for what is left until nothing changes."""
+    from scipy.sparse import bmat, csc_matrix, diags, eye
+    from scipy.sparse.linalg import splu
+
+    rows, columns = shape
+    a = csc_matrix(entries, shape=shape)
+    # loops are short against their group: lengths of columns say what their size is, but for those that are rounding
+    size = np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
+    unit = np.divide(1.0, size, out=np.zeros(columns), where=size > RANK_FACTOR * group.noise)
+    a = (a @ diags(unit)).tocsc()
+    lu = splu(bmat([[eye(rows), a], [a.T, -DELTA * eye(columns)]], format="csc"))
+
+    def solve(right: Array) -> Array:
+        result: Array = np.zeros(columns)
+        left, least = right, EPS * float(np.abs(right).max())
+        for _ in range(STEPS):
+            step: Array = lu.solve(np.concatenate((left, np.zeros(columns))))[rows:]
+            result = result + step
+            moved = a @ step
+            left = right - a @ result
+            if np.abs(moved).max() <= max(least, CONVERGED * np.abs(a @ result).max()):
+                result *= unit
+                return result
+        raise ModelError(
+            f"forces in joints of the loops closed by {listed(group.joints)} are not determined to many digits: the "
+            f"constraints nearly depend on each other. Leave these outputs out, or use method='dense'.",
+            element=group.joints[0], field="method",
+        )  # fmt: skip
+
+    return solve

@@ -1,1 +1,0 @@
-"""Spin: rotors, what they add to the equations, and when a steady spin is steady."""

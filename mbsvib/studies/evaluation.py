@@ -1,0 +1,131 @@
+"""Places: systems at points of a study, with what quantities ask of them computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.api.system import System
+from mbsvib.errors import ModelError
+from mbsvib.linalg.matching import Station, upper
+from mbsvib.sensitivities.variables import variables as resolved
+from mbsvib.studies.quantities import Dual
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from mbsvib.modes import Modes
+    from mbsvib.studies.extremes import Largest
+
+    Array = NDArray[np.float64]
+    Complex = NDArray[np.complex128]
+    Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A system, its variables (``rates`` of parameters with each), and how derivatives count: ``scale`` (variables,)
+    turns those to variables into those to the unknowns of a search, ``levels`` are numbers that stand for the largest
+    of many, ``order`` the mode that each track has here.
+    """
+
+    system: System
+    rates: Mapping[str, Mapping[str, float]]
+    values: Mapping[str, float]
+    scale: Array
+    levels: Mapping[Largest, float]
+    order: Index | None = None
+
+    @classmethod
+    def of(cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]]) -> Place:
+        """Return a system by itself, with derivatives to some variables."""
+        checked(system)
+        if isinstance(variables, Mapping):
+            return cls(system, variables, {}, np.ones(len(variables)), {})
+        names, known = [variables] if isinstance(variables, str) else list(variables), system.parameters
+        values = {name: known[known.matching(name)[0]] for name in names}
+        return cls(system, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {})
+
+    def with_levels(self, levels: Mapping[Largest, float]) -> Place:
+        """Return the same place with numbers that stand for the largest of many; what is known of it is kept."""
+        result = replace(self, levels=levels)
+        result.__dict__.update((name, self.__dict__[name]) for name in ("modes", "pairs") if name in self.__dict__)
+        return result
+
+    @property
+    def width(self) -> int:
+        """Number of unknowns."""
+        return len(self.scale) + len(self.levels)
+
+    def level(self, largest: Largest) -> Dual | None:
+        """Return the number that stands for the largest of many; None where there is none."""
+        if largest not in self.levels:
+            return None
+        slope = np.zeros((1, self.width))
+        slope[0, len(self.scale) + list(self.levels).index(largest)] = 1.0
+        return Dual(np.array([self.levels[largest]]), slope)
+
+    def dual(self, value: Array, slope: Array) -> Dual:
+        """Return numbers with derivatives to variables as those to the unknowns."""
+        wide = np.zeros((len(value), self.width))
+        wide[:, : len(self.scale)] = slope * self.scale
+        return Dual(value, wide)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The modes, not followed."""
+        return self.system.modes()
+
+    @cached_property
+    def pairs(self) -> tuple[Complex, Complex]:
+        """Eigenvalues by track (modes, 2), and their derivatives (variables, modes, 2)."""
+        modes = self.modes
+        which = np.arange(len(modes)) if self.order is None else self.order
+        ends = np.stack((modes._starts[:-1], modes._starts[1:] - 1), axis=1)[which]
+        if not self.rates:
+            return modes.eigenvalues[ends], np.zeros((0, *ends.shape), dtype=complex)
+        slope = self.system.eigenvalue_sensitivities(self.rates)
+        return modes.eigenvalues[ends], slope[:, ends]
+
+    def response(self, omega: ArrayLike, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Complex, Complex]:
+        """Return the frequency response (outputs, inputs, n), and its derivatives (variables, outputs, inputs, n)."""
+        w = np.asarray(omega, dtype=float)
+        o = [self.system.outputs.index(name) for name in outputs]
+        i = [self.system.inputs.index(name) for name in inputs]
+        value = self.system.frequency_response(w)[np.ix_(o, i)]
+        if not self.rates:
+            return value, np.zeros((0, *value.shape), dtype=complex)
+        return value, self.system.frequency_response_sensitivities(w, self.rates, list(inputs), list(outputs))
+
+    @cached_property
+    def station(self) -> Station:
+        """The modes with their shapes weighted by the inertia, to be followed."""
+        return station(self.modes, self.system)
+
+
+def station(modes: Modes, system: System, at: float = 0.0) -> Station:
+    """Return modes with their shapes weighted by the inertia, to be followed."""
+    return Station(at, upper(modes.pairs), system.inertia_factor @ modes.shapes)
+
+
+def checked(system: Any) -> System:
+    """Return a system, or refuse what is none; sparse ones have no sensitivities."""
+    if not isinstance(system, System):
+        raise ModelError(f"quantities are those of a System, not of a {type(system).__name__}; models of more than 600 "
+                         f"coordinates are sparse, which have no sensitivities yet; try it on a smaller one.",
+                         element="system")  # fmt: skip
+    return system
+
+
+def check_variables(system: System, rates: Mapping[str, Mapping[str, float]]) -> None:
+    """Refuse variables whose derivatives are not supported, before anything is computed."""
+    from mbsvib.sensitivities.eigenvalues import planned
+
+    resolved(system.parameters, rates)
+    planned(system, rates)

@@ -1,0 +1,209 @@
+"""Mechanisms without degree of freedom: every question has an answer, and every response is the matrix D."""
+
+import inspect
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import mbsvib as mv
+from mbsvib.api.batch import Batch
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.cli import _records
+
+OMEGA, TIME = np.array([0.0, 1.0, 30.0]), np.linspace(0.0, 1.0, 5)
+
+
+def locked(inputs=True, outputs=True, element=None, joint_force=True, gravity=None):
+    """Two welded bodies; an element between the second one and the ground."""
+    model = mv.Model("locked", gravity=gravity)
+    model.add_body("a", 2.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_body("b", 3.0, (1, 1, 1), position=(0, 1, 1))
+    model.add_joint("foot", "fixed", "ground", "a")
+    model.add_joint("weld", "fixed", "a", "b")
+    if element == "spring":
+        model.add_spring("leg", "ground", "b", start=(0, 0, 0), end=(0, 1, 1), stiffness=3.0, damping=1.0)
+    elif element == "maxwell":
+        model.add_maxwell("leg", "ground", "b", (0, 0, 0), (0, 1, 1), stiffness=3.0, damping=5.0, static_stiffness=2.0)
+    elif element == "rotor":
+        model.add_rotor("leg", "b", axis=(0, 0, 1), inertia=0.1, speed=10.0)
+    if inputs:
+        model.add_input("F", "b", "z")
+        model.add_base_motion("floor", "z")
+    if outputs:
+        model.add_output("x", "b", "z")
+        model.add_output("v", "b", "z", quantity="velocity")
+        model.add_output("acc", "b", "z", quantity="acceleration")
+        if joint_force:
+            model.add_force_output("f", "foot", "z")
+        if element in ("spring", "maxwell"):
+            model.add_force_output("leg.force", "leg")
+    return model
+
+
+def triangle():
+    """A body on two hinges that lock each other."""
+    model = mv.Model("triangle")
+    model.add_body("a", 2.0, (1, 1, 1), position=(0, 0, 1))
+    model.add_joint("j", "revolute", "ground", "a", position=(0, 0, 0), axis=(1, 0, 0))
+    model.add_joint("k", "revolute", "ground", "a", position=(0, 1, 1), axis=(1, 0, 0))
+    model.add_input("F", "a", "z")
+    model.add_output("x", "a", "z")
+    return model
+
+
+def on_a_spring():
+    """A body without mass on a spring, which follows at once."""
+    model = mv.Model("node")
+    model.add_body("n", 0.0, (0, 0, 0), position=(0, 0, 1))
+    model.add_joint("rail", "prismatic", "ground", "n")
+    model.add_spring("k", "ground", "n", start=(0, 0, 0), end=(0, 0, 1), stiffness=4.0)
+    model.add_input("F", "n", "z")
+    model.add_output("x", "n", "z")
+    model.add_force_output("f", "k")
+    return model
+
+
+def hung():
+    """The welded bodies under their weight and a load."""
+    model = locked(gravity=(0, 0, -9.81))
+    model.add_load("push", "b", force=(1, 2, 3), torque=(0.1, 0, 0))
+    return model
+
+
+SCENES = {
+    "locked": locked, "spring": lambda: locked(element="spring"), "maxwell": lambda: locked(element="maxwell"),
+    "rotor": lambda: locked(element="rotor"), "no inputs": lambda: locked(inputs=False, element="maxwell"),
+    "no outputs": lambda: locked(outputs=False, element="maxwell"), "neither": lambda: locked(False, False),
+    "triangle": triangle, "node": on_a_spring, "hung": hung,
+}  # fmt: skip
+FEEDTHROUGH = {
+    "locked": [[0, 0], [0, 0], [0, 1], [1, -5]], "triangle": [[0]], "node": [[0.25], [1]],
+    "maxwell": [[0, 0], [0, 0], [0, 1], [1, -5], [0, 0]],
+}  # fmt: skip
+
+
+def steps(system, **more):
+    return system.time_response(TIME, np.ones((len(system.inputs), 5)), **more)
+
+
+def finite_h2_norm(system):
+    """It is infinite where an output sees an input at once."""
+    if not (system.inputs and system.outputs and system.D.any()):
+        return system.h2_norm()
+    with pytest.raises(mv.ResponseError, match="at once, so that the norm is infinite"):
+        return system.h2_norm()
+
+
+VERBS = {
+    "modes": lambda s: [str(s.modes()), s.modes(1), s.modes(2, near=3.0), s.modes(rtol=1e-13), s.modes().table()],
+    "poles": lambda s: s.poles(),
+    "frequency_response": lambda s: [s.frequency_response(OMEGA), s.frequency_response([])],
+    "time_response": lambda s: [steps(s), steps(s, hold="zero"), steps(s, initial=(np.zeros(s.dof), np.zeros(s.dof)))],
+    "transmission_zeros": lambda s: [s.transmission_zeros(), s.transmission_zeros(s.inputs[:1], s.outputs[:1])],
+    "frequency_grid": lambda s: [s.frequency_grid(), s.frequency_grid(s.inputs[:1], s.outputs[:1], 5, f_min=1.0)],
+    "reachable": lambda s: [s.reachable(), s.reachable(s.inputs[:1], s.outputs[:1])],
+    "state_space": lambda s: [s.state_space(name) for name in ("physical", "modal", "balanced")],
+    "reactions": lambda s: s.reactions,
+    "stiffness_shares": lambda s: str(s.stiffness_shares()),
+    "explain": lambda s: s.explain(),
+    "displacements": lambda s: [s.displacements(np.zeros(s.dof)), s.displacements(np.zeros((s.dof, 3)))],
+    "eigenvalue_sensitivities": lambda s: s.eigenvalue_sensitivities(),
+    "mode_sensitivities": lambda s: s.mode_sensitivities(),
+    "frequency_response_sensitivities": lambda s: s.frequency_response_sensitivities(OMEGA),
+    "time_response_sensitivities": lambda s: s.time_response_sensitivities(TIME, np.ones((len(s.inputs), 5))),
+    "compliance_sensitivities": lambda s: s.compliance_sensitivities(),
+    "matrix_derivatives": lambda s: s.matrix_derivatives(),
+    "h2_norm": finite_h2_norm,
+    "hinf_norm": lambda s: s.hinf_norm(),
+}  # fmt: skip
+# What needs an input and an output.
+OF_PORTS = {"reachable", "frequency_response_sensitivities", "compliance_sensitivities", "h2_norm", "hinf_norm"}
+
+
+def verbs(kind):
+    return {name for name, item in inspect.getmembers(kind, inspect.isfunction) if not name.startswith("_")}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_question_has_an_answer(scene):
+    system = SCENES[scene]().linearize()
+    ports = bool(system.inputs and system.outputs)
+    for verb, ask in VERBS.items():
+        if ports or verb not in OF_PORTS:
+            ask(system)
+            continue
+        with pytest.raises(mv.ResponseError, match=r"no (in|out)puts are asked for, which leaves nothing of 'locked'"):
+            ask(system)
+
+
+def test_no_question_is_missing():
+    assert verbs(mv.System) <= set(VERBS)
+
+
+@pytest.mark.parametrize("name", FEEDTHROUGH)
+def test_responses_are_those_of_the_feedthrough(name):
+    system, d = SCENES[name]().linearize(), np.array(FEEDTHROUGH[name], dtype=float)
+    assert_allclose(system.D, d, rtol=1e-15)
+    assert_allclose(system.frequency_response(OMEGA), np.repeat(d[:, :, None], 3, axis=2), rtol=1e-14)
+    u = np.stack([np.sin(TIME + i) for i in range(d.shape[1])])
+    assert_allclose(system.time_response(TIME, u), d @ u, rtol=1e-14)
+    assert system.hinf_norm().value == pytest.approx(np.linalg.norm(d, 2), rel=1e-14)
+    assert_allclose(system.transmission_zeros("F", "x"), system.poles(), rtol=1e-14)  # what no input reaches
+    for realization in ("physical", "modal", "balanced"):
+        assert_allclose(system.state_space(realization).D, d, rtol=1e-14)
+
+
+def test_derivatives_are_those_of_the_feedthrough():
+    """The foot carries F - 5 a; the node yields F / k."""
+    system = SCENES["locked"]().linearize()
+    assert_allclose(system.frequency_response_sensitivities([3.0], ["b.mass"])[0, 3, :, 0], [0.0, -1.0])
+    assert_allclose(system.time_response_sensitivities(TIME, np.ones((2, 5)), ["b.mass"])[0, 3], -1.0)
+    node = on_a_spring().linearize()
+    assert_allclose(node.compliance_sensitivities(["k.stiffness"])[0, :, 0], [-1.0 / 16.0, 0.0], atol=1e-14)
+    assert_allclose(node.hinf_norm(["k.stiffness"], "F", "x").slopes, [-1.0 / 16.0])
+
+
+def test_an_element_on_a_locked_body_relaxes_by_itself():
+    system = SCENES["maxwell"]().linearize()
+    modes = system.modes()
+    assert_allclose(system.poles(), [-3.0 / 5.0], rtol=1e-14)
+    assert_array_equal(modes.kinetic_energy["a"], [0.0])
+    assert system.h2_norm([], "F", ["x", "leg.force"]).value == 0.0
+    record = json.loads(_records.json_text(modes))["modes"][0]
+    assert (record["real_1"], record["real_2"]) == (pytest.approx(-0.6), None)
+
+
+def test_variants():
+    batch = locked(joint_force=False).linearize(values={"a.mass": [1.0, 2.0, 3.0]})
+    asked = {
+        "modes": lambda: [batch.modes(), batch.modes(rtol=1e-13), batch.modes()[1]],
+        "frequency_response": lambda: batch.frequency_response(OMEGA),
+        "time_response": lambda: batch.time_response(TIME, np.ones((2, 5))),
+        "state_space": lambda: [batch.state_space(name) for name in ("physical", "modal", "balanced")],
+        "displacements": lambda: [batch.displacements(np.zeros(0)), batch.displacements(np.zeros((3, 0)))],
+        "explain": batch.explain, "piece": lambda: batch.piece(0, 2).modes(),
+    }  # fmt: skip
+    assert verbs(Batch) == set(asked)
+    for ask in asked.values():
+        ask()
+    assert_allclose(asked["frequency_response"](), np.broadcast_to(batch.D[..., None], (3, 3, 2, 3)))
+    assert {motion.shape for motion in asked["displacements"]()[0].values()} == {(3, 6)}
+
+
+def test_sparse():
+    model = locked()
+    sparse, dense = model.linearize(method="sparse"), model.linearize()
+    assert_allclose(sparse.frequency_response(OMEGA), dense.frequency_response(OMEGA), rtol=1e-14)
+    assert_allclose(sparse.static_compliance(), dense.D, rtol=1e-14)
+    assert sparse.reachable().dof == 0
+    assert "locked" in sparse.explain()
+    u = np.ones((2, 5))
+    for ask in (lambda: sparse.modes(1), lambda: sparse.reduced(1), lambda: sparse.state_space(modes=1),
+                lambda: sparse.time_response(TIME, u, modes=1)):  # fmt: skip
+        with pytest.raises(mv.ResponseError, match="'locked' is fully locked: it has no modes"):
+            ask()
+    asked = {"modes", "reduced", "state_space", "time_response", "frequency_response", "static_compliance", "reachable",
+             "explain"}  # fmt: skip
+    assert verbs(SparseSystem) == asked | {"truncation_error", "without_rows"}
