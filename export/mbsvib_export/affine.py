@@ -19,12 +19,10 @@ from mbsvib.mechanism.parameters import unit
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.mechanism.parameters import Parameters
 
-    Array = NDArray[np.float64]
     Matrices = dict[str, Array]
 
 # Steps relative to the value: large ones keep most digits, small and negative ones keep inertia possible.

@@ -24,11 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.batch import Batch
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 FORMAT = "mbsvib-batch"
 VERSION = 1

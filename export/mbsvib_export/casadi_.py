@@ -19,13 +19,11 @@ from mbsvib_export.sampling import step_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.affine import Affine
     from mbsvib_export.neutral import SystemData
 
-    Array = NDArray[np.float64]
 
 INSTALL = "mbsvib[casadi]"
 

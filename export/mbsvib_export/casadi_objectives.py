@@ -23,10 +23,10 @@ from mbsvib_export.packages import need
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
+
     Ask = Callable[[System], Complex]
 
 

@@ -19,13 +19,10 @@ from mbsvib_export.responses import check_points, poles, response_error, second_
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.uff_ import ResponseData
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 LIMIT = 1e-6
 _ZERO = 1e-6  # poles below this share of the largest are taken for rigid-body modes

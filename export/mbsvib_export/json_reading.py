@@ -13,9 +13,8 @@ from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
     Signals = tuple[tuple[str, ...], tuple[str, ...]]
 
 

@@ -36,7 +36,8 @@ from mbsvib_export.whole_file import write_whole
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
 
 # Accelerations are taken into F, G and D by M^-1; where M is singular, a row that M^-1 would not reach is left over.
 LEFT_OVER = 1e-11
@@ -217,8 +218,6 @@ def _fields(struct: NDArray[Any]) -> dict[str, NDArray[Any]]:
 
 def _word(text: NDArray[Any]) -> str:
     return str(text.item()) if text.size else ""
-
-
 
 
 def _data(found: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:

@@ -24,11 +24,9 @@ from mbsvib_export.whole_file import write_whole
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 _INSTALL = "mbsvib[nastran]"
 DMIG_NAMES = {"MAAX": "M", "BAAX": "C", "KAAX": "K"}

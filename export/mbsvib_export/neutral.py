@@ -12,9 +12,10 @@ from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
 
 SECOND_ORDER = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 FIRST_ORDER = ("A", "B", "C", "D", "transform")

@@ -10,14 +10,11 @@ from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
     from mbsvib_export.neutral import SystemData
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 MOST_POINTS = 12
 CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum is measured by at least

@@ -11,11 +11,8 @@ from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.responses.state_space import StateSpace
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,10 +14,9 @@ from mbsvib_export.packages import need
 
 if TYPE_CHECKING:
     import control
-    from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
+
 
 WORST = 1e-6
 # Poles and zeros closer than this, relative to their size, are one motion that the input does not reach or the output

@@ -24,10 +24,10 @@ from mbsvib_export.responses import second_order_response
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
+
 
 _INSTALL = "mbsvib[uff]"
 # specific data types of the format; what it has no number for is 0, unknown

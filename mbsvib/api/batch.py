@@ -20,12 +20,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.batch_values import Values
     from mbsvib.modes.batch import BatchModes
     from mbsvib.responses.state_space import StateSpace
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 T = TypeVar("T")
 

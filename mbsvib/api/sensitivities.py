@@ -8,18 +8,16 @@ from typing import TYPE_CHECKING, cast
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.norms import Norm
     from mbsvib.sensitivities.shapes import ModeSensitivities
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
     Ports = str | Sequence[str] | None
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 

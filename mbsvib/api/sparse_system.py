@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.controllable_part import Dropped
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.mechanism.topology import Topology
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.sparse.constraints import Constraints
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 
-    Complex = NDArray[np.complex128]
 
 _MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
 _SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(method='dense') those of all coordinates."

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.common.expected import real
 from mbsvib.equations.equations import Equations, Provenance
@@ -16,8 +14,9 @@ from mbsvib.errors import counted
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes import Modes
     from mbsvib.modes.damped import Damped
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.rounding import Changes, Noise
     from mbsvib.responses.state_space import StateSpace
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 __all__ = ["RESPONSE_RTOL", "Provenance", "System"]
 

@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.material import Material
     from mbsvib.elements.sections import Properties
 
-    Array = NDArray[np.float64]
 
 # where in (u1, theta1, u2, theta2) the two planes of bending have their displacements and slopes, and slope / rotation
 _PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))

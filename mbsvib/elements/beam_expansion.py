@@ -19,8 +19,8 @@ from mbsvib.kinematics.shared_rows import Node, Piece
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3, Vector
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing, Joint
-    from mbsvib.kinematics.relative_motion import Array
 
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

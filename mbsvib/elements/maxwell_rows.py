@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
-    from mbsvib.kinematics.relative_motion import Array, Index
 
 
 class Node(Body):

@@ -17,8 +17,8 @@ from mbsvib.elements.joint import Joint
 from mbsvib.kinematics.shared_rows import Node, Piece
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.superelement import Superelement
-    from mbsvib.kinematics.relative_motion import Array
 
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from os import PathLike
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

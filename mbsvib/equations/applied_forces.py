@@ -10,11 +10,11 @@ import numpy as np
 from mbsvib.equations.reactions import carriers, skew
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.reactions import Carriers
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrenches import Applied
-    from mbsvib.kinematics.relative_motion import Array, Index
 
 _SIGNS = np.array((-1.0, 1.0))
 # what forces and what torques are multiplied with: v x f + 1/2 w x tau

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from mbsvib.api.batch import Batch
     from mbsvib.api.model import Model
     from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Bushing, Spring
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Part
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.spring_rows import Elements
     from mbsvib.equations.wrenches import Applied
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.topology import Topology
 

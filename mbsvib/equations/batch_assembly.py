@@ -20,13 +20,13 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
 
-    Array = NDArray[np.float64]
 
 # Pieces of a batch whose largest array has this many numbers stay in the second-level cache.
 PIECE = 2**16

@@ -17,16 +17,13 @@ from mbsvib.mechanism.topology import FLOATS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.ports import Ports
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.relative_motion import Twists
-
-    Array = NDArray[np.float64]
 
 
 def varied(model: Model, scene: Scene, values: Values) -> Scene:

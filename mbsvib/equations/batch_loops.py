@@ -26,12 +26,12 @@ from mbsvib.mechanism.changes import rotations
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
     from mbsvib.kinematics.loops import Cuts, LoopGroup
-    from mbsvib.kinematics.relative_motion import Index, Twists
+    from mbsvib.kinematics.relative_motion import Twists
 
-    Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
 # 1 / |A^-1| within this factor above the limit of a nearly singular pose is decided by the pivots themselves ...

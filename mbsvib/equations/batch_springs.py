@@ -15,12 +15,9 @@ from mbsvib.mechanism.changes import rotations
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
-
-    Array = NDArray[np.float64]
 
 
 def stacked(array: Array, count: int) -> Array:

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
 
-    Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
 
 # Which variants are looked at one by one is decided with this much to spare, so that no rounding lets one slip by.

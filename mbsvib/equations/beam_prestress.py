@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Load
     from mbsvib.elements.beam import Beam
-    from mbsvib.kinematics.relative_motion import Array
 
 
 def weights(beam: Beam, gravity: Vector) -> list[Load]:

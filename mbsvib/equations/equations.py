@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
     from mbsvib.equations.controllable_part import Dropped
     from mbsvib.equations.massless_separation import Separation
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.parameters import Parameters
     from mbsvib.mechanism.topology import Topology
 
-    Array = NDArray[np.float64]
 
 MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
 

@@ -22,10 +22,10 @@ import numpy as np
 from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.applied_forces import Acting
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrench_pairs import Pairs
-    from mbsvib.kinematics.relative_motion import Array
 
 # Values of a body's form below this share of the forces that make it are rounding.
 ZERO_FORM = 16.0 * EPS

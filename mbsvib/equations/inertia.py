@@ -15,8 +15,8 @@ from mbsvib.kinematics.relative_motion import table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
-    from mbsvib.kinematics.relative_motion import Array
 
 EPS = float(np.finfo(float).eps)
 # Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.

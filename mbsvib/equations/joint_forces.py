@@ -25,13 +25,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.reactions import Carriers, Reactions
     from mbsvib.equations.self_stress import SelfStress, Undetermined
     from mbsvib.equations.statics import Statics
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index, Triplets
+    from mbsvib.kinematics.relative_motion import Triplets
 
 @dataclass(frozen=True, slots=True)
 class _Motion:

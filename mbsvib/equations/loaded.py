@@ -15,11 +15,12 @@ from mbsvib.equations.wrench_pairs import Pairs
 from mbsvib.kinematics.relative_motion import relative_motion
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.applied_forces import Acting
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.wrenches import Mask
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index, Triplets
+    from mbsvib.kinematics.relative_motion import Triplets
 
 
 def load(

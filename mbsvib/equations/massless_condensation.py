@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
 
 # Coordinates that a condensed motion moves itself are taken for dependent ones, unless others tie it this much more.
 PREFERENCE = 1e-2

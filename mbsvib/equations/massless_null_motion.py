@@ -17,9 +17,10 @@ from mbsvib.kinematics.loops import pivoted_qr
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.kinematics.relative_motion import Twists
 
 EPS = float(np.finfo(float).eps)
 # Pivots of W, each column over what the bodies behind its coordinate could move at most, are zero below this many times

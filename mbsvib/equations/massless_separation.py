@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.assembly import Scene
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index
 
 # Pivots kept and dropped closer than this leave in doubt what is massless.
 RANK_GAP = 1e3

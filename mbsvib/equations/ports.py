@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Output
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.spring_rows import Elements
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.kinematics.shared_rows import Shared
 
 _FORCE = ("N", "N m")

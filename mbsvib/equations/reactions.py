@@ -25,10 +25,11 @@ from mbsvib.mechanism.topology import FLOATS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Cuts, Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index, Rows, Twists
+    from mbsvib.kinematics.relative_motion import Rows, Twists
     from mbsvib.mechanism.topology import Topology
 
 

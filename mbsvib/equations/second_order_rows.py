@@ -14,9 +14,9 @@ from mbsvib.kinematics.relative_motion import Rows, columns
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
     from mbsvib.equations.wrenches import Applied
-    from mbsvib.kinematics.relative_motion import Array, Index
 
 ORIGIN = (0.0, 0.0, 0.0)
 _AXES = np.eye(3)

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.reactions import Carriers
     from mbsvib.kinematics.loops import Cuts, Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index
 
     Asked = Mapping[str, tuple[int, Array]]
 

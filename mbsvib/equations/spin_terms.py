@@ -18,12 +18,9 @@ from mbsvib.equations.unresisted_motion import CANCELLED
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.assembly import Scene
-
-    Array = NDArray[np.float64]
 
 
 def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from mbsvib.kinematics.relative_motion import Rows, columns, table
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
 
 # Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
 ZERO_EIGENVALUE = 1e-14

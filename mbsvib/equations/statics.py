@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.assembly import Scene
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.wrench_pairs import Pairs
     from mbsvib.equations.wrenches import Applied
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.mechanism.topology import Topology
 
 # What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off

@@ -12,13 +12,11 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
     from mbsvib.equations.assembly import Scene
 
-    Array = NDArray[np.float64]
 
 # Inertia tensors and axes come from print-outs with six or seven digits.
 SLACK = 1e-6

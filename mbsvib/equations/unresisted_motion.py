@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
 # Pivots of rows that depend on each other are rounding of the geometry, far below this share of their terms.

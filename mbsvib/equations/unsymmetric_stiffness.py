@@ -17,8 +17,8 @@ from mbsvib.kinematics.loops import EPS
 from mbsvib.kinematics.mobility import crossed_product
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.wrenches import Applied
-    from mbsvib.kinematics.relative_motion import Array, Index
 
 # Entries of N below this share of the products that make them are rounding.
 ZERO_ENTRY = 16.0 * EPS

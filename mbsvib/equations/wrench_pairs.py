@@ -13,7 +13,7 @@ from mbsvib.kinematics.relative_motion import columns
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Bushing
-    from mbsvib.kinematics.relative_motion import Array, Index
 
     Mask = NDArray[np.bool_]
 

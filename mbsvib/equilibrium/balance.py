@@ -16,9 +16,9 @@ from mbsvib.kinematics.loops import EPS, reduce
 from mbsvib.kinematics.relative_motion import arm
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import Stance
     from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Array
 
 
 # Positions are rounded by eps of the mechanism's size: what that does to its forces is this share of a size of them.

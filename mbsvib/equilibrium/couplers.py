@@ -14,10 +14,11 @@ from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.couplers import Couplings
-    from mbsvib.kinematics.relative_motion import Array, Twists
+    from mbsvib.kinematics.relative_motion import Twists
 
 # Rotation vectors shorter than this [rad] are rounding of a pose that Newton's method has found.
 TURNED = 1e-9

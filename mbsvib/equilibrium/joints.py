@@ -19,9 +19,9 @@ from mbsvib.linalg.rotations import exponential, logarithm
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics.relative_motion import Array
 
 ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
 # sin of the angle by which the frame of a custom joint may have left the one that its locked translations need

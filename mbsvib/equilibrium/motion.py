@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.relative_motion import Array, Twists
+    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
 CORRECTIONS = 25

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import Stance
-    from mbsvib.kinematics.relative_motion import Array
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.2, 1e-5

@@ -21,7 +21,7 @@ from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 # A pose counts as found when less than this share of the forces is left over, and no step makes it less.
 FOUND = 1e-10

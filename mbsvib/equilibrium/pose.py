@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.api.model import Model
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.balance import Balance
     from mbsvib.equilibrium.motion import Stance
-    from mbsvib.kinematics.relative_motion import Array
 
 # Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
 RANK = 1e-10

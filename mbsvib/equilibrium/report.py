@@ -13,8 +13,8 @@ from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.modes import Modes
 
 

@@ -17,9 +17,9 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics.relative_motion import Array
 
 # A force below this share of stiffness times length is rounding of the length.
 ROUNDING = 1e-15

@@ -15,11 +15,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Complex = NDArray[np.complex128]
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.statics import Statics
     from mbsvib.equations.wrench_pairs import Pairs
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.modes import Modes
 
 # A sum of energies below this share of their sizes is rounding: a rigid-body mode, or one at the point of buckling.

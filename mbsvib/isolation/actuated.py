@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.closed_loop import ClosedLoop
     from mbsvib.isolation.controller import Controller
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.responses.state_space import StateSpace
 
 SENSORS = ("tension", "stroke", "rate", "acceleration")

@@ -12,8 +12,8 @@ from mbsvib.api.system import System
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.mean_square import Linear
-    from mbsvib.kinematics.relative_motion import Array
 
 # A Markov parameter below this share of the terms that it is the sum of is rounding: sums over a hundred motions lose
 # two or three of sixteen digits.

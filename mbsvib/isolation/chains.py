@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from mbsvib.api.model import Model
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
     Connection = Bushing | Joint | Maxwell | Spring
 

@@ -21,15 +21,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.actuated import Active
     from mbsvib.isolation.controller import Controller
     from mbsvib.isolation.figures import Isolation
     from mbsvib.isolation.margins import Margins
     from mbsvib.isolation.sampled import SampledLoop
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.responses.state_space import StateSpace
 
-    Complex = NDArray[np.complex128]
 
 RESTS = 3e-8  # poles at 0 that are double come out so far off, in parts of the largest
 

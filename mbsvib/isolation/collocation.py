@@ -16,13 +16,10 @@ from mbsvib.responses.transmission_zeros import numbers
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.actuated import Active
-    from mbsvib.kinematics.relative_motion import Array
 
-    Complex = NDArray[np.complex128]
 
 PARALLEL = 1e-9
 SAME = 1e-6  # a pole and a zero this near to each other are a mode that the pair does not see

@@ -14,13 +14,12 @@ from mbsvib.isolation.figures import ACCELERATIONS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.actuated import Active
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.responses.state_space import StateSpace
 
-    Complex = NDArray[np.complex128]
 
 COORDINATES = ("legs", "modal")
 

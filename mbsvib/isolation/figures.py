@@ -22,14 +22,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.mean_square import Linear
     from mbsvib.isolation.vibration import Vibration
-    from mbsvib.kinematics.relative_motion import Array
 
-    Complex = NDArray[np.complex128]
 
 POINTS = 400  # evenly spaced ones of the default frequencies; beside them others follow the resonances
 THINNING = 3.0  # these are so many half-widths away, and so many times as far each

@@ -12,12 +12,9 @@ from mbsvib.responses.frequency_response import trusted
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 DENSE = 60  # degrees of freedom up to which equations are solved whole at every frequency
 

@@ -14,10 +14,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.isolation.chains import Leg
 
-    Array = NDArray[np.float64]
-    Index = NDArray[np.intp]
 
 SHORT = 1e-9  # length, in parts of the one before, that is none
 FLIPPED = 1e-9  # 1 + cosine of the angle that a leg turns by, below which no rotation is the least

@@ -14,10 +14,9 @@ from mbsvib.responses.extrema import Band, panels
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.closed_loop import ClosedLoop
-    from mbsvib.kinematics.relative_motion import Array
 
-    Complex = NDArray[np.complex128]
 
 # Frequencies that are looked at, in parts of the lowest and highest pole; poles below a share of that are at rest.
 LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9

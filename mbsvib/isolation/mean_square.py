@@ -18,13 +18,12 @@ from mbsvib.responses import extrema
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.closed_loop import ClosedLoop
     from mbsvib.isolation.noise import BaseNoise, Shaped
-    from mbsvib.kinematics.relative_motion import Array
 
-    Complex = NDArray[np.complex128]
     Linear: TypeAlias = System | ClosedLoop
 
 POINTS = 12

@@ -15,11 +15,10 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError, nearest
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array, Complex
 
-    Complex = NDArray[np.complex128]
 
 DIRECTIONS = check.DIRECTIONS
 SEMIDEFINITE = 1e-9  # a correlation matrix typed with so many digits may be indefinite by its rounding

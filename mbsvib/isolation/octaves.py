@@ -13,7 +13,7 @@ from mbsvib.errors import nearest
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 # Plateaus [m/s]: each half the one before, rounded as the source has them
 VC = {"VC-A": 50e-6, "VC-B": 25e-6, "VC-C": 12.5e-6, "VC-D": 6.25e-6, "VC-E": 3.12e-6, "VC-F": 1.56e-6, "VC-G": 0.78e-6}

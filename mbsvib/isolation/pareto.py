@@ -13,9 +13,9 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.design import Design
     from mbsvib.isolation.passive import Bounds, Passive
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.studies import Constraint, Quantity
 
 

@@ -11,11 +11,8 @@ from mbsvib.isolation.pole_track import vibrates
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array, Complex
 
-    from mbsvib.kinematics.relative_motion import Array
-
-    Complex = NDArray[np.complex128]
 
 FORGOTTEN = np.finfo(float).eps ** 0.5  # what a delay forgets within a few samples
 ALIKE = 1e-6  # poles that differ by less than this share have one space of eigenvectors, in which any basis is as good

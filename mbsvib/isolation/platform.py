@@ -26,13 +26,13 @@ from mbsvib.mechanism.mechanism import GROUND
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.chains import Leg
     from mbsvib.isolation.rings import Ring
 
-    Array = NDArray[np.float64]
 
 ALIKE = 1e-6  # distance, in parts of the platform's size, of points that are one
 

@@ -13,9 +13,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array, Complex
 
-    Complex = NDArray[np.complex128]
 
 HALVINGS = 6
 # A step is short if every pole is found within this share of its distance to the nearest other one.

@@ -12,10 +12,8 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array, Index
 
-    Array = NDArray[np.float64]
-    Index = NDArray[np.intp]
 
 UNITS = {"radius": "m", "height": "m", "spread": "rad", "angle": "rad"}
 ON_AXIS = 1e-9  # distance from the axis, in parts of the ring's size, that is none

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.actuated import Active
     from mbsvib.isolation.controller import Controller
-    from mbsvib.kinematics.relative_motion import Array
-
-    Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, repr=False, eq=False)

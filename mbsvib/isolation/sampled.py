@@ -14,12 +14,9 @@ from mbsvib.isolation.mean_square import Resolution
 from mbsvib.isolation.participation import eigen
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array, Complex
 
-    Complex = NDArray[np.complex128]
 
 TURN = 2.0  # angle [rad] by which delay and hold go round in a panel: twelve nodes of a panel leave nothing of that
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
-    from mbsvib.kinematics.relative_motion import Array
 
 DIRECTIONS = check.DIRECTIONS
 REFERENCES = ("first", "second", "body", "a", "b")

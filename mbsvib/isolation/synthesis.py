@@ -13,8 +13,8 @@ from mbsvib.isolation.figures import ACCELERATIONS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.actuated import Active
-    from mbsvib.kinematics.relative_motion import Array
 
 
 def lqg(

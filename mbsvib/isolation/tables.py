@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.figures import Isolation
     from mbsvib.isolation.vibration import Vibration
-    from mbsvib.kinematics.relative_motion import Array
 
 
 KILO = 1e4  # [Hz], from where frequencies are written in kHz

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.isolation.figures import Isolation
-    from mbsvib.kinematics.relative_motion import Array
 
 
 @dataclass(frozen=True, repr=False, eq=False)

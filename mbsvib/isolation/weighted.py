@@ -14,16 +14,13 @@ from mbsvib.studies.responses import Ports, _nodes
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.noise import BaseNoise
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Dual
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
     Law = tuple[str, str, str]
 
 _KNOWN: WeakKeyDictionary[System, tuple[Any, MatrixDerivatives]] = WeakKeyDictionary()

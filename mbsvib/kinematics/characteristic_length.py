@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 # Points closer than this share of their distance from the origin, or from the centres of mass about which their bodies
 # turned, are one point, told apart by rounding.

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.elements.coupler import Coupling
-    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
     Mask = NDArray[np.bool_]

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.couplers import Couplings
-    from mbsvib.kinematics.relative_motion import Array, Index
 
     Mask = NDArray[np.bool_]
     Arms = Callable[[Iterable[str]], float]

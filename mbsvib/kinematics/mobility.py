@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.loops import Cuts, LoopGroup, Reduction
-    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
 # The pose is moved by STEP (rad, or loop sizes) to first order; loops then close to STEP^2, and a constraint that has

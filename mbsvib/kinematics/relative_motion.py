@@ -25,11 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
     from mbsvib.mechanism.topology import Topology
 
-    Array = NDArray[np.float64]
-    Index = NDArray[np.intp]
 
 # An entry of no more than so many roundings of what it is the sum of is zero: an axis met, or taken across.
 ROUNDING = 32.0 * float(np.finfo(float).eps)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Composed, Part
-    from mbsvib.kinematics.relative_motion import Array, Index
 
 # Six rows: the displacement of a body at a point, in world axes
 _SIX = np.eye(6)

@@ -15,9 +15,10 @@ from mbsvib.errors import ModelError, nearest
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
 
 JOINTS = {"revolute": "revolute", "prismatic": "prismatic", "R": "revolute", "P": "prismatic"}
 ABOUT = ("cm", "origin")

@@ -14,9 +14,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.responses.state_space import StateSpace
 
-    Array = NDArray[np.float64]
     Exponents = NDArray[np.int64]
 
 # Osborne's iteration ends when no state gains this much (LAPACK's gebal: the same), or after this many rounds.

@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 # Differences with four steps to both sides: the error is of the eighth order. To one side only there are more of them.
 LEVELS, ONE_SIDED = 4, 7

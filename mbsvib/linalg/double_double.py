@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 SLICES = 5
 SPLIT = 134217729.0  # 2^27 + 1: halves the digits of a double

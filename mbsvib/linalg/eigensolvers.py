@@ -12,9 +12,8 @@ from mbsvib.kinematics.loops import pivoted_qr
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.modes.undamped import _Scene
-
-    Array = NDArray[np.float64]
 
 
 def by_products(scene: _Scene) -> tuple[Array, Array]:

@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
-    Index = NDArray[np.intp]
+    from mbsvib.common.arrays import Array, Complex, Index
+
     Mask = NDArray[np.bool_]
 
 # Modes of neighbouring stations belong together if their shapes are at least so much alike (1: the same); elsewhere the

@@ -10,7 +10,7 @@ from mbsvib.common.memory import MANY
 from mbsvib.kinematics.relative_motion import single_entries
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 
 def gram(factor: Array) -> Array:

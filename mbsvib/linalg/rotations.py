@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 # Below this angle [rad] the series of the coefficients are as exact as their closed forms, and do not divide by zero.
 SMALL = 0.05

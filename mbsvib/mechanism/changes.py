@@ -21,12 +21,10 @@ from mbsvib.errors import ModelError
 from mbsvib.mechanism.parameters import unit
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
 
-    Array = NDArray[np.float64]
 
 _MAKERS: dict[type, Any] = {
     Body: _body.make, Joint: _joint.make, Bushing: _bushing.make, Spring: _spring.make, Load: _load.make,

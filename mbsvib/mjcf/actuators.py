@@ -17,9 +17,8 @@ from mbsvib.mjcf.tendons import Path, attach, drive, joint_path
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 # MuJoCo's own force may differ from the formula by rounding only.
 SAME = 1e-9

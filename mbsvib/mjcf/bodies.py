@@ -16,9 +16,8 @@ from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Link as Mass
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 GROUND = "ground"
 KINDS = {FREE: "free", BALL: "spherical", SLIDE: "prismatic", HINGE: "revolute"}

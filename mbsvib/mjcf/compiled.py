@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from os import PathLike
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 # Numbers of a joint's position, by its type in MuJoCo: free, ball, slide, hinge.
 WIDTHS = (7, 4, 1, 1)

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from os import PathLike
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
 
 MOST_NAMES = 8  # that a warning lists of each sort
 UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model whose file gives it no name

@@ -12,9 +12,8 @@ from mbsvib.mjcf.scene import Scene
 from mbsvib.mjcf.wheels import add_wheel
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 # A slack band's end is met where the tendon is this near to it, as a share of its length.
 MET = 1e-9

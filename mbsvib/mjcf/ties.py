@@ -12,9 +12,6 @@ from mbsvib.mjcf.tendons import Path, joint_path, sums
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 # Loops gape by this share of the model's size: rounding, what is said, and what is refused.
 CLOSED, OPEN = 1e-9, 1e-3

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.batch import Batch
-
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
 
 
 # State matrices of one piece of a batch stay in the second-level cache.

@@ -19,12 +19,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.batch import Batch
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes.batch_undamped import UndampedBatch
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
     Mask = NDArray[np.bool_]
-    Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.batch import Batch
+    from mbsvib.common.arrays import Array, Index
 
-    Array = NDArray[np.float64]
     Mask = NDArray[np.bool_]
-    Index = NDArray[np.intp]
 
 # A mass matrix of unit diagonal with a smaller pivot than this has an inverse factor that costs digits of its own.
 PIVOT = 1e-8

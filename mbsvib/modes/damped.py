@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.undamped import Undamped
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.

@@ -35,12 +35,10 @@ from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
 from mbsvib.responses.first_order import own_coordinates
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.modes.undamped import Undamped
 
-    Array = NDArray[np.float64]
 
 # Generalised eigenvectors of 0 this nearly at right angles to all those from the left belong to a longer chain.
 LONGER = 1e-9

@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
 # Eigenvalues this many roundings of the matrix apart are one, if their vectors look nearly dependent.

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.energy_state import EnergyState
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
 ROUNDS = 3

@@ -22,11 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Provenance
     from mbsvib.plots.animation import Animation
-
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 
 # Accuracy that a caller who does not ask for one gets, at least: twelve digits, which cost no more than ten.

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
+
 
 EPS = float(np.finfo(float).eps)
 # Eigenvalues that start with digits need one to three steps; those that start with none seldom more than ten.

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
 # Stiffness of either sign whose rounding may be as large as itself is none, and the estimate knows but a tenth of what

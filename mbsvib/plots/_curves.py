@@ -16,12 +16,11 @@ from mbsvib.responses.frequency_grid import span as range_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
 NEGLIGIBLE = 1e-11

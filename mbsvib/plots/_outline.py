@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 FLAT = 1e-4  # share of the size below which points lie in a line or a plane
 LEAD = 0.14  # share of a spring's length that is straight at either end

@@ -12,11 +12,10 @@ from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.plots._scene import Scene
 
-    Array = NDArray[np.float64]
 
 View: TypeAlias = str | Sequence[float]
 

@@ -24,10 +24,9 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import Provenance
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
 
-    Array = NDArray[np.float64]
-    Index = NDArray[np.intp]
 
 GROUND = "ground"
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from mbsvib.common.arrays import Array
     from mbsvib.plots._choice import Names, Systems
 
-    Array = NDArray[np.float64]
 
 LONGEST_LABEL = 24
 MOST_MARKS = 25

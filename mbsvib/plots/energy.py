@@ -14,12 +14,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.modes import Modes
 
-    Array = NDArray[np.float64]
 
 LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the others
 MOST_ELEMENTS = 24

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 PERIODS = 25.0
 SETTLED = 5.0  # time constants: 0.7 % is left

@@ -13,11 +13,10 @@ from mbsvib.plots import _style as style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 LOG_FROM = 20.0  # ratio of the highest to the lowest value from which an axis is logarithmic
 

@@ -16,12 +16,11 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.plots._choice import Names, Systems
 
-    Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-11
 LONGEST_LABEL = 26

@@ -13,11 +13,10 @@ from mbsvib.plots import _tree_layout as layout
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 KINDS = {
     "tree": ("joint of the tree", "#1d2733", 1.6, "-"), "cut": ("cut joint", "#c4321f", 1.6, (0, (5, 2))),

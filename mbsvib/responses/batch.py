@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.batch import Batch
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.batch import BatchModes
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 # Up to this many frequencies times degrees of freedom, a solution for each costs less than the sums over the modes of
 # each variant cost to set up.

@@ -14,12 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.damped import Damped
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 BLOCK = 32
 

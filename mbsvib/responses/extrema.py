@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
+
     Measure = Callable[[NDArray[Any]], Array]
 
 # A pole is at least two half-lengths away from the middle of a panel, where the error falls by (2 + sqrt 3) a node.

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 # So many coordinates are spelled out in the name of a rate that is a sum of several.
 SPELLED = 3

@@ -18,12 +18,9 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 PER_DECADE = 150
 # Neighbouring points are no farther apart than half the distance of the nearer one to a root; within its half-power

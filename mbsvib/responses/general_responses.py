@@ -16,16 +16,12 @@ import numpy as np
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general import General
     from mbsvib.responses.modal_sum import ModalSum
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
-    Index = NDArray[np.intp]
 
 EPS = float(np.finfo(float).eps)
 CANCELLED = 32.0  # as in modal_sum: products that must cancel do so to this many roundings of their terms

@@ -11,12 +11,9 @@ from mbsvib.responses.first_order import FirstOrder
 from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.modes.general import General
-
-    Array = NDArray[np.float64]
 
 
 def modal_states(system: System, modal: General) -> FirstOrder:

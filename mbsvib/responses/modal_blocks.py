@@ -11,10 +11,8 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 # Differences of eigenvectors lose the square of the relative distance of a pair; its invariant subspace loses nothing.
 CLOSE = 0.05

@@ -19,10 +19,8 @@ import numpy as np
 from mbsvib.modes.damped import quadratic_roots
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 # |a|, |b| up to which a power series is summed, and its terms: the next one is below 1e-18.
 SERIES_RADIUS = 1.0

@@ -21,14 +21,10 @@ from mbsvib.modes.damped import Damped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes.general import General
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
-    Index = NDArray[np.intp]
 
 EPS = float(np.finfo(float).eps)
 # Products over modes that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings

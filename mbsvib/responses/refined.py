@@ -21,12 +21,9 @@ from mbsvib.linalg.double_double import Sliced, Twofold, twofold
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
     Solver = Callable[[Complex], Complex]
 
 # Corrections stop where outputs move by less than this part of themselves, or of what the largest motion may give them.

@@ -9,10 +9,8 @@ import numpy as np
 from scipy.linalg import schur, solve_triangular
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array, Complex
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
 # The power of s far above all poles is told at these multiples of |A|; it is a whole number within OFF, of singular

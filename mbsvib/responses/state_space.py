@@ -12,12 +12,10 @@ from mbsvib.linalg.eigensolvers import triangle
 from mbsvib.modes.general import is_general
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.modes.damped import Damped
 
-    Array = NDArray[np.float64]
 
 REALIZATIONS = ("physical", "modal", "balanced")
 _RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}

@@ -21,12 +21,12 @@ from mbsvib.responses.modal_steps import Exponentials, Oscillators
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.modes.general import General
 
-    Array = NDArray[np.float64]
 
 HOLDS = ("zero", "first")
 EPS = float(np.finfo(float).eps)

@@ -22,14 +22,10 @@ from mbsvib.responses.rounding import differentiated, real_product
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Bools, Complex
     from mbsvib.modes.damped import Damped
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
-    Bools = NDArray[np.bool_]
     Solver = Callable[[Array], Callable[[Complex], Complex]]
 
 EPS = float(np.finfo(float).eps)

@@ -27,11 +27,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.general import General
     from mbsvib.responses.resolvent import Resolvent
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
 # Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.

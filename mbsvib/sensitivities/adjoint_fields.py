@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.network import Network
 
     Field = NDArray[Any]  # real or complex

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Bushing
     from mbsvib.elements.part import Part
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.adjoint_fields import Field, Fields
     from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network

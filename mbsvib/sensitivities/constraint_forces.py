@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.kinematics.relative_motion import Twists
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.kinematics.couplers import measure
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network

@@ -19,17 +19,14 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
 
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
-    Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.

@@ -25,8 +25,8 @@ from mbsvib.sensitivities.adjoint_fields import acts, applied
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.adjoint_fields import Field, Fields
 
     Terms = list[tuple[Field, Field]]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.adjoint_fields import Field
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.parameter_groups import Plan

@@ -13,7 +13,7 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sensitivities.adjoint_fields import Field, Fields
 
 # What differences leave of a number that is zero, against the largest of a matrix.

@@ -17,9 +17,9 @@ from mbsvib.sensitivities.factors import along, moved_end
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
     from mbsvib.elements.part import Part
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network

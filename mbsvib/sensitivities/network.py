@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
-    from mbsvib.kinematics.relative_motion import Array, Index, Twists
+    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.applicability import Limit
     from mbsvib.sensitivities.balance.balanced import Balanced
     from mbsvib.sensitivities.balance.forces import Forces

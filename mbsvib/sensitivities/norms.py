@@ -25,13 +25,10 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.sensitivities.eigenvalues import Asked
 
-    Complex = NDArray[np.complex128]
     Ports = str | Sequence[str] | None
 
 BLOCK = 4_000_000

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.balance.balanced import Balanced
     from mbsvib.sensitivities.factors import Rule

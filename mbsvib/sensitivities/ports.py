@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics.relative_motion import Index
+    from mbsvib.common.arrays import Index
     from mbsvib.sensitivities.adjoint_fields import Field, Fields
     from mbsvib.sensitivities.factors import Terms
     from mbsvib.sensitivities.parameter_groups import Family, Plan

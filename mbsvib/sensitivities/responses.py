@@ -22,17 +22,16 @@ from mbsvib.sensitivities.solutions import solutions
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.ports import Loads
 
-    Complex = NDArray[np.complex128]
     Ports = str | Sequence[str] | None
 
 # Numbers that the fields of one block of frequencies may hold.

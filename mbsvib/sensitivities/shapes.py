@@ -20,16 +20,13 @@ from mbsvib.sensitivities.spectrum import TOGETHER
 from mbsvib.sensitivities.states import basis
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.states import Basis
 
-    Complex = NDArray[np.complex128]
 
 # Numbers that the forms of some modes may hold.
 BLOCK = 4_000_000

@@ -12,12 +12,8 @@ from mbsvib.responses import frequency_response as responses
 from mbsvib.responses.modal_sum import sum_of_motions
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
-
-    Complex = NDArray[np.complex128]
+    from mbsvib.common.arrays import Array, Complex
 
 
 def solutions(system: System, b: Array, w: Array, *, adjoint: bool = False) -> Complex:

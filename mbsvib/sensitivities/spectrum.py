@@ -13,10 +13,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Index
+    from mbsvib.common.arrays import Complex, Index
     from mbsvib.modes.general import General
 
-    Complex = NDArray[np.complex128]
     Field = NDArray[Any]
 
 # Vectors of eigenvalues that are closer than this (relative) are known to eps over it, and no better: they are taken

@@ -23,7 +23,7 @@ from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.matrices import MatrixDerivatives
 
 # A rigid-body mode has the scale of the slowest mode beside it, but not below this share of the fastest.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.states import States

@@ -17,7 +17,7 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameter, Parameters
 
     Mask = NDArray[np.bool_]

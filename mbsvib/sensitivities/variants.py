@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.variables import Direction
 
     Rates = tuple[tuple[str, float], ...]

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.kinematics.loops import Arms
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.couplers import Coupled
     from mbsvib.sparse.layout import Layout

@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.elements.coupler import Coupling
     from mbsvib.kinematics.couplers import Couplings, Moving
-    from mbsvib.kinematics.relative_motion import Array, Index, Rows
+    from mbsvib.kinematics.relative_motion import Rows
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree

@@ -22,12 +22,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
     from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
 
-    Complex = NDArray[np.complex128]
 
 RTOL = 1e-13
 # Shapes are modes if no more than this is left of their equations: eigenvalues are off by its square.

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.spring_rows import Elements
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.kinematics.shared_rows import Composite, Shared
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints

@@ -19,7 +19,7 @@ from mbsvib.sparse.rows import spread
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.tree import Tree
 
 

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.spring_rows import Elements
     from mbsvib.equations.wrenches import Applied
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout

@@ -18,7 +18,7 @@ from mbsvib.sparse.constraints import DEPENDENT, WHOLE
 from mbsvib.sparse.couplers import row_scale
 
 if TYPE_CHECKING:
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.constraints import Constraints, Entries
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tableau import Tableau

@@ -24,7 +24,7 @@ from mbsvib.sparse.subspace import subspace
 if TYPE_CHECKING:
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sparse.subspace import Subspace
 
 # What the small dense problem is asked for; it costs nothing.

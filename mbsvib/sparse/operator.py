@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.tableau import Factor
 
 # Work and strain energy of a random load agree to this where the stiffness holds everything; a motion that meets no

@@ -13,7 +13,7 @@ from mbsvib.sparse.subspace import strains
 
 if TYPE_CHECKING:
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 
 def reduced(system: SparseSystem, z: Array, rigid: int) -> System:

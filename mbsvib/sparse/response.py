@@ -13,10 +13,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.sparse.layout import Layout
 
-    Complex = NDArray[np.complex128]
 
 # A step of refinement larger than this share of the solution says that the next residual wants more digits ...
 FINE = 1e-11

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
 
 # As in the dense path: unit rows that depend on each other differ by rounding of the geometry, far below this.
 RANK = 1e-11

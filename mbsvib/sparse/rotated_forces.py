@@ -19,7 +19,7 @@ from mbsvib.sparse.rows import relative_rows
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sparse.forces import Motion
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric

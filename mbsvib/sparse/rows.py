@@ -15,7 +15,8 @@ from mbsvib.kinematics.relative_motion import clear_rounding
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics.relative_motion import Array, Index, Rows
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.kinematics.relative_motion import Rows
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.kinematics.relative_motion import Array, Index
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.tree import Tree

@@ -11,7 +11,7 @@ from mbsvib.sparse.operator import NOISE, operator
 
 if TYPE_CHECKING:
     from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.sparse.operator import Operator
 
 # Residual of the Lanczos vectors: frequencies are off by its square.

@@ -17,8 +17,8 @@ from mbsvib.mechanism.topology import FLOATS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.mechanism.topology import Topology
 
     Mask = NDArray[np.bool_]

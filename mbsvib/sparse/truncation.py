@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
 
 RTOL = 1e-13
 

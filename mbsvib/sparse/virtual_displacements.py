@@ -21,8 +21,8 @@ from mbsvib.sparse.layout import kinematics
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.kinematics.loops import LoopGroup
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.sparse.constraints import Constraints, Entries
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree

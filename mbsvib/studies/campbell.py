@@ -24,11 +24,9 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
-    Index = NDArray[np.intp]
 
 # A whirl is one if its area, in parts of that of a circle, is larger.
 ROUND = 1e-3

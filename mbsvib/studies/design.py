@@ -18,12 +18,10 @@ from mbsvib.studies.parameter_maps import Linear, Tie, started, turning
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.mechanism.parameters import Parameters
 
-    Array = NDArray[np.float64]
 
 Ties = Mapping[str, Mapping[str, float] | Tie]
 Bound = tuple[Tie, tuple[str, ...]]

@@ -18,14 +18,11 @@ from mbsvib.studies.quantities import Dual
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
     from mbsvib.studies.extremes import Largest
-
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
-    Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

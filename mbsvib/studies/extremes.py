@@ -10,11 +10,8 @@ from mbsvib.common import arguments as check
 from mbsvib.studies.quantities import Dual, Quantity, quantity, stacked
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.evaluation import Place
-
-    Array = NDArray[np.float64]
 
 
 class Largest(Quantity):

@@ -14,11 +14,10 @@ from mbsvib.studies.modal import Modal, parting, together
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Quantity
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 PIECE = 1000  # samples
 

@@ -17,12 +17,12 @@ from mbsvib.studies.responses import Peak, Ports, band_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.evaluation import Place
 
-    Array = NDArray[np.float64]
     Names = str | Iterable[str] | None
     Band = tuple[float, float]
 

@@ -13,15 +13,12 @@ from mbsvib.errors import ModelError, counted
 from mbsvib.studies.quantities import Dual, Leaf
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes import Modes
     from mbsvib.modes.batch import BatchModes
     from mbsvib.studies.evaluation import Place
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
 
 # natural frequency [rad/s], sum of the two eigenvalues, and changes of both, to a value and its change
 Rule = Callable[["Array", "Array", "Array", "Array"], "tuple[Array, Array]"]

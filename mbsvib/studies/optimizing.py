@@ -21,12 +21,10 @@ from mbsvib.studies.solvers import Found, solver
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.design import Ties
 
-    Array = NDArray[np.float64]
 
 ROUNDS = 30
 FEASIBLE = 1e-6  # what a constraint may lack, in parts of its bound

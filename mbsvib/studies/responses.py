@@ -15,15 +15,12 @@ from mbsvib.studies.extremes import Largest
 from mbsvib.studies.quantities import Dual, Leaf
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.noise import BaseNoise
     from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Quantity
 
-    Array = NDArray[np.float64]
-    Complex = NDArray[np.complex128]
     Names = str | Iterable[str] | None
     Band = tuple[float, float]
 

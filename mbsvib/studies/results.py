@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
 
 SHOWN_ROWS, SHOWN_COLUMNS, SHOWN_ERRORS = 20, 8, 3
 

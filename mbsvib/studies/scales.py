@@ -14,9 +14,8 @@ from mbsvib.errors import ModelError, nearest
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.design import Design
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.design import Ties
     from mbsvib.studies.progress import Progress
     from mbsvib.studies.results import Sweep
-
-    Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -23,16 +23,13 @@ from mbsvib.studies.quantities import Constraint, Dual, Quantity, stacked
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.linalg.matching import Station
     from mbsvib.studies.design import Design
     from mbsvib.studies.scales import Scales
 
-    Array = NDArray[np.float64]
-    Index = NDArray[np.intp]
 
 KEPT = 24  # places that modes are followed from
 EXCEEDS = 1e-7  # share by which a peak may exceed the number that stands for it

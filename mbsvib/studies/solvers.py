@@ -13,11 +13,9 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.search import Search
 
-    Array = NDArray[np.float64]
 
 FTOL = 1e-12  # of SLSQP, in parts of the objective where the search began
 INFINITE = 1e20  # what IPOPT takes for no bound

@@ -14,12 +14,10 @@ from mbsvib.mechanism.changes import resolved
 from mbsvib.studies.parameter_maps import started
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.studies.design import Ties
 
-    Array = NDArray[np.float64]
 
 # standard deviation in parts of the tolerance
 DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}

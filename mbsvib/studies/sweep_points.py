@@ -13,9 +13,8 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, counted
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 HOW = ("grid", "paired")
 

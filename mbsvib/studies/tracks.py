@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.modes import Modes
     from mbsvib.studies.design import Design, Ties
     from mbsvib.studies.progress import Progress
 
-    Array = NDArray[np.float64]
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "-"}
 

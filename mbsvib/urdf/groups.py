@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.urdf.reading import Link
 
-    Array = NDArray[np.float64]
 
 # Parts of symmetric tensors below this share of the largest entry are rounding of turned frames.
 ROUNDING = 1e-15

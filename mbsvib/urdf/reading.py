@@ -14,9 +14,8 @@ from mbsvib.errors import ModelError, nearest
 if TYPE_CHECKING:
     from os import PathLike
 
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 AXIS = np.array((1.0, 0.0, 0.0))  # where a joint gives none, as the format has it

@@ -16,9 +16,10 @@ from mbsvib.urdf.reading import Hinge, Robot, read
 if TYPE_CHECKING:
     from os import PathLike
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
 
 GROUND = "ground"
 # Joint of the model, and the direction along or about which its spring acts, by the joint of the file.

@@ -23,12 +23,10 @@ from mbsvib_export.cosimulation.unit import equations, open_unit
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.connections import Connections
     from mbsvib_export.cosimulation.unit import UnitFile
 
-    Array = NDArray[np.float64]
 
 _STEPS = 256  # of the first size, where no duration is given
 _HALVED = (1, 2, 4)

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.unit import Signal, UnitFile
 
-    Array = NDArray[np.float64]
 
 PLANT, CONTROLLER = "plant", "controller"
 _TINY = 1e-12  # of the largest entry of D: rounding is no feedthrough

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.linalg import expm
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mbsvib.common.arrays import Array
 
-    Array = NDArray[np.float64]
 
 MASTERS = {
     "jacobi": "both units step at once, inputs held",

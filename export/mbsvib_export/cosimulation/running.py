@@ -11,12 +11,10 @@ from mbsvib.errors import ExportError
 from mbsvib_export.cosimulation.unit import Instance
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.masters import Loop
     from mbsvib_export.cosimulation.unit import UnitFile
 
-    Array = NDArray[np.float64]
 
 _MOST = 500  # iterations of a step
 _MET = 1e-14

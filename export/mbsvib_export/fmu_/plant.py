@@ -15,7 +15,7 @@ from mbsvib_export.neutral import state_space_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,8 @@ from mbsvib_export.neutral import refuse_many
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Array = NDArray[np.float64]
+    from mbsvib.common.arrays import Array
+
     Mask = NDArray[np.bool_]
 
 

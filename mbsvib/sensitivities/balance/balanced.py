@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from mbsvib.api.system import System
-    from mbsvib.kinematics.relative_motion import Array
+    from mbsvib.common.arrays import Array
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.adjoint_fields import Field
     from mbsvib.sensitivities.balance.connection_changes import Links

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.api.system import System
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint, Spring
-    from mbsvib.kinematics.relative_motion import Array, Index
     from mbsvib.linalg.vectors import Field
 
 

@@ -13,8 +13,8 @@ from mbsvib.sensitivities.factors import turning
 from mbsvib.sensitivities.maxwell import maxwells
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.sensitivities.balance.connection_changes import Links
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from mbsvib.api.model import Model
+    from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint, Spring
     from mbsvib.elements.part import Part
-    from mbsvib.kinematics.relative_motion import Array
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.balance.connection_changes import Links
     from mbsvib.sensitivities.balance.forces import Forces
