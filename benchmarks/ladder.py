@@ -20,8 +20,8 @@ import scipy.linalg as la
 from rich.console import Console
 from rich.table import Table
 
-from mbsvib.linalg.eigensolvers import by_factors, by_jacobi, by_products
-from mbsvib.modes.undamped import _Scene, refined
+from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_products
+from mbsvib.modes.undamped import refined
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -39,16 +39,16 @@ def bare(system):
 
 
 def products(system):
-    scene = _Scene(system)
+    scene = Factors(system)
     return refined(scene, by_products(scene)[0], "products", 0.0)
 
 
 def factors(system):
-    return refined(_Scene(system), by_factors(_Scene(system), products(system).shapes), "factors", 0.0)
+    return refined(Factors(system), by_factors(Factors(system), products(system).shapes), "factors", 0.0)
 
 
 def jacobi(system):
-    return refined(_Scene(system), by_jacobi(_Scene(system), products(system).shapes), "jacobi", 0.0)
+    return refined(Factors(system), by_jacobi(Factors(system), products(system).shapes), "jacobi", 0.0)
 
 
 METHODS = {"eigh": bare, "products": products, "factors": factors, "jacobi": jacobi}

@@ -106,9 +106,9 @@ class FlexibleMechanism(Mechanism):
         """Return the same mechanism in plain parts: nodes as bodies, elements as free joints and bushings."""
         from mbsvib.elements import superelement_expansion as _reduced
         from mbsvib.elements.beam_expansion import dampers, elements, masses, node_bodies
+        from mbsvib.elements.shared_rows import Pieces
         from mbsvib.elements.superelement import Superelement
         from mbsvib.equations.wrenches import is_loaded
-        from mbsvib.kinematics.shared_rows import Pieces
 
         plain: Any = copy(self)
         plain._bodies, plain._joints, plain._springs = dict(self._bodies), dict(self._joints), dict(self._springs)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, TypeVar, overload
 import numpy as np
 
 from mbsvib.api.system import RESPONSE_RTOL, Provenance, System
+from mbsvib.common.tables import SHOWN
 from mbsvib.elements import Joint
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
-from mbsvib.explain.dense import SHOWN
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     Justify: TypeAlias = Literal["left", "center", "right"]
 
+SHOWN = 12  # names in one list
 _RULES = " ── \n    \n ── \n    \n    \n ── \n    \n ── \n"
 _ASCII_RULES = _RULES.replace("─", "-")
 _ASCII_WORDS = {"→": "->", "−": "-", "·": ".", "°": " deg", "±": "+-", "×": "x", "…": "..."}
@@ -143,3 +144,8 @@ def _print(console: Console, title: str, table: Table, notes: Sequence[str]) -> 
     console.print(Segments(console.render(table, options)), soft_wrap=True, end="")
     for note in notes:
         console.print(Text(note, style="dim"), soft_wrap=True)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names in a row, cut after the first dozen."""
+    return ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")

@@ -15,7 +15,7 @@ from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam, moved
 from mbsvib.elements.body import Body
-from mbsvib.kinematics.shared_rows import Node, Piece
+from mbsvib.elements.shared_rows import Node, Piece
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3, Vector

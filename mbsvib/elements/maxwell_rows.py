@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.elements import Body, Joint, Maxwell
 from mbsvib.elements import joint as _joint
-from mbsvib.kinematics.relative_motion import Rows, columns
+from mbsvib.elements.rows import Rows, columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements.part import Composed, derived
-from mbsvib.equations.spring_rows import eigenrows
 from mbsvib.errors import ModelError, counted
+from mbsvib.linalg.products import eigenrows
 
 Array = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]

@@ -14,7 +14,7 @@ from mbsvib.common.arguments import UNIT6
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import Joint
-from mbsvib.kinematics.shared_rows import Node, Piece
+from mbsvib.elements.shared_rows import Node, Piece
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

@@ -17,6 +17,7 @@ from mbsvib.api.system import Provenance, System
 from mbsvib.common.expected import a_model
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.elements import Maxwell
+from mbsvib.elements.rows import Rows, table
 from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import check_mass, spatial_inertia
 from mbsvib.equations.ports import Ports, port_matrices, ports
@@ -24,7 +25,8 @@ from mbsvib.equations.self_stress import warn
 from mbsvib.equations.wrenches import is_loaded
 from mbsvib.kinematics.loops import Cuts, Reduction, reduce
 from mbsvib.kinematics.mobility import check_mobility
-from mbsvib.kinematics.relative_motion import Rows, Triplets, Twists, arm, body_motion, relative_motion, table, twists
+from mbsvib.kinematics.relative_motion import Triplets, Twists, arm, body_motion, relative_motion, twists
+from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.linalg.products import gram, product
 from mbsvib.mechanism.topology import span
 
@@ -229,7 +231,7 @@ def scene(model: Model, cut: Sequence[str] | None = None) -> Scene:
     return Scene(
         topology, tuple(bodies), elements, table([body.position for body in bodies], 3), coordinates, cuts,
         _elements.stack(elements, number), ports(model, bodies, number),
-        spatial_inertia(bodies), None if model._pieces is None else model._pieces.numbered(number, len(elements)),
+        spatial_inertia(bodies), None if model._pieces is None else shared_rows(model._pieces, number, len(elements)),
         _loads(model, topology, number) if is_loaded(model) else None, couplers,
     )  # fmt: skip
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplers import couplings
-from mbsvib.kinematics.relative_motion import Rows
 
 if TYPE_CHECKING:
     from mbsvib.equations.assembly import Scene

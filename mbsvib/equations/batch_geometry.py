@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Bushing, Input, Joint, Output
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.batch_springs import springs_of, stacked
 from mbsvib.equations.inertia import SpatialInertia, roots
-from mbsvib.kinematics.relative_motion import Rows
 from mbsvib.mechanism.changes import rotations
 from mbsvib.mechanism.topology import FLOATS
 

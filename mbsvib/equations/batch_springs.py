@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Bushing, Spring
-from mbsvib.equations.spring_rows import Elements, eigenrows, stack
-from mbsvib.kinematics.relative_motion import Rows
+from mbsvib.elements.rows import Rows
+from mbsvib.equations.spring_rows import Elements, stack
+from mbsvib.linalg.products import eigenrows
 from mbsvib.mechanism.changes import rotations
 
 if TYPE_CHECKING:

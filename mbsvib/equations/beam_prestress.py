@@ -22,7 +22,7 @@ from mbsvib.elements import Bushing
 from mbsvib.elements import beam_element as element
 from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import middle, turned
-from mbsvib.kinematics.shared_rows import Node, Piece
+from mbsvib.elements.shared_rows import Node, Piece
 
 # Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
 NOISE = 1e-14

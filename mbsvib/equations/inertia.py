@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.common.arguments import IDENTITY
+from mbsvib.elements.rows import table
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.relative_motion import table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -15,7 +15,7 @@ from scipy.linalg import blas
 
 from mbsvib.equations.massless_null_motion import EPS, unfelt
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas
 
-from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -139,3 +139,10 @@ def unfelt(parts: Sequence[Array], null: Array, unit: Array) -> tuple[Array, Ind
     inside, _, _ = null_space(felt, np.ones(null.shape[1]), ROW_RANK)
     rank = null.shape[1] - inside.shape[1]
     return null @ inside, pivoted_qr(felt)[1][:rank]
+
+
+def own_coordinates(null: Array) -> tuple[Index, Index]:
+    """Return the coordinates that are one in a massless motion of their own and zero in others, and all other ones."""
+    single = (np.count_nonzero(null, axis=1) == 1) & (null.max(axis=1, initial=0.0) == 1.0)
+    own = np.array([int(np.flatnonzero(single & (null[:, k] == 1.0))[0]) for k in range(null.shape[1])], dtype=np.intp)
+    return own, np.setdiff1d(np.arange(len(null)), own)

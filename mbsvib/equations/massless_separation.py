@@ -13,8 +13,9 @@ from mbsvib.equations.massless_condensation import CANCELS, Condensation, conden
 from mbsvib.equations.massless_null_motion import RANK_FACTOR, cleaned, null_space, possible, scale_of, unfelt
 from mbsvib.equations.unresisted_motion import largest, unmoved
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.kinematics.loops import ZERO_ENTRY, pivoted_qr
+from mbsvib.kinematics.loops import ZERO_ENTRY
 from mbsvib.linalg.products import product
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -10,9 +10,9 @@ import numpy as np
 
 from mbsvib.elements import BaseMotion, ForceOutput, Input
 from mbsvib.elements.ports import QUANTITIES
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.base_motion import check_turning
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.relative_motion import Rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -27,9 +27,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Joint
+    from mbsvib.elements.rows import Rows
     from mbsvib.equations.self_stress import SelfStress
     from mbsvib.kinematics.loops import Cuts, Reduction
-    from mbsvib.kinematics.relative_motion import Rows, Twists
+    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import UNIT6
+from mbsvib.elements.rows import Rows, columns
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.kinematics.relative_motion import Rows, columns
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set

@@ -54,7 +54,7 @@ class Undetermined:
 
     def explained(self) -> list[str]:
         """Return in words what was taken."""
-        from mbsvib.explain.dense import listed
+        from mbsvib.common.tables import listed
 
         lines = [
             f"  the model does not determine all forces in {listed(self.joints)}, as constraints are redundant: those "
@@ -138,7 +138,7 @@ class SelfStress:
 
 def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
     """Warn of outputs that redundant constraints leave open, in the name of whoever called ``linearize``."""
-    from mbsvib.explain.dense import listed
+    from mbsvib.common.tables import listed
 
     for forces in undetermined:
         if forces.outputs:

@@ -13,15 +13,14 @@ import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
 from mbsvib.elements import Bushing, Maxwell, Spring
-from mbsvib.kinematics.relative_motion import Rows, columns, table
+from mbsvib.elements.rows import Rows, columns, table
+from mbsvib.linalg.products import eigenrows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from mbsvib.common.arrays import Array, Index
 
-# Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
-ZERO_EIGENVALUE = 1e-14
 _SIX = np.eye(6)
 
 
@@ -175,14 +174,3 @@ def _eigenrows(matrix: Array) -> tuple[Array, Array]:
     return values[keep], rows[keep]
 
 
-def eigenrows(matrix: Array) -> tuple[Array, Array]:
-    """Return values v (..., 6) and rows U (..., 6, 6) with matrix = U^T diag(v) U.
-
-    On a unit diagonal, so that units do not mix; values that are rounding are zero.
-    """
-    scale = np.sqrt(np.abs(np.einsum("...ii->...i", matrix)))
-    scale[scale == 0.0] = 1.0
-    values, vectors = np.linalg.eigh(matrix / scale[..., None] / scale[..., None, :])
-    size = np.abs(values)
-    values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
-    return values, np.swapaxes(vectors * scale[..., None], -1, -2)

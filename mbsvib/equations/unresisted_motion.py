@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas
 
-from mbsvib.kinematics.loops import pivoted_qr
 from mbsvib.linalg.products import product as weighted
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.rows import columns
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.kinematics.relative_motion import columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Bushing, Spring
-from mbsvib.equations.spring_rows import eigenrows
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.statics import BALANCE
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.messages import lacking
@@ -17,7 +17,8 @@ from mbsvib.equilibrium.moved_parts import bare
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.loops import EPS
-from mbsvib.kinematics.relative_motion import Rows, relative_motion
+from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.products import eigenrows
 from mbsvib.mechanism.rebuilding import rebuilt
 
 if TYPE_CHECKING:

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mbsvib.common.tables import SHOWN, listed
 from mbsvib.elements.part import Composed
 from mbsvib.errors import counted
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import doubts
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
 
     from mbsvib.api.system import System
     from mbsvib.equations.controllable_part import Dropped
 
-SHOWN = 12  # names in one list
 _ENOUGH = {
     "products": "eigenvalues of M and K were accurate enough: no singular values of the factors, no Jacobi rotations",
     "factors": "singular values of the factors were accurate enough: no Jacobi rotations",
@@ -57,11 +56,6 @@ def explain(system: System) -> str:
         lines += ["doubtful", *(f"  {text}" for text in found)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system))]
     return "\n".join(lines)
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return names in a row, cut after the first dozen."""
-    return ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")
 
 
 def _topology(system: System) -> list[str]:

@@ -66,6 +66,6 @@ def _stiffness(system: System) -> list[str]:
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    from mbsvib.explain.dense import listed
+    from mbsvib.common.tables import listed
 
     return listed(names)

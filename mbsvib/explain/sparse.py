@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.tables import listed
 from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
-from mbsvib.explain.dense import dropped, listed
+from mbsvib.explain.dense import dropped
 
 if TYPE_CHECKING:
     from mbsvib.api.sparse_system import SparseSystem

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.loops import Cuts
-from mbsvib.kinematics.relative_motion import Rows, relative_motion
+from mbsvib.kinematics.relative_motion import relative_motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -16,8 +16,10 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from mbsvib.common.expected import names
+from mbsvib.elements.rows import Rows
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, nearest
-from mbsvib.kinematics.relative_motion import Rows, Twists
+from mbsvib.kinematics.relative_motion import Twists
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -343,14 +345,6 @@ def _preference(n: int) -> Array:
 def scaled(phi: Array, cuts: Cuts, rows: Index, column_scale: Array, length: float) -> Array:
     """Return Phi with translations over ``length`` and rotations as they are, so that rank knows no units."""
     return phi * cuts.row_scale(length).take(rows)[:, None] * column_scale
-
-
-def pivoted_qr(a: Array) -> tuple[Array, Index, Array]:
-    """Return LAPACK's packed column-pivoted QR of ``a``, the order of columns and the reflectors' factors."""
-    if 0 in a.shape:
-        return np.zeros(a.shape), np.arange(a.shape[1]), np.zeros(0)
-    qr, order, tau, _, _ = lapack.dgeqp3(a)
-    return qr, order - 1, tau
 
 
 def _redundant(a: Array, rank: int, rows: Index, names: tuple[str, ...]) -> tuple[str, ...]:

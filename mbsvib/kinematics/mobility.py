@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.loops import RANK_FACTOR, pivoted_qr, scaled
+from mbsvib.kinematics.loops import RANK_FACTOR, scaled
 from mbsvib.kinematics.relative_motion import CYCLE, body_motion, relative_motion
+from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ have it in front of all of theirs, (variants, ...).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.rows import columns
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint
+    from mbsvib.elements.rows import Rows
     from mbsvib.mechanism.topology import Topology
 
 
@@ -56,39 +57,6 @@ class Twists:
     path: NDArray[np.int8]
     turns: NDArray[np.bool_]
     pitch: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """Scalar relative displacements d = force . u + moment . theta of ``second`` against ``first`` at ``point``.
-
-    Arrays over rows: ``first``, ``second`` (n,) body numbers, ``point``, ``force``, ``moment`` (3, n), world axes.
-    """
-
-    first: Index
-    second: Index
-    point: Array
-    force: Array
-    moment: Array
-
-    @staticmethod
-    def stack(tuples: list[tuple[float, ...]]) -> Rows:
-        """Build rows from tuples (first, second, point xyz, force xyz, moment xyz)."""
-        entries = columns(tuples, 11)
-        first, second = entries[:2].astype(np.intp)
-        return Rows(first, second, entries[2:5], entries[5:8], entries[8:])
-
-    @staticmethod
-    def join(parts: list[Rows]) -> Rows:
-        """Put several stacks one below the other."""
-        parts = [part for part in parts if len(part.first)] or parts[:1]
-        if len(parts) == 1:
-            return parts[0]
-        return Rows(
-            np.concatenate([part.first for part in parts]), np.concatenate([part.second for part in parts]),
-            _joined([part.point for part in parts]), _joined([part.force for part in parts]),
-            _joined([part.moment for part in parts]),
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,24 +90,6 @@ class Triplets:
         else:
             result.reshape(len(result), -1)[:, row * self.shape[1] + column] = value
         return result
-
-
-def table(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
-    """Return tuples of equal length as the rows of an array (n, width)."""
-    return np.fromiter(chain.from_iterable(tuples), float, width * len(tuples)).reshape(-1, width)
-
-
-def columns(tuples: Sequence[tuple[Any, ...]], width: int) -> Array:
-    """Return tuples of equal length as the columns of an array (width, n), each component contiguous."""
-    return table(tuples, width).T.copy()
-
-
-def single_entries(rows: Array) -> Index | None:
-    """Return the column of each row's only entry (rows,), None where a row has more or none."""
-    entry = rows != 0.0
-    if np.count_nonzero(entry) != len(entry) or not entry.any(axis=1).all():
-        return None
-    return np.asarray(entry.argmax(axis=1))
 
 
 def twists(topology: Topology, bodies: list[Body]) -> Twists:
@@ -318,18 +268,6 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
     force, moment, linear, angular, point, start = np.abs(np.array(vectors).take(at, axis=2)).max(axis=1)
     noise = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
     value[at[size.take(at) <= noise]] = 0.0
-
-
-def _joined(arrays: list[Any]) -> Any:
-    """Arrays one behind the other along their last axis; what has no axis of variants gets one where another has."""
-    try:
-        return np.concatenate(arrays, axis=-1)
-    except ValueError:
-        variants = next(array.shape[1] for array in arrays if array.ndim == 3)
-        return np.concatenate([
-            array if array.ndim == 3 else np.broadcast_to(array[:, None], (3, variants, array.shape[1]))
-            for array in arrays
-        ], axis=-1)  # fmt: skip
 
 
 def _lifted(arrays: list[Array]) -> list[Array]:

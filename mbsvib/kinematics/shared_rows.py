@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.kinematics.relative_motion import Rows
+from mbsvib.elements.rows import Rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,36 +19,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Composed, Part
+    from mbsvib.elements.shared_rows import Node, Piece, Pieces
 
 # Six rows: the displacement of a body at a point, in world axes
 _SIX = np.eye(6)
-
-
-@dataclass(frozen=True, slots=True)
-class Node:
-    """A point of a body whose displacement composite rows see; ``rides`` tells whether the moving ground carries it
-    (internal coordinates of a reduced model count from their own body, which it does not carry). ``against`` is the
-    body it is measured from; ``point`` [m], world axes.
-    """
-
-    body: str
-    point: tuple[float, float, float]
-    rides: bool = True
-    against: str = "ground"
-
-
-@dataclass(frozen=True, slots=True)
-class Piece:
-    """Rows of one matrix (rows, 6 nodes) on the six displacements of its nodes, with a coefficient for each row: they
-    belong to part ``owner``.
-    """
-
-    owner: str
-    nodes: tuple[Node, ...]
-    matrix: Array
-    stiffness: Array | None = None
-    damping: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,24 +181,23 @@ class Shared:
                 np.concatenate((damping, self.elastic.damping[acts])), np.concatenate((owner, own[acts])))  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Pieces:
-    """Rows of a model that more than two bodies share: ``mass``, W of M = W^T W, and ``elastic`` ones; ``nodes`` are
-    the bodies whose mass these rows are.
+def shared_rows(pieces: Pieces, number: Mapping[str, int], first: int) -> Shared:
+    """Return what more than two bodies share in numbers.
+
+    Parameters
+    ----------
+    pieces : Pieces
+        The rows.
+    number : mapping
+        Number of each body, ground included.
+    first : int
+        How many owners of elastic rows there are already.
+
+    Returns
+    -------
+    Shared
+        Composite rows of mass and elasticity.
     """
-
-    mass: tuple[Piece, ...]
-    elastic: tuple[Piece, ...]
-    nodes: frozenset[str]
-    owners: tuple[Composed, ...] = ()
-
-    def said(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
-        """Return parts as the user knows them: the owners in place of what they have become."""
-        made = {name for owner in self.owners for name in owner.made}
-        return (*[part for part in parts if part.name not in made], *self.owners)
-
-    def numbered(self, number: Mapping[str, int], first: int) -> Shared:
-        """Return them in numbers; there are ``first`` owners of elastic rows already."""
-        names = tuple(dict.fromkeys(piece.owner for piece in self.elastic))
-        return Shared(stack(self.mass, number) if self.mass else None,
-                      blend(self.elastic, number) if self.elastic else None, first, names)  # fmt: skip
+    names = tuple(dict.fromkeys(piece.owner for piece in pieces.elastic))
+    return Shared(stack(pieces.mass, number) if pieces.mass else None,
+                  blend(pieces.elastic, number) if pieces.elastic else None, first, names)  # fmt: skip

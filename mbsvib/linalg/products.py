@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.memory import MANY
-from mbsvib.kinematics.relative_motion import single_entries
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
+
+# Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
+ZERO_EIGENVALUE = 1e-14
 
 
 def gram(factor: Array) -> Array:
@@ -62,3 +64,24 @@ def _combined(rows: Array, value: Array) -> Array:
     upper += product(rows[~varies], value[0, ~varies])[i, j]
     result[:, i, j] = result[:, j, i] = upper
     return result
+
+
+def single_entries(rows: Array) -> Index | None:
+    """Return the column of each row's only entry (rows,), None where a row has more or none."""
+    entry = rows != 0.0
+    if np.count_nonzero(entry) != len(entry) or not entry.any(axis=1).all():
+        return None
+    return np.asarray(entry.argmax(axis=1))
+
+
+def eigenrows(matrix: Array) -> tuple[Array, Array]:
+    """Return values v (..., 6) and rows U (..., 6, 6) with matrix = U^T diag(v) U.
+
+    On a unit diagonal, so that units do not mix; values that are rounding are zero.
+    """
+    scale = np.sqrt(np.abs(np.einsum("...ii->...i", matrix)))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(matrix / scale[..., None] / scale[..., None, :])
+    size = np.abs(values)
+    values[size <= ZERO_EIGENVALUE * size.max(axis=-1, keepdims=True)] = 0.0
+    return values, np.swapaxes(vectors * scale[..., None], -1, -2)

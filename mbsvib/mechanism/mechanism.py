@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Composed, Part
     from mbsvib.elements.rotor import Rotor
-    from mbsvib.kinematics.shared_rows import Pieces
+    from mbsvib.elements.shared_rows import Pieces
     from mbsvib.mechanism.topology import Topology
 
 GROUND = "ground"

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.massless_null_motion import own_coordinates
 from mbsvib.equations.unresisted_motion import (
     RANK,
     completed,
@@ -28,11 +29,10 @@ from mbsvib.equations.unresisted_motion import (
     sizes,
     unbraked,
 )
-from mbsvib.kinematics.loops import pivoted_qr
 from mbsvib.linalg.products import gram
 from mbsvib.linalg.products import product as weighted
+from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
-from mbsvib.responses.first_order import own_coordinates
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System

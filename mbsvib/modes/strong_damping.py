@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from collections.abc import Callable

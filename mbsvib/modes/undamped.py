@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,13 +21,10 @@ from scipy.linalg import lapack
 
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.unresisted_motion import free_motions, orthonormal
-from mbsvib.kinematics.relative_motion import single_entries
-from mbsvib.linalg.eigensolvers import by_factors, by_jacobi, by_products
+from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_products
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
@@ -79,51 +75,6 @@ class Undamped:
         return np.sqrt(np.abs(self.square))
 
 
-class _Scene:
-    """What the rungs work on: ``mass`` and ``stiffness``, rows ``w`` and ``e`` = diag(sqrt |k|) D, ``sign`` of k.
-
-    The rows are made when first asked for; ``rows`` of D has those with stiffness, ``w`` those that move.
-    """
-
-    def __init__(self, system: System) -> None:
-        used = system.stiffness.nonzero()[0]
-        every = len(used) == len(system.stiffness)
-        self.k = system.stiffness if every else system.stiffness.take(used)
-        self.rows = system.elastic_rows if every else system.elastic_rows.take(used, axis=0)
-        self.mass = system.M
-        self.stiffness = system.K if system.circulatory is None else system.K - system.circulatory
-        self.sign = np.sign(self.k) if np.count_nonzero(self.k < 0.0) else None
-        self.null: Array | None = None
-        self._factor = system.inertia_factor
-
-    @cached_property
-    def w(self) -> Array:
-        return self._factor.take(np.asarray(self._factor.any(axis=1)).nonzero()[0], axis=0)
-
-    @cached_property
-    def e(self) -> Array:
-        result: Array = self.rows * np.sqrt(np.abs(self.k))[:, None]
-        return result
-
-    @cached_property
-    def spread(self) -> Array:
-        """Sum of |k| D^2 over the rows, (m,)."""
-        result: Array = self.stiffness.diagonal() if self.sign is None else np.einsum("ij,ij->j", self.e, self.e)
-        return result
-
-    @cached_property
-    def single(self) -> NDArray[np.intp] | None:
-        """The column of the only entry of each row of D, None where a row has more."""
-        return single_entries(self.rows)
-
-    def stretch(self, shapes: Array) -> Array:
-        """Return e shapes, without a product where springs feel one coordinate each."""
-        if self.single is None:
-            result: Array = self.e @ shapes
-            return result
-        return shapes[self.single] * self.e[np.arange(len(self.e)), self.single][:, None]
-
-
 def undamped(system: System, rtol: float, clean: bool = True, null: Array | None = None) -> Undamped:
     """Return the undamped modes, K phi = omega^2 M phi.
 
@@ -147,7 +98,7 @@ def undamped(system: System, rtol: float, clean: bool = True, null: Array | None
     if m == 0:
         return Undamped(np.zeros(0), np.zeros((0, 0)), np.zeros(0), 0, "no degree of freedom", 0.0)
     keep_freed_memory(m)
-    scene = _Scene(system)
+    scene = Factors(system)
     shapes, square = by_products(scene)
     size = np.abs(square)
     if null is not None:
@@ -182,7 +133,7 @@ def _with_loops(result: Undamped, system: System) -> Undamped:
     return replace(result, errors=result.errors + flexible * (EPS / kept))
 
 
-def _as_it_is(scene: _Scene, shapes: Array, square: Array, rtol: float, clean: bool) -> Undamped | None:
+def _as_it_is(scene: Factors, shapes: Array, square: Array, rtol: float, clean: bool) -> Undamped | None:
     """The first rung where its a-priori bound will do, frequencies in doubt taken from the factors; None elsewhere.
 
     Rounding of M, of K, of A = L^-1 K L^-T and of its eigenvalues is a perturbation of A whose size in each mode is
@@ -219,12 +170,12 @@ def _as_it_is(scene: _Scene, shapes: Array, square: Array, rtol: float, clean: b
     return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
 
 
-def refined(scene: _Scene, shapes: Array, method: str, rtol: float) -> Undamped:
+def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped:
     """Return frequencies from the factors, shapes cleaned of each other, and the error of what is left.
 
     Parameters
     ----------
-    scene : _Scene
+    scene : Factors
         Mass and factors.
     shapes : array, shape (m, m)
         Approximate modes.
@@ -330,7 +281,7 @@ def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
     return turned
 
 
-def _without_rigid(scene: _Scene, shapes: Array) -> Array:
+def _without_rigid(scene: Factors, shapes: Array) -> Array:
     """Put the rigid-body modes first and take them out of the others, of which as many as they are drop out."""
     null = scene.null
     assert null is not None

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.eigensolvers import triangle
+from mbsvib.equations.massless_null_motion import own_coordinates
+from mbsvib.linalg.qr import triangle
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
@@ -37,13 +37,6 @@ class FirstOrder:
     through: Array
     names: tuple[str, ...]
     units: tuple[str, ...]
-
-
-def own_coordinates(null: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the coordinates that are one in a massless motion of their own and zero in others, and all other ones."""
-    single = (np.count_nonzero(null, axis=1) == 1) & (null.max(axis=1, initial=0.0) == 1.0)
-    own = np.array([int(np.flatnonzero(single & (null[:, k] == 1.0))[0]) for k in range(null.shape[1])], dtype=np.intp)
-    return own, np.setdiff1d(np.arange(len(null)), own)
 
 
 def physical(system: System) -> FirstOrder:

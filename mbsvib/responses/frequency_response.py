@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 
 from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.eigensolvers import sorted_qr
+from mbsvib.linalg.qr import sorted_qr
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import residues, sum_of_motions
 from mbsvib.responses.tiny_outputs import mended

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from mbsvib.errors import ResponseError, counted, nearest
-from mbsvib.linalg.eigensolvers import triangle
+from mbsvib.linalg.qr import triangle
 from mbsvib.modes.general import is_general
 
 if TYPE_CHECKING:

@@ -16,7 +16,8 @@ from scipy.sparse import csr_array
 from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.part import Composed
-from mbsvib.kinematics.relative_motion import Rows, relative_motion, twists
+from mbsvib.elements.rows import Rows
+from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.applicability import follows, limits
 from mbsvib.sensitivities.balance.forces import forces

@@ -16,7 +16,8 @@ import numpy as np
 from mbsvib.elements import BaseMotion, ForceOutput, Input, Maxwell, Output, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.ports import QUANTITIES
-from mbsvib.kinematics.relative_motion import Rows, relative_motion
+from mbsvib.elements.rows import Rows
+from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.sensitivities.adjoint_fields import in_joints, momentum
 from mbsvib.sensitivities.joint_release_motion import given_way, seen
 from mbsvib.sensitivities.maxwell import name_of

@@ -13,6 +13,7 @@ from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import ports
 from mbsvib.equations.wrenches import is_loaded
+from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.sparse.constraints import constraints
 from mbsvib.sparse.couplers import coupled
 from mbsvib.sparse.cuts import short_span
@@ -84,7 +85,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     inertia = spatial_inertia(bodies)
     factor = inertia_rows(place, inertia)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
-    shared = None if model._pieces is None else model._pieces.numbered(number, len(model.springs))
+    shared = None if model._pieces is None else shared_rows(model._pieces, number, len(model.springs))
     if shared is not None:
         factor, rows, k, c, owner = _with_shared(shared, structure, place, factor, rows, k, c, owner)
     names = (*model.springs, *(() if shared is None else shared.names))

@@ -17,19 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.tables import listed
+from mbsvib.elements.rows import Rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
-from mbsvib.explain.dense import listed
-from mbsvib.kinematics.loops import (
-    NEAR_SINGULAR,
-    RANK_FACTOR,
-    RANK_GAP,
-    TIE_BREAK,
-    LoopGroup,
-    decided,
-    measures,
-    pivoted_qr,
-)
-from mbsvib.kinematics.relative_motion import Rows, arm
+from mbsvib.kinematics.loops import NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, decided, measures
+from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.sparse.couplers import locked_entries, row_scale
 from mbsvib.sparse.rows import relative_rows
 

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.elements.coupler import Coupling
+    from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.couplers import Couplings, Moving
-    from mbsvib.kinematics.relative_motion import Rows
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree

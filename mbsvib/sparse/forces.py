@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.reactions import carrier_of
 from mbsvib.equations.reactions import place as place_of
-from mbsvib.kinematics.relative_motion import Rows
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rotated_forces import Turning
 from mbsvib.sparse.rows import relative_rows

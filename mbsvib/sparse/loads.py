@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.geometric_stiffness import SQUARES, SUMS, ZERO_FORM
 from mbsvib.equations.reactions import carrier_of, skew
 from mbsvib.equations.reactions import place as place_of
@@ -22,7 +23,6 @@ from mbsvib.equations.wrench_pairs import Pairs
 from mbsvib.equations.wrenches import applied
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.kinematics.relative_motion import Rows
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rows import relative_rows
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.loops import RANK_FACTOR, pivoted_qr
+from mbsvib.kinematics.loops import RANK_FACTOR
 from mbsvib.kinematics.mobility import LIMIT, STEP
+from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.sparse.constraints import DEPENDENT, WHOLE
 from mbsvib.sparse.couplers import row_scale
 

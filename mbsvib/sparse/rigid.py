@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.loops import pivoted_qr
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.mobility import crossed_product as cross
-from mbsvib.kinematics.relative_motion import Rows
 from mbsvib.sparse.rows import relative_rows
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.relative_motion import Rows
+    from mbsvib.elements.rows import Rows
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.relative_motion import columns, largest_pitch
+from mbsvib.elements.rows import columns
+from mbsvib.kinematics.relative_motion import largest_pitch
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:

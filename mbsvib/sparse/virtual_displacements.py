@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from mbsvib.common.tables import listed
 from mbsvib.errors import ModelError
-from mbsvib.explain.dense import listed
-from mbsvib.kinematics.loops import EPS, RANK_FACTOR, pivoted_qr
+from mbsvib.kinematics.loops import EPS, RANK_FACTOR
+from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.couplers import row_scale
 from mbsvib.sparse.layout import kinematics

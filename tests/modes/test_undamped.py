@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.kinematics.relative_motion import single_entries
+from mbsvib.linalg.products import single_entries
 from mbsvib.modes import modes
 from mbsvib.modes import undamped as ladder
 from mbsvib.modes.undamped import undamped
