@@ -20,8 +20,8 @@ from mbsvib.errors import (
 
 if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, studies
+    from mbsvib.api.linearize import linearize
     from mbsvib.api.system import System
-    from mbsvib.equations.assembly import linearize
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
@@ -72,7 +72,7 @@ _HOMES = {
     "isolation": "mbsvib.isolation",
     "library": "mbsvib.library",
     "plots": "mbsvib.plots",
-    "linearize": "mbsvib.equations.assembly",
+    "linearize": "mbsvib.api.linearize",
     "load": "mbsvib.files",
     "load_mjcf": "mbsvib.mjcf",
     "load_urdf": "mbsvib.urdf",

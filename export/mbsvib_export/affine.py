@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.assembly import linearized
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.parameters import Parameters
 
     Matrices = dict[str, Array]
@@ -80,7 +82,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
 
     def build(values: Mapping[str, float]) -> Matrices | None:
         try:
-            found = origin.with_values(values).linearize(system.coordinates, system.cut_joints, method="dense")
+            found: Equations = linearized(origin.with_values(values), system.coordinates, system.cut_joints)
         except MbsvibError as error:
             failures.update(dict.fromkeys(values, error))
             return None

@@ -151,8 +151,8 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
         key = p.tobytes()
         if key not in last:
             try:
-                _, found = settled(origin.with_values(dict(zip(names, p.tolist(), strict=True))),
-                                   independent=system.coordinates, cut=system.cut_joints, method="dense")  # fmt: skip
+                changed = origin.with_values(dict(zip(names, p.tolist(), strict=True)))
+                found: Any = settled(changed, system.coordinates, system.cut_joints, "dense", System)[1]
             except MbsvibError:
                 found = None
             last.clear()

@@ -1,26 +1,21 @@
-"""The coupled mechanism: gears, worms, racks and general couplers, each checked when it is added."""
+"""The calls that add couplers: gears, worms, racks and other linear relations of joint coordinates."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from mbsvib.elements import coupler as _coupler
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.elements import Joint
-    from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
+    from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
 
 
 class CoupledMechanism(Mechanism):
     """A mechanism whose joint coordinates may be coupled."""
-
-    @property
-    def couplers(self) -> Mapping[str, Coupling]:
-        """Couplers, gears, worms and racks by name, in the order in which they were added."""
-        return MappingProxyType(self._couplers)
 
     def add_coupler(self, name: str, coefficients: Mapping[str, float]) -> Coupler:
         """Add a linear relation between joint coordinates.
@@ -47,8 +42,7 @@ class CoupledMechanism(Mechanism):
         """
         self._check_name(name, "coupler")
         part = _coupler.make_coupler(name, coefficients, self._joints)
-        self._couplers[name] = part
-        return part
+        return self._keep(self._couplers, part)
 
     def add_gear(self, name: str, first: str | Joint, second: str | Joint, ratio: float) -> Gear:
         """Add a pair of gears: the rotations of two joints in a fixed ratio.
@@ -77,8 +71,7 @@ class CoupledMechanism(Mechanism):
         """
         self._check_name(name, "gear")
         part = _coupler.make_gear(name, first, second, ratio, self._joints)
-        self._couplers[name] = part
-        return part
+        return self._keep(self._couplers, part)
 
     def add_worm(self, name: str, worm: str | Joint, wheel: str | Joint, ratio: float) -> Worm:
         """Add a worm and its wheel.
@@ -107,8 +100,7 @@ class CoupledMechanism(Mechanism):
         """
         self._check_name(name, "worm")
         part = _coupler.make_worm(name, worm, wheel, ratio, self._joints)
-        self._couplers[name] = part
-        return part
+        return self._keep(self._couplers, part)
 
     def add_rack(self, name: str, pinion: str | Joint, rack: str | Joint, radius: float) -> Rack:
         """Add a pinion and its rack.
@@ -137,5 +129,4 @@ class CoupledMechanism(Mechanism):
         """
         self._check_name(name, "rack")
         part = _coupler.make_rack(name, pinion, rack, radius, self._joints)
-        self._couplers[name] = part
-        return part
+        return self._keep(self._couplers, part)

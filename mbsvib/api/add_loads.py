@@ -1,60 +1,22 @@
-"""The mechanism under load: gravity and forces on bodies, each checked when it is added."""
+"""The calls that add loads and rotors."""
 
 from __future__ import annotations
 
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mbsvib.common import arguments as check
 from mbsvib.elements import load as _load
-from mbsvib.mechanism.mechanism import Mechanism, check_name
+from mbsvib.elements import rotor as _rotor
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import Body, Load
-    from mbsvib.equations.second_order_rows import Felt
-    from mbsvib.equations.wrenches import Applied
+    from mbsvib.elements.rotor import Rotor
 
 
 class LoadedMechanism(Mechanism):
-    """A mechanism with what loads it; preloads of springs and bushings are words of their own adders.
-
-    Parameters
-    ----------
-    name : str
-        Name of the mechanism, used in titles and files.
-    gravity : array-like, shape (3,), optional
-        Acceleration of free fall [m/s^2], world axes; default: none.
-
-    Raises
-    ------
-    ModelError
-        If the name is no text or gravity no vector.
-    """
-
-    def __init__(self, name: str, gravity: ArrayLike | None = None) -> None:
-        super().__init__(name)
-        expected = "None, or the acceleration of free fall (x, y, z) [m/s^2], such as (0, 0, -9.81)"
-        self.gravity = None if gravity is None else check.vector(gravity, "model", "gravity", expected)
-        self._loads: dict[str, Load] = {}
-        # its loads in numbers, and the parts they were made of
-        self._loading: tuple[tuple[Any, ...], tuple[Applied, Felt, dict[str, Any]]] | None = None
-
-    @property
-    def _falling(self) -> tuple[_load.Gravity, ...]:
-        """Gravity as a part that has parameters, where it is given and nothing else has its name."""
-        groups = (self._bodies, self._composed, self._joints, self._springs, self._couplers, self._rotors, self._loads)
-        if self.gravity is None or any("gravity" in group for group in groups):
-            return ()
-        return (_load.Gravity("gravity", self.gravity),)
-
-    @property
-    def loads(self) -> Mapping[str, Load]:
-        """Forces and torques on bodies by name, in the order in which they were added."""
-        return MappingProxyType(self._loads)
+    """A mechanism with what loads it; preloads of springs and bushings are words of their own calls."""
 
     def add_load(
         self, name: str, body: str | Body, force: ArrayLike = _load.NONE, torque: ArrayLike = _load.NONE,
@@ -90,9 +52,42 @@ class LoadedMechanism(Mechanism):
         """
         self._check_name(name, "load")
         part = _load.make(name, self._body_name(body, "load", name, "body"), force, torque, position, follower)
-        self._loads[name] = part
-        return part
+        return self._keep(self._loads, part)
 
-    def _check_name(self, name: str, what: str) -> None:
-        check_name(name, what, self._loads)
-        super()._check_name(name, what)
+    def add_rotor(
+        self, name: str, body: str | Body, speed: float, axis: ArrayLike, inertia: float | None = None
+    ) -> Rotor:
+        """Add a rotor: a constant angular momentum h = inertia speed axis, which adds -[h]x to C's rotations of a body.
+
+        With ``inertia`` it is a wheel, disk or shaft that spins on the body, whose mass and tensor include it; the body
+        itself does not turn. Without, the body itself spins about an axis through its centre of mass: its tensor must
+        be symmetric about that axis, what joins it must let it spin, and what spins along with it (at the same speed
+        about the same line) feels dampers between both as they turn, which makes K unsymmetric. Coordinates are those
+        of axes that do not spin. A steady spin adds no stiffness: the axis is held, and all is symmetric about it.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings, springs and rotors.
+        body : str or Body
+            The body that carries it, or spins; a body may carry several.
+        speed : float
+            Speed [rad/s], right-handed about the axis.
+        axis : array-like, shape (3,)
+            Axis, world axes; its length does not matter.
+        inertia : float, optional
+            Its moment about the axis [kg m^2]; default: the body itself spins.
+
+        Returns
+        -------
+        Rotor
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If the name is taken, the body is unknown or ground, the axis is zero, or the inertia is not positive.
+        """
+        self._check_name(name, "rotor")
+        part = _rotor.make(name, self._body_name(body, "rotor", name, "body"), speed, axis, inertia)
+        return self._keep(self._rotors, part)

@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar, overload
+from typing import TYPE_CHECKING, TypeVar, cast, overload
 
 import numpy as np
 
-from mbsvib.api.system import RESPONSE_RTOL, Provenance, System
+from mbsvib.api.system import System
+from mbsvib.common.expected import angular
 from mbsvib.common.tables import SHOWN
-from mbsvib.elements import Joint
+from mbsvib.equations.batch_equations import BatchEquations
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.batch_values import Values
     from mbsvib.modes.batch import BatchModes
+    from mbsvib.responses.batch import BatchBasis
     from mbsvib.responses.state_space import StateSpace
 
 
 T = TypeVar("T")
 
-FACTORS = ("inertia_factor", "elastic_rows", "stiffness", "damping", "body_motion")
-
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Batch:
+class Batch(BatchEquations):
     """Systems M_i q'' + C_i q' + K_i q = B_i u of n variants, all in the minimal coordinates of ``nominal``.
 
     Arrays are those of ``System`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,
@@ -43,124 +42,13 @@ class Batch:
     """
 
     nominal: System
-    values: Values = field(repr=False)
-    closure: Array | None = field(repr=False)
-    M: Array
-    C: Array
-    K: Array
-    B: Array
-    Cq: Array
-    Cv: Array
-    Ca: Array
-    D: Array
-    inertia_factor: Array
-    elastic_rows: Array
-    stiffness: Array
-    damping: Array
-    row_owner: NDArray[np.intp]
-    body_motion: Array
-    own: tuple[Provenance, ...] | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        for name in (*MATRICES, *FACTORS, "row_owner"):
-            getattr(self, name).setflags(write=False)
-
-    @property
-    def name(self) -> str:
-        """Name of the model."""
-        return self.nominal.name
-
-    @property
-    def dof(self) -> int:
-        """Number of degrees of freedom, m."""
-        return self.nominal.dof
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the minimal coordinates, those of the pose as given."""
-        return self.nominal.coordinates
-
-    @property
-    def coordinate_units(self) -> tuple[str, ...]:
-        """Units of the minimal coordinates."""
-        return self.nominal.coordinate_units
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-        return self.nominal.inputs
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Units of the inputs."""
-        return self.nominal.input_units
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return self.nominal.outputs
-
-    @property
-    def output_units(self) -> tuple[str, ...]:
-        """Units of the outputs."""
-        return self.nominal.output_units
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """Names of the bodies."""
-        return self.nominal.bodies
-
-    @property
-    def parameters(self) -> Mapping[str, Array]:
-        """Values (n,) of the parameters that vary, by name."""
-        return self.values.by_name
-
-    def displacements(self, q: ArrayLike) -> dict[str, Array]:
-        """Return the displacements of the bodies in all variants, x_i = B'_i B''_i q.
-
-        Parameters
-        ----------
-        q : array-like, shape (m,) or (n, m)
-            Minimal coordinates [m, rad], the same for all variants or one set for each.
-
-        Returns
-        -------
-        dict of str to array, shape (n, 6)
-            Translation of each body's centre of mass [m] and its rotation [rad], world axes.
-
-        Raises
-        ------
-        ResponseError
-            If ``q`` does not have one entry for each coordinate.
-        """
-        vector = np.asarray(q)
-        if vector.shape not in ((self.dof,), (len(self), self.dof)):
-            raise ResponseError(f"displacements: q has shape {vector.shape}; expected ({self.dof},), or "
-                                f"({len(self)}, {self.dof}) with one set for each variant.")  # fmt: skip
-        motion = (self.body_motion @ vector.reshape(len(vector) if vector.ndim > 1 else 1, 1, self.dof, 1))[..., 0]
-        return {name: motion[:, i] for i, name in enumerate(self.bodies)}
 
     @cached_property
-    def _modes(self) -> BatchModes:
-        from mbsvib.modes import RTOL
-        from mbsvib.modes.batch import batch_modes
+    def basis(self) -> BatchBasis:
+        """What repeated questions share: the modes of all variants."""
+        from mbsvib.responses.batch import BatchBasis
 
-        return batch_modes(self, RTOL)
-
-    def _modes_within(self, rtol: float) -> BatchModes:
-        from mbsvib.modes.batch import batch_modes
-
-        return self._modes if float(self._modes.errors.max(initial=0.0)) <= rtol else batch_modes(self, rtol)
-
-    @cached_property
-    def _modal(self) -> BatchModes:
-        """The bases of the responses, as accurate as those of single systems."""
-        from mbsvib.modes.batch import batch_modes
-
-        known = self.__dict__.get("_modes")
-        if known is not None and float(known.errors.max(initial=0.0)) <= RESPONSE_RTOL:
-            return self._modes
-        return batch_modes(self, RESPONSE_RTOL)
+        return BatchBasis(self)
 
     def modes(self, rtol: float | None = None) -> BatchModes:
         """Return the modes of all variants.
@@ -177,8 +65,8 @@ class Batch:
             Eigenvalues, frequencies, damping ratios, shapes and error estimates with an axis of variants in front.
         """
         if rtol is None:
-            return self._modes
-        result = self._modes_within(rtol)
+            return self.basis.modes
+        result = self.basis.modes_within(rtol)
         late = np.flatnonzero(result.errors.max(axis=1, initial=0.0) > rtol)
         if len(late):
             warnings.warn(
@@ -209,11 +97,10 @@ class Batch:
             If a frequency is not finite, or is an undamped pole of a variant, by index.
         """
         from mbsvib.responses.batch import FEW, few_frequencies
-        from mbsvib.responses.frequency_response import _checked
 
-        w = _checked(omega)
+        w = angular(omega)
         if len(w) * self.dof <= FEW:
-            result = few_frequencies(self, self._modal, np.abs(w))
+            result = few_frequencies(self, self.basis.modal, np.abs(w))
             if np.isfinite(result).all():
                 result[..., w < 0.0] = result[..., w < 0.0].conj()
                 return result
@@ -279,18 +166,15 @@ class Batch:
 
     def _each(self, ask: Callable[[System], T]) -> list[T]:
         """Ask every variant, with the modes that were computed for all at once."""
-        modal = self._modal
+        modal = self.basis.modal
         result = []
         for i, system in enumerate(self):
-            system.__dict__["_modal"] = modal[i].damped  # where the system itself keeps them
+            system.basis.assume(modal[i].damped)
             try:
                 result.append(ask(system))
             except ResponseError as error:
                 raise ResponseError(f"variant {i}: {error}") from error
         return result
-
-    def __len__(self) -> int:
-        return self.values.count
 
     def __iter__(self) -> Iterator[System]:
         return (self[i] for i in range(len(self)))
@@ -304,46 +188,7 @@ class Batch:
     def __getitem__(self, i: int | slice) -> System | list[System]:
         if isinstance(i, slice):
             return [self[k] for k in range(*i.indices(len(self)))]
-        k = range(len(self))[i]
-        used = (self.stiffness[k] != 0.0) | (self.damping[k] != 0.0)
-        used &= self.elastic_rows[k].any(axis=1)
-        arrays = {name: getattr(self, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
-        arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "stiffness", "damping")}
-        return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
-
-    def piece(self, start: int, stop: int) -> Batch:
-        """Return some of the variants as a batch of their own, without copying anything.
-
-        Parameters
-        ----------
-        start, stop : int
-            The first variant, and the one behind the last.
-
-        Returns
-        -------
-        Batch
-            Variants start .. stop - 1.
-        """
-        if (start, stop) == (0, len(self)):
-            return self
-        arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS)}
-        closure = None if self.closure is None else self.closure[start:stop]
-        own = None if self.own is None else self.own[start:stop]
-        return replace(self, values=self.values.slice(start, stop), closure=closure, own=own, **arrays)
-
-    def _provenance(self, k: int) -> Provenance:
-        """That of the pose as given, on which the choice of coordinates rests, with the variant's own numbers."""
-        if self.own is not None:
-            return self.own[k]
-        given, values = self.nominal.provenance, self.values
-        parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in given.parts)
-        topology, reduction = given.topology, given.reduction
-        if values.varies((Joint,)):
-            own = [part for part in parts if isinstance(part, Joint)]
-            topology = replace(topology, joints=tuple(own))
-        if self.closure is not None:
-            reduction = replace(reduction, matrix=self.closure[k])
-        return replace(given, topology=topology, reduction=reduction, parts=parts)
+        return cast("System", super().__getitem__(i))
 
     def __repr__(self) -> str:
         return f"Batch({self.name!r}: {len(self)} variants, {self.dof} DOF)"

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, cast, overload
+from typing import TYPE_CHECKING, Literal, Self, overload
+
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.elements import Bushing, Spring
     from mbsvib.equilibrium.report import Equilibrium
 
     Chosen = Sequence[str | Spring | Bushing] | str | bool
 
 
-class Posed:
+class Posed(Mechanism):
     """Methods of ``Model`` that lead to other poses."""
 
     def moved(
         self, values: Mapping[str, float], *, relaxed: bool = False, cut: Sequence[str] | None = None
-    ) -> Model:
+    ) -> Self:
         """Return a new model in another pose: joints moved by finite amounts, loops closed.
 
         Everything that belongs to a body goes with it: joints and their axes, ends of springs, points of inputs,
@@ -52,24 +53,24 @@ class Posed:
         from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.moved import moved
 
-        there = moved(cast("Model", self), values, relaxed, cut)
-        check_couplers(cast("Model", self), there)
+        there = moved(self, values, relaxed, cut)
+        check_couplers(self, there)
         return there
 
     @overload
     def equilibrium(
         self, preload: Chosen | None = ..., *, report: Literal[False] = ..., snap: bool = ...,
         cut: Sequence[str] = ...,
-    ) -> Model: ...  # fmt: skip
+    ) -> Self: ...  # fmt: skip
 
     @overload
     def equilibrium(
         self, preload: Chosen | None = ..., *, report: Literal[True], snap: bool = ..., cut: Sequence[str] = ...
-    ) -> Equilibrium: ...
+    ) -> Equilibrium[Self]: ...
 
     def equilibrium(
         self, preload: Chosen | None = None, *, report: bool = False, snap: bool = False, cut: Sequence[str] = ()
-    ) -> Model | Equilibrium:
+    ) -> Self | Equilibrium[Self]:
         """Return a new model in equilibrium: where its loads take it, or with preloads that hold it in this pose.
 
         The pose is found by Newton's method on the exact equations, with the tangent K + K_g and loops closed at every
@@ -104,19 +105,13 @@ class Posed:
         ModelError
             If a name or pattern picks no spring, or a part cannot be taken to another pose.
         """
-        from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.search import equilibrium
 
-        model = cast("Model", self)
         if not preload:
-            hint = ("linearize takes the pose of a beam as the loaded one; model.equilibrium(preload=...) finds what "
-                    "holds it there")  # fmt: skip
-            model._refuse_composed("model.equilibrium", hint)
-            found = equilibrium(model, snap, cut)
+            found = equilibrium(self, snap, cut)
         else:
             from mbsvib.equilibrium.flexible_parts import held_as, stiffened
             from mbsvib.equilibrium.preloads import preloaded
 
-            found = held_as(model, equilibrium(preloaded(stiffened(model), preload), snap, cut))
-        check_couplers(model, found.model)
+            found = held_as(self, equilibrium(preloaded(stiffened(self), preload), snap, cut))
         return found if report else found.model

@@ -3,46 +3,42 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
+
+from mbsvib.equations.equations import Equations
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.basis import Basis
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.matrices import MatrixDerivatives
-    from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.norms import Norm
     from mbsvib.sensitivities.shapes import ModeSensitivities
-    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
 
     Ports = str | Sequence[str] | None
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
-class Sensitive:
+class Sensitive(Equations):
     """Sensitivities of everything that a system answers, to every number that it was made of."""
 
     @cached_property
-    def _network(self) -> Network:
-        from mbsvib.sensitivities.adjoint_fields import complete_network
+    def basis(self) -> Basis:
+        """What repeated questions share: modes and what is made of them, computed when first asked for."""
+        from mbsvib.responses.basis import Basis
 
-        return complete_network(cast("System", self))
-
-    @cached_property
-    def _bare_network(self) -> Network:
-        from mbsvib.sensitivities.network import bare
-
-        return self._network if self._network.bare else bare(cast("System", self))
+        return Basis(self)
 
     @cached_property
-    def _spectrum(self) -> tuple[Spectrum, Pairs]:
-        from mbsvib.sensitivities.spectrum import spectrum
+    def sensitivity_basis(self) -> SensitivityBasis:
+        """What all sensitivities share: the network of connections and the vectors of eigenvalues."""
+        from mbsvib.sensitivities.basis import SensitivityBasis
 
-        found = spectrum(cast("System", self))
-        return found, found.pairs()
+        return SensitivityBasis(self.basis)
 
     def eigenvalue_sensitivities(self, parameters: Asked = None) -> Complex:
         """Return the derivatives of all eigenvalues to parameters.
@@ -70,7 +66,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import eigenvalue_sensitivities
 
-        return eigenvalue_sensitivities(cast("System", self), parameters)
+        return eigenvalue_sensitivities(self.sensitivity_basis, parameters)
 
     def frequency_response_sensitivities(
         self, omega: ArrayLike, parameters: Asked = None, inputs: str | Sequence[str] | None = None,
@@ -106,7 +102,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import frequency_response_sensitivities
 
-        return frequency_response_sensitivities(cast("System", self), omega, parameters, inputs, outputs)
+        return frequency_response_sensitivities(self.sensitivity_basis, omega, parameters, inputs, outputs)
 
     def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
         """Return the derivatives of M, C, K, B, Cq, Cv, Ca and D to parameters.
@@ -128,7 +124,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import matrix_derivatives
 
-        return matrix_derivatives(cast("System", self), parameters)
+        return matrix_derivatives(self.sensitivity_basis, parameters)
 
     def mode_sensitivities(self, parameters: Asked = None) -> ModeSensitivities:
         """Return the derivatives of natural frequencies, damping ratios and mode shapes to parameters.
@@ -151,7 +147,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import mode_sensitivities
 
-        return mode_sensitivities(cast("System", self), parameters)
+        return mode_sensitivities(self.sensitivity_basis, parameters)
 
     def compliance_sensitivities(
         self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
@@ -179,7 +175,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import frequency_response_sensitivities
 
-        found = frequency_response_sensitivities(cast("System", self), [0.0], parameters, inputs, outputs)
+        found = frequency_response_sensitivities(self.sensitivity_basis, [0.0], parameters, inputs, outputs)
         return found[..., 0].real
 
     def time_response_sensitivities(
@@ -215,7 +211,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import time_response_sensitivities
 
-        return time_response_sensitivities(cast("System", self), t, u, parameters, hold, initial)
+        return time_response_sensitivities(self.sensitivity_basis, t, u, parameters, hold, initial)
 
     def h2_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
         """Return the H2 norm of the frequency response, the rms under white noise, with its derivatives.
@@ -243,7 +239,7 @@ class Sensitive:
         """
         from mbsvib.sensitivities import h2_norm
 
-        return h2_norm(cast("System", self), parameters, inputs, outputs)
+        return h2_norm(self.sensitivity_basis, parameters, inputs, outputs)
 
     def hinf_norm(self, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
         """Return the highest peak of the frequency response (its largest singular value), with its derivatives.
@@ -271,4 +267,4 @@ class Sensitive:
         """
         from mbsvib.sensitivities import hinf_norm
 
-        return hinf_norm(cast("System", self), parameters, inputs, outputs)
+        return hinf_norm(self.sensitivity_basis, parameters, inputs, outputs)

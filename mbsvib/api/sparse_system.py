@@ -2,30 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NoReturn
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
+from mbsvib.api.system import System
 from mbsvib.errors import ResponseError, counted
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
-    from scipy.sparse import csr_matrix
+    from numpy.typing import ArrayLike
 
-    from mbsvib.api.model import Model
     from mbsvib.api.system import System
-    from mbsvib.common.arrays import Array, Complex, Index
-    from mbsvib.equations.controllable_part import Dropped
-    from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.mechanism.topology import Topology
+    from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib.sparse.constraints import Constraints
-    from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.modes import SomeModes
-    from mbsvib.sparse.tableau import Tableau
-    from mbsvib.sparse.tree import Tree
 
 
 _MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
@@ -33,7 +25,7 @@ _SAY_DENSE = "system.reduced(k) has matrices of the k lowest modes, linearize(me
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SparseSystem:
+class SparseSystem(SparseEquations):
     """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
 
     Names and units are those of ``System``. ``joint_coordinates`` are all coordinates of the spanning tree, the
@@ -46,53 +38,6 @@ class SparseSystem:
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
     redundant constraints leave open of the forces in joints that are outputs.
     """
-
-    name: str
-    joint_coordinates: tuple[str, ...]
-    inputs: tuple[str, ...]
-    input_units: tuple[str, ...]
-    outputs: tuple[str, ...]
-    output_units: tuple[str, ...]
-    bodies: tuple[str, ...]
-    springs: tuple[str, ...]
-    topology: Topology = field(repr=False)
-    structure: Tree = field(repr=False)
-    constraints: Constraints = field(repr=False)
-    layout: Layout = field(repr=False)
-    tableau: Tableau = field(repr=False)
-    elastic_rows: csr_matrix
-    loop_rows: csr_matrix
-    inertia_factor: csr_matrix
-    stiffness: Array
-    damping: Array
-    row_owner: Index
-    input_rows: csr_matrix
-    output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]
-    D: Array
-    model: Model = field(repr=False)
-    dropped: Dropped | None = None
-    loading: tuple[str, ...] = ()
-    undetermined: tuple[Undetermined, ...] = ()
-
-    @property
-    def dof(self) -> int:
-        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops."""
-        return len(self.joint_coordinates) - len(self.layout.multiplier)
-
-    @property
-    def tree(self) -> tuple[str, ...]:
-        """Names of the joints of the spanning tree, from ground outwards."""
-        return self.topology.tree
-
-    @property
-    def cut_joints(self) -> tuple[str, ...]:
-        """Names of the joints at which loops are cut."""
-        return self.topology.cut_joints
-
-    @property
-    def redundant(self) -> tuple[str, ...]:
-        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
-        return tuple(name for group in self.constraints.groups for name in group.redundant)
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> SomeModes:
         """Return some of the modes: the lowest ones, or those nearest to a frequency.
@@ -125,7 +70,7 @@ class SparseSystem:
                 f"wanted, modes(10), or modes(10, near=f) around a frequency. For all of them: "
                 f"linearize(method='dense')."
             )
-        result = modes(self, count, near)
+        result = modes(self, count, near, System)
         if rtol is not None:
             result.check_accuracy(rtol)
         return result
@@ -224,7 +169,7 @@ class SparseSystem:
         ResponseError
             If the modes are not the lowest, or lack free motions, and a correction is asked for.
         """
-        small = self.modes(count, near=near).reduced
+        small = cast("System", self.modes(count, near=near).reduced)
         if not correction:
             return small
         if near:
@@ -319,23 +264,6 @@ class SparseSystem:
         if modes is None:
             self._refuse("time_response", "time_response(t, u, modes=k)")
         return self.reduced(modes).time_response(t, u, hold)
-
-    def without_rows(self, gone: NDArray[np.bool_]) -> SparseSystem:
-        """Return the system with the stiffness of some elastic rows taken away.
-
-        Parameters
-        ----------
-        gone : array, shape (rows,)
-            Mask of the rows.
-
-        Returns
-        -------
-        SparseSystem
-            The same unknowns, less stiffness.
-        """
-        from mbsvib.sparse.assembly import with_stiffness
-
-        return with_stiffness(self, self.stiffness * ~gone)
 
     def explain(self) -> str:
         """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from mbsvib.api.sensitivities import Sensitive
-from mbsvib.common.expected import real
-from mbsvib.equations.equations import Equations, Provenance
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import counted
 
 if TYPE_CHECKING:
@@ -19,18 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.explain.energy_shares import StiffnessShares
     from mbsvib.modes import Modes
-    from mbsvib.modes.damped import Damped
-    from mbsvib.modes.general import General
-    from mbsvib.responses.energy_schur import EnergySchur
-    from mbsvib.responses.modal_sum import ModalSum
-    from mbsvib.responses.rounding import Changes, Noise
     from mbsvib.responses.state_space import StateSpace
-
-
-__all__ = ["RESPONSE_RTOL", "Provenance", "System"]
-
-# Responses want the modes as accurate as they come without effort; what falls short is used nevertheless.
-RESPONSE_RTOL = 1e-13
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -40,65 +27,6 @@ class System(Sensitive, Equations):
     Matrices, factors and names are those of ``Equations``; modes are kept once they are known, and what asks for them
     again does not pay.
     """
-
-    @cached_property
-    def _modes(self) -> Modes:
-        from mbsvib.modes import RTOL, modes
-
-        return modes(self, RTOL, clean=False)
-
-    def _modes_within(self, rtol: float) -> Modes:
-        from mbsvib.modes import modes
-
-        rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
-        good = float(self._modes.errors.max(initial=0.0)) <= rtol
-        return self._modes if good else modes(self, rtol, clean=False)
-
-    @cached_property
-    def _clean_modes(self) -> Modes:
-        """For responses: near a resonance an error of a frequency counts 1 / (2 damping ratio) times, one of a shape at
-        once.
-        """
-        from mbsvib.modes import modes
-
-        result = self._modes
-        good = max(result.mixed, float(result.errors.max(initial=0.0))) <= RESPONSE_RTOL
-        return result if good else modes(self, RESPONSE_RTOL)
-
-    @cached_property
-    def _modal(self) -> Damped | General:
-        """The basis of the responses."""
-        return self._clean_modes.damped
-
-    @cached_property
-    def _modal_sum(self) -> ModalSum:
-        from mbsvib.responses.modal_sum import modal_sum
-
-        return modal_sum(self, self._modal)
-
-    @cached_property
-    def _schur(self) -> EnergySchur:
-        from mbsvib.responses.energy_schur import energy_schur
-
-        return energy_schur(cast("Damped", self._modal))
-
-    @cached_property
-    def _strong_dampers(self) -> Array | None:
-        from mbsvib.responses.frequency_response import strong_dampers
-
-        return strong_dampers(self, cast("Damped", self._modal))
-
-    @cached_property
-    def _noise(self) -> Noise:
-        from mbsvib.responses.rounding import Noise
-
-        return Noise.of(self, cast("Damped", self._modal))
-
-    @cached_property
-    def _changes(self) -> tuple[Changes, Changes]:
-        from mbsvib.responses.rounding import Changes
-
-        return Changes.of(self, cast("Damped", self._modal))
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
         """Return modes: eigenvalues, frequencies, damping ratios, shapes and error estimates.
@@ -123,7 +51,7 @@ class System(Sensitive, Equations):
         ResponseError
             If ``count`` is no positive whole number, or ``near`` or ``rtol`` no number.
         """
-        result = self._modes if rtol is None else self._modes_within(rtol)
+        result = self.basis.modes if rtol is None else self.basis.modes_within(rtol)
         if count is not None:
             result = result.nearest(count, near)
         if rtol is not None:
@@ -152,7 +80,7 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.frequency_response import frequency_response
 
-        return frequency_response(self, omega)
+        return frequency_response(self.basis, omega)
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
@@ -182,7 +110,7 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.time_response import time_response
 
-        return time_response(self, t, u, hold, initial)
+        return time_response(self.basis, t, u, hold, initial)
 
     def poles(self) -> Complex:
         """Return the poles: all 2m eigenvalues, (lambda^2 M + lambda C + K) phi = 0, as accurate as responses need.
@@ -193,7 +121,7 @@ class System(Sensitive, Equations):
             Poles [1/s] in pairs but for those of massless motions, in ascending natural frequency; 0 for rigid-body
             modes.
         """
-        return self._clean_modes.eigenvalues.copy()
+        return self.basis.poles.copy()
 
     def transmission_zeros(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
@@ -220,7 +148,7 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.transmission_zeros import transmission_zeros
 
-        return transmission_zeros(self, inputs, outputs)
+        return transmission_zeros(self.basis, inputs, outputs)
 
     def frequency_grid(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
@@ -251,7 +179,7 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.frequency_grid import frequency_grid
 
-        return frequency_grid(self, inputs, outputs, n, f_min=f_min, f_max=f_max)
+        return frequency_grid(self.basis, inputs, outputs, n, f_min=f_min, f_max=f_max)
 
     def reachable(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
@@ -302,7 +230,7 @@ class System(Sensitive, Equations):
         """
         from mbsvib.responses.state_space import state_space
 
-        return state_space(self.reachable() if reachable else self, realization)
+        return state_space((self.reachable() if reachable else self).basis, realization)
 
     @property
     def reactions(self) -> dict[str, Array]:
@@ -337,13 +265,13 @@ class System(Sensitive, Equations):
         """
         from mbsvib.explain.energy_shares import stiffness_shares
 
-        return stiffness_shares(self, modes)
+        return stiffness_shares(self.basis, modes)
 
     def explain(self) -> str:
         """Return in words how the equations came about: topology, loops, rank decisions, and what was skipped."""
         from mbsvib.explain.dense import explain
 
-        return explain(self)
+        return explain(self, self.basis)
 
     def _repr_html_(self) -> str:
         from mbsvib.plots import notebook

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -16,46 +16,42 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
+
+T = TypeVar("T")
 
 # Squares of frequencies times large stiffness are to stay below 1e308.
 HIGHEST = 1e100
 
 
-def a_model(value: Any, caller: str, field: str = "model") -> Model:
+def a_model(value: T, caller: str, field: str = "model") -> T:
     """Return ``value`` if it is a model."""
-    from mbsvib.api.model import Model
-
-    if isinstance(value, Model):
+    if kind_of(value) == "model":
         return value
-    hint = "Give the model that was linearized." if hasattr(value, "provenance") or _variants(value) else \
+    hint = "Give the model that was linearized." if kind_of(value) in ("system", "sparse system", "batch") else \
         "Read files by mv.load." if isinstance(value, str) else ""  # fmt: skip
     raise _refuse(ModelError, value, caller, field, "a Model", hint)
 
 
-def a_system(value: Any, caller: str, field: str = "system") -> System:
+def a_system(value: T, caller: str, field: str = "system") -> T:
     """Return ``value`` if it is a system with dense equations."""
-    from mbsvib.api.system import System
-
-    if isinstance(value, System):
+    if kind_of(value) == "system":
         return value
     raise _refuse(ResponseError, value, caller, field, "a System", way_to_system(value))
 
 
 def way_to_system(value: Any) -> str:
     """Say what to do with something else than a system."""
-    if hasattr(value, "with_values"):
+    if kind_of(value) == "model":
         return "Give model.linearize()."
-    if _variants(value):
+    if kind_of(value) == "batch":
         return "Give one of the variants, batch[0]."
     return "It is what model.linearize() returns."
 
 
-def _variants(value: Any) -> bool:
-    from mbsvib.api.batch import Batch
-
-    return isinstance(value, Batch)
+def kind_of(value: Any) -> str | None:
+    """Return what an object of mbsvib is: "model", "system", "sparse system" or "batch"; None of all others."""
+    kind = getattr(type(value), "kind", None)
+    return kind if isinstance(kind, str) else None
 
 
 def _refuse(

@@ -13,7 +13,7 @@ import numpy as np
 from mbsvib.elements import beam_element as element
 from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.beam import Beam, moved
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.body import Body
 from mbsvib.elements.shared_rows import Node, Piece
 
@@ -71,23 +71,44 @@ def modal_damper(beam: Beam) -> Piece:
 
     C = sum over its elastic modes of 2 zeta omega M phi phi^T M = 2 zeta / omega^3 K phi phi^T K
 
-    K acts on deformations only, so that no rigid-body motion of the beam is damped.
+    K acts on deformations only, so that no rigid-body motion of the beam is damped. With mass rows W that see rigid
+    motions as W_r and deformations as W_e, 1 / omega are the singular values of (1 - Q Q^T) W_e K^-1/2, W_r = Q R.
     """
-    from mbsvib.api.model import Model
-    from mbsvib.modes.undamped import undamped
-
-    alone = Model(beam.name)
-    alone._composed[beam.name] = moved(beam, a=None, b=None, alpha=0.0, beta=0.0, damping_ratio=0.0)
-    system = alone.linearize(method="dense")
-    modes = undamped(system, 1e-10)
     frames = beam.frames()
     k = np.array([element.stiffness(length, beam.properties, beam.material, beam.shear) for length, _ in frames])
-    forces = (modes.shapes[: k.size, modes.rigid :] * k.reshape(-1, 1)).T
+    rows = _free_mass_rows(beam)
+    rigid = np.linalg.qr(rows[:, :6])[0]
+    elastic = rows[:, 6:] / np.sqrt(k.reshape(-1))
+    elastic -= rigid @ (rigid.T @ elastic)
+    _, period, modes = np.linalg.svd(elastic, full_matrices=False)
+    order = np.argsort(-period, kind="stable")
+    omega = 1.0 / period[order]
+    forces = modes[order] * np.sqrt(k.reshape(-1)) * omega[:, None]
     matrix = np.concatenate([turned(forces[:, 6 * i : 6 * i + 6], axes) for i, (_, axes) in enumerate(frames)], axis=1)
     nodes = tuple([
         Node(beam.node(i + 1), middle(beam, i), against=beam.node(i)) for i in range(len(frames))
     ])  # fmt: skip
-    return Piece(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / modes.omega[modes.rigid :] ** 3)
+    return Piece(beam.name, nodes, matrix, damping=2.0 * beam.damping_ratio / omega**3)
+
+
+def _free_mass_rows(beam: Beam) -> Array:
+    """Mass rows of the beam left to itself: on its rigid-body motion, then on the deformations of its elements."""
+    frames, count = beam.frames(), len(beam.points)
+    motion = np.zeros((count, 6, 6 * count))
+    motion[0, :, :6] = np.eye(6)
+    for i, (_, axes) in enumerate(frames):
+        start, end, at = (np.array(point) for point in (beam.points[i], beam.points[i + 1], middle(beam, i)))
+        motion[i + 1] = _carried(end - start) @ motion[i]
+        motion[i + 1, :, 6 * i + 6 : 6 * i + 12] = _carried(end - at) @ np.kron(np.eye(2), np.array(axes))
+    return np.concatenate([piece.matrix @ motion[i : i + 2].reshape(12, -1) for i, piece in enumerate(masses(beam))])
+
+
+def _carried(arm: Array) -> Array:
+    """The motion of a point that a rigid body carries at ``arm`` from another: u + theta x arm, theta."""
+    x, y, z = arm
+    result = np.eye(6)
+    result[:3, 3:] = ((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0))
+    return result
 
 
 def turned(rows: Array, axes: Matrix3) -> Array:

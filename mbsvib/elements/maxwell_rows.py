@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,6 @@ from mbsvib.elements.rows import Rows, columns
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
 
@@ -32,31 +30,13 @@ class Slide(Joint):
     __slots__ = ()
 
 
-def with_nodes(model: Model) -> Model:
-    """Return a model with the nodes of its Maxwell elements among its bodies, and what they slide on among its joints.
-
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-
-    Returns
-    -------
-    Model
-        The same model if it has no Maxwell element.
-    """
-    springs: Iterable[Part] = model.springs.values()
-    found = [part for part in springs if isinstance(part, Maxwell)]
-    if not found:
-        return model
-    plain = copy(model)
-    plain._topology = None
-    plain._bodies = model._bodies | {part.node: Node(part.node, 0.0, (0.0,) * 6, part.end) for part in found}
-    plain._joints = model._joints | {part.name: _slide(part) for part in found}
-    return plain
+def node_body(part: Maxwell) -> Node:
+    """Return the massless body between the spring and the damper of a Maxwell element."""
+    return Node(part.node, 0.0, (0.0,) * 6, part.end)
 
 
-def _slide(part: Maxwell) -> Slide:
+def slide(part: Maxwell) -> Slide:
+    """Return the joint that lets the node of a Maxwell element slide along its line."""
     plain = _joint.make(part.name, "prismatic", part.second, part.node, part.end, None, part.line, None, None, None)
     return Slide(*(getattr(plain, item.name) for item in fields(plain)))
 

@@ -6,7 +6,10 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from mbsvib.common.arguments import Vector
 
 
 def derived(default: Any = None) -> Any:
@@ -34,6 +37,11 @@ class Part:
 def _given(kind: Any) -> tuple[tuple[str, Any], ...]:
     """Name and default of all fields that do not follow from the others."""
     return tuple((item.name, item.default) for item in fields(kind) if not item.metadata.get("derived"))
+
+
+def defaults(kind: type[Part]) -> dict[str, Any]:
+    """Return the words of a kind of part that have a default, with this default."""
+    return {name: default for name, default in _given(kind) if default is not MISSING}  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +97,16 @@ class Numbered(Part):
 @dataclass(frozen=True, slots=True)
 class Composed(Numbered):
     """A part that becomes several bodies, joints and springs when equations are made, such as a beam."""
+
+    @property
+    @abstractmethod
+    def node_names(self) -> dict[str, Vector]:
+        """Names of its own nodes, which are bodies, and where they are [m]."""
+
+    @property
+    @abstractmethod
+    def element_names(self) -> tuple[str, ...]:
+        """Names of its elements that carry forces."""
 
     @property
     @abstractmethod

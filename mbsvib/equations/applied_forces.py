@@ -11,8 +11,8 @@ from mbsvib.equations.reactions import carriers, skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.reactions import Carriers
+    from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrenches import Applied
 

@@ -15,20 +15,20 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arguments import Vector
     from mbsvib.elements import BaseMotion
+    from mbsvib.mechanism.mechanism import Mechanism
 
 # sine of the angle between two directions, below which they count as one
 PARALLEL = 1e-12
 
 
-def check_turning(model: Model, source: BaseMotion) -> None:
+def check_turning(model: Mechanism, source: BaseMotion) -> None:
     """Refuse a ground that turns under what does not turn with it.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     source : BaseMotion
         One of its base motions.
@@ -53,7 +53,7 @@ def check_turning(model: Model, source: BaseMotion) -> None:
             )  # fmt: skip
 
 
-def _fixed_in_world(model: Model) -> Iterator[tuple[str, Vector, str]]:
+def _fixed_in_world(model: Mechanism) -> Iterator[tuple[str, Vector, str]]:
     """What it is, its direction, and what to do without it."""
     if model.gravity is not None and any(model.gravity):
         yield f"gravity acts along {model.gravity}", model.gravity, "Turn about that direction only, leave gravity out"

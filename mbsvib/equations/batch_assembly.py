@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.api.batch import FACTORS, Batch
 from mbsvib.elements import Body
+from mbsvib.elements.refusal import refuse_composed
 from mbsvib.equations import assembly as single
+from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import moves_geometry, varied
 from mbsvib.equations.batch_loops import Pivots, pivots, reduce_batch
 from mbsvib.equations.batch_values import checked
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.equations import MATRICES, Equations
 from mbsvib.equations.inertia import check_mass
+from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.wrenches import is_loaded
 from mbsvib.errors import ModelError
 
@@ -22,11 +25,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
+    from mbsvib.mechanism.mechanism import Mechanism
 
+
+B = TypeVar("B", bound=BatchEquations)
 
 # Pieces of a batch whose largest array has this many numbers stay in the second-level cache.
 PIECE = 2**16
@@ -35,25 +40,28 @@ SUSPECT_MASS = 1e-12
 
 
 def linearize_batch(
-    model: Model, values: Mapping[str, ArrayLike], independent: Sequence[str] | None = None,
-    cut: Sequence[str] | None = None,
-) -> Batch:  # fmt: skip
+    model: Mechanism, values: Mapping[str, ArrayLike], independent: Sequence[str] | None = None,
+    cut: Sequence[str] | None = None, form: type[Equations] = Equations,
+    batch: type[B] = BatchEquations,  # type: ignore[assignment]
+) -> B:  # fmt: skip
     """Return the minimal linear equations of motion of many variants of a model.
 
     M_i q'' + C_i q' + K_i q = B_i u,  y = Cq_i q + Cv_i q' + Ca_i q'' + D_i u
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     values : mapping of str to array-like, shape (n,) or ()
         Values of parameters, by name or by a pattern that picks several.
     independent, cut : sequence of str, optional
         As for a single linearization.
+    form, batch : type
+        The classes of single equations, and of all.
 
     Returns
     -------
-    Batch
+    BatchEquations
         All variants, in the minimal coordinates of the pose as given.
 
     Raises
@@ -63,18 +71,20 @@ def linearize_batch(
     SingularPoseError
         If a variant has another number of degrees of freedom, by index.
     """
+    refuse_composed(model.composed.values(), "linearize(values=...)",
+                    "linearize variants one by one, with model.with_values")  # fmt: skip
     for rotor in model.rotors:
         raise ModelError(f"values: rotor '{rotor}' spins, which batches do not support yet; linearize the variants one "
                          f"by one, with model.with_values.", element=rotor, field="values")  # fmt: skip
     parameters = model.parameters
     variants = checked(parameters, values)
-    scene = single.scene(model, cut)
+    scene = scene_of(with_maxwell_nodes(model), cut)
     loaded = is_loaded(model)
     for row, *_ in () if loaded else scene.port.wrench_outputs:
         name = list(model.outputs)[row]
         raise ModelError(f"output '{name}': batches do not support forces in joints, or sums of forces, yet; linearize "
                          f"the variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
-    nominal = single.system(model, scene, independent)
+    nominal = single.assembled(model, scene, independent, form=form)
     if nominal.provenance.massless is not None:
         what = nominal.provenance.massless
         name = (what.condensed + what.first_order)[0]
@@ -83,7 +93,7 @@ def linearize_batch(
     if loaded:
         from mbsvib.equations.batch_loaded import loaded_batch
 
-        return loaded_batch(model, nominal, variants, cut)
+        return loaded_batch(model, nominal, variants, cut, batch)
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
     pieces = [
@@ -99,7 +109,7 @@ def linearize_batch(
     closure = None
     if pieces[0]["closure"] is not None:
         closure = np.concatenate([piece["closure"] for piece in pieces])
-    return Batch(nominal, variants, closure, **arrays)
+    return batch(nominal, variants, closure, **arrays)
 
 
 def _depth(key: str) -> int:
@@ -115,7 +125,7 @@ def _piece(scene: Scene, values: Values) -> int:
 
 
 def _matrices(
-    model: Model, scene: Scene, values: Values, chosen: Pivots, first: int, names: tuple[str, ...]
+    model: Mechanism, scene: Scene, values: Values, chosen: Pivots, first: int, names: tuple[str, ...]
 ) -> dict[str, Any]:
     """The matrices of some variants; those that do not vary without an axis of variants."""
     scene = varied(model, scene, values)

@@ -11,8 +11,8 @@ from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.couplers import couplings
 
 if TYPE_CHECKING:
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.couplers import Couplings
 
 

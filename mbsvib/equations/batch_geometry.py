@@ -17,21 +17,21 @@ from mbsvib.mechanism.topology import FLOATS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.ports import Ports
+    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.relative_motion import Twists
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
-def varied(model: Model, scene: Scene, values: Values) -> Scene:
+def varied(model: Mechanism, scene: Scene, values: Values) -> Scene:
     """Return the mechanism in numbers, in all variants.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism, for its inputs and outputs.
     scene : Scene
         The same in numbers, as it is.
@@ -143,7 +143,7 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
     return replace(cuts, rows=Rows(cuts.rows.first, cuts.rows.second, point, force, moment), couplings=couplings)
 
 
-def _ports(model: Model, port: Ports, count: int, moved: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
+def _ports(model: Mechanism, port: Ports, count: int, moved: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
     """Ports without a position are at the centre of mass of their body."""
     if not moved:
         return port

@@ -5,42 +5,50 @@ Rows of geometric stiffness that one variant has and another has not are zero ro
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.api.batch import FACTORS, Batch
 from mbsvib.equations import assembly as single
+from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.scene import scene as scene_of
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.equations import Equations
+    from mbsvib.mechanism.mechanism import Mechanism
+
+B = TypeVar("B", bound=BatchEquations)
 
 ROWS = ("elastic_rows", "stiffness", "damping")
 
 
-def loaded_batch(model: Model, nominal: System, variants: Values, cut: Sequence[str] | None) -> Batch:
+def loaded_batch(
+    model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, batch: type[B]
+) -> B:
     """Return a batch of a loaded model, whose variants are linearized one after the other.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
-    nominal : System
+    nominal : Equations
         Its equations in the pose as given.
     variants : Values
         What varies.
     cut : sequence of str or None
         Joints at which loops are to be cut.
+    batch : type
+        The class of the batch.
 
     Returns
     -------
-    Batch
+    BatchEquations
         All variants, in the minimal coordinates of the pose as given.
 
     Raises
@@ -52,7 +60,8 @@ def loaded_batch(model: Model, nominal: System, variants: Values, cut: Sequence[
     for i in range(variants.count):
         try:
             variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
-            found = single.system(variant, single.scene(variant, cut), nominal.coordinates, variant)
+            scene = scene_of(with_maxwell_nodes(variant), cut)
+            found: Equations = single.assembled(variant, scene, nominal.coordinates, variant)
         except MbsvibError as error:
             error.args = (f"variant {i}: {error}", *error.args[1:])
             raise
@@ -74,6 +83,6 @@ def loaded_batch(model: Model, nominal: System, variants: Values, cut: Sequence[
         owner = each.row_owner[order]
         place = start[owner] + np.arange(len(owner)) - np.searchsorted(owner, owner)
         rows[i, place], values[i, place], damping[i, place] = (getattr(each, key)[order] for key in ROWS)
-    return Batch(nominal, variants, None, elastic_rows=rows, stiffness=values, damping=damping,
+    return batch(nominal, variants, None, elastic_rows=rows, stiffness=values, damping=damping,
                  row_owner=np.repeat(np.arange(width), most), own=tuple(each.provenance for each in systems),
                  **arrays)  # fmt: skip

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Cuts, LoopGroup
     from mbsvib.kinematics.relative_motion import Twists
 

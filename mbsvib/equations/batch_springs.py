@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.batch_values import Values
+    from mbsvib.equations.scene import Scene
 
 
 def stacked(array: Array, count: int) -> Array:

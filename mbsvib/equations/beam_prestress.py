@@ -23,6 +23,7 @@ from mbsvib.elements import beam_element as element
 from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import middle, turned
 from mbsvib.elements.shared_rows import Node, Piece
+from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 
 # Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
 NOISE = 1e-14
@@ -33,11 +34,11 @@ STRAINED = 1e-11
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Load
     from mbsvib.elements.beam import Beam
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 def weights(beam: Beam, gravity: Vector) -> list[Load]:
@@ -65,12 +66,12 @@ def weights(beam: Beam, gravity: Vector) -> list[Load]:
     ]  # fmt: skip
 
 
-def carried(model: Model, beams: Sequence[Beam]) -> dict[str, Bushing]:
+def carried(model: Mechanism, beams: Sequence[Beam]) -> dict[str, Bushing]:
     """Return the elements of loaded beams with what they carry as preload.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism in plain parts, its elements without preload.
     beams : sequence of Beam
         Its beams.
@@ -80,12 +81,13 @@ def carried(model: Model, beams: Sequence[Beam]) -> dict[str, Bushing]:
     dict of str to Bushing
         The elements by name, in the order of the beams.
     """
-    from mbsvib.equations.assembly import matrices, scene
+    from mbsvib.equations.assembly import matrices
     from mbsvib.equations.loaded import load
+    from mbsvib.equations.scene import scene
     from mbsvib.kinematics.loops import reduce
     from mbsvib.kinematics.relative_motion import arm
 
-    view = scene(model)
+    view = scene(with_maxwell_nodes(model))
     relative = view.relative()
     reduction = reduce(view.coordinates, view.cuts, view.closure(relative),
                        arms=partial(arm, view.topology, view.position))  # fmt: skip

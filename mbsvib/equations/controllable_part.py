@@ -8,11 +8,12 @@ what is left, and nothing is decided by size.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mbsvib.common.expected import names
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError, nearest
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.equations import Equations
 
     Mask = NDArray[np.bool_]
 
@@ -41,6 +42,9 @@ class Dropped:
     def names(self) -> tuple[str, ...]:
         """All that was left out."""
         return self.unreached + self.unseen
+
+
+E = TypeVar("E", bound=Equations)
 
 
 def chosen(known: tuple[str, ...], asked: str | Sequence[str] | None, what: str, name: str) -> list[int]:
@@ -99,20 +103,20 @@ def parts(*matrices: Array) -> Index:
 
 
 def reachable(
-    system: System, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
-) -> System:
+    system: E, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+) -> E:
     """Return the system of what asked inputs reach and asked outputs see, with these ports only.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     inputs, outputs : str or sequence of str, optional
         Names of ports; default: all.
 
     Returns
     -------
-    System
+    Equations
         The same equations without the other coordinates.
 
     Raises
@@ -132,11 +136,11 @@ def reachable(
     return _part(system, np.flatnonzero(kept), i, o, gone)
 
 
-def _names(system: System, mask: Mask) -> tuple[str, ...]:
+def _names(system: Equations, mask: Mask) -> tuple[str, ...]:
     return tuple(system.coordinates[k] for k in np.flatnonzero(mask))
 
 
-def _part(system: System, kept: Index, inputs: list[int], outputs: list[int], gone: Dropped) -> System:
+def _part(system: E, kept: Index, inputs: list[int], outputs: list[int], gone: Dropped) -> E:
     i, o = np.array(inputs), np.array(outputs)
     square = np.ix_(kept, kept)
     rows = system.elastic_rows[:, kept]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
     from mbsvib.equations.controllable_part import Dropped
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
     from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameters
     from mbsvib.mechanism.topology import Topology
 
@@ -48,7 +48,7 @@ class Provenance:
     statics: Statics | None = None
     dropped: Dropped | None = None
     ports: tuple[Part, ...] = ()
-    origin: Model | None = None
+    origin: Mechanism | None = None
     planar: bool = False
     settled: bool = False
     undetermined: tuple[Undetermined, ...] = ()
@@ -72,6 +72,8 @@ class Equations:
     and there are 2m - massless eigenvalues. Massless motions that no damper feels are not among the coordinates: they
     follow from statics, and what inputs do to them at once is in D (``explain()`` names them).
     """
+
+    kind: ClassVar[str] = "system"
 
     name: str
     coordinates: tuple[str, ...]

@@ -24,15 +24,15 @@ from mbsvib.kinematics.mobility import crossed_product
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.equations.assembly import Scene
     from mbsvib.equations.reactions import Carriers, Reactions
+    from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress, Undetermined
     from mbsvib.equations.statics import Statics
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
+    from mbsvib.mechanism.mechanism import Mechanism
 
 @dataclass(frozen=True, slots=True)
 class _Motion:
@@ -48,14 +48,14 @@ class _Motion:
 
 
 def joint_force_rows(
-    model: Model, scene: Scene, relative: Triplets, reduction: Reduction, found: Mapping[str, Any],
+    model: Mechanism, scene: Scene, relative: Triplets, reduction: Reduction, found: Mapping[str, Any],
     statics: Statics | None,
 ) -> tuple[Undetermined, ...]:  # fmt: skip
     """Fill in the rows of outputs that are forces in joints, or all forces on a body or the ground.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism, for names.
     scene : Scene
         The same in numbers.
@@ -95,7 +95,7 @@ def joint_force_rows(
     if change is not None:
         elastic = elastic + change.on_bodies
     gyroscopic = np.zeros_like(inertia)
-    if model._rotors:
+    if model.rotors:
         elastic = elastic + _of_rotating_dampers(model, scene, found["body_motion"], position)
         gyroscopic = _of_rotors(model, scene, still)
     parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia, "D": sources + base}
@@ -147,7 +147,7 @@ def _sum(
         found["Cq"][row] = wrench @ change.of_loads
 
 
-def _of_rotors(model: Model, scene: Scene, motion: Array) -> Array:
+def _of_rotors(model: Mechanism, scene: Scene, motion: Array) -> Array:
     """What turning the axes of rotors does to the bodies that carry them, (6, bodies + 1, m) per unit of q'."""
     from mbsvib.equations.spin_terms import momenta
 
@@ -157,7 +157,7 @@ def _of_rotors(model: Model, scene: Scene, motion: Array) -> Array:
     return result
 
 
-def _of_rotating_dampers(model: Model, scene: Scene, motion: Array, position: Array) -> Array:
+def _of_rotating_dampers(model: Mechanism, scene: Scene, motion: Array, position: Array) -> Array:
     """What dampers that turn along with spinning bodies do to these on that account, per unit of q."""
     from mbsvib.equations.spin_terms import rotating_dampers
 

@@ -17,7 +17,7 @@ from mbsvib.kinematics.relative_motion import relative_motion
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.applied_forces import Acting
-    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.scene import Scene
     from mbsvib.equations.wrenches import Mask
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets

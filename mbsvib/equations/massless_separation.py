@@ -20,10 +20,10 @@ from mbsvib.linalg.qr import pivoted_qr
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.mechanism import Mechanism
 
 # Pivots kept and dropped closer than this leave in doubt what is massless.
 RANK_GAP = 1e3
@@ -51,7 +51,7 @@ class Separation:
 
 
 def separate(
-    scene: Scene, reduction: Reduction, found: dict[str, Any], names: tuple[str, ...], model: Model,
+    scene: Scene, reduction: Reduction, found: dict[str, Any], names: tuple[str, ...], model: Mechanism,
     independent: Sequence[str] | None = None,
 ) -> tuple[dict[str, Any], Index, Separation | None]:  # fmt: skip
     """Return the equations of motion with the motions that move no mass told apart.
@@ -66,7 +66,7 @@ def separate(
         Its matrices and factors, by the names that a system has for them.
     names : tuple of str
         Names of the minimal coordinates.
-    model : Model
+    model : Mechanism
         The mechanism, for the names of its inputs and outputs.
     independent : sequence of str, optional
         Coordinates that the user wants to keep.

@@ -17,12 +17,12 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Output
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.spring_rows import Elements
     from mbsvib.kinematics.shared_rows import Shared
+    from mbsvib.mechanism.mechanism import Mechanism
 
 _FORCE = ("N", "N m")
 _BASE = ("m/s^2", "rad/s^2")
@@ -50,12 +50,12 @@ class Ports:
     wrench_outputs: tuple[tuple[int, str, int, Array], ...] = ()
 
 
-def ports(model: Model, bodies: list[Body], number: Mapping[str, int]) -> Ports:
+def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Ports:
     """Return the ports of a model.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     bodies : list of Body
         Its bodies in order.

@@ -10,7 +10,7 @@ from mbsvib.equations.wrench_pairs import Pairs, spread
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.kinematics.shared_rows import Composite

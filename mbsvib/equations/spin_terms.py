@@ -18,17 +18,17 @@ from mbsvib.equations.unresisted_motion import CANCELLED
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.scene import Scene
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
-def with_spin(model: Model, scene: Scene, found: dict[str, Any]) -> dict[str, Any]:
+def with_spin(model: Mechanism, scene: Scene, found: dict[str, Any]) -> dict[str, Any]:
     """Return the matrices of a mechanism with what its rotors add.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     scene : Scene
         The same in numbers.
@@ -92,12 +92,12 @@ class RotatingDamper:
         return self.matrix @ self.relative
 
 
-def momenta(model: Model, scene: Scene) -> list[tuple[int, Array]]:
+def momenta(model: Mechanism, scene: Scene) -> list[tuple[int, Array]]:
     """Return the number of each body with a rotor, and the rotor's angular momentum (3,) [kg m^2/s], world axes.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     scene : Scene
         The same in numbers.
@@ -115,12 +115,12 @@ def momenta(model: Model, scene: Scene) -> list[tuple[int, Array]]:
     return result
 
 
-def rotating_dampers(model: Model, scene: Scene, motion: Array) -> list[RotatingDamper]:
+def rotating_dampers(model: Mechanism, scene: Scene, motion: Array) -> list[RotatingDamper]:
     """Return the bushings that turn along with spinning bodies, and what their dampers do on that account.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     scene : Scene
         The same in numbers.
@@ -147,7 +147,7 @@ def rotating_dampers(model: Model, scene: Scene, motion: Array) -> list[Rotating
     return result
 
 
-def _with_forces(model: Model, scene: Scene, found: dict[str, Any]) -> None:
+def _with_forces(model: Mechanism, scene: Scene, found: dict[str, Any]) -> None:
     """Take what rotating dampers do on that account to the outputs that are forces in them."""
     if not scene.port.force_outputs:
         return
@@ -165,7 +165,7 @@ def _at(motion: Array, center: Any, point: Any) -> Array:
     return np.concatenate((motion[:3] - cross(arm) @ motion[3:], motion[3:]))
 
 
-def _check_surroundings(model: Model) -> None:
+def _check_surroundings(model: Mechanism) -> None:
     """Refuse what would act on spinning bodies in ways that are not computed."""
     rotor = next(iter(model.rotors))
     for name, part in model.inputs.items():

@@ -13,9 +13,9 @@ from mbsvib.kinematics.loops import EPS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.equations import Equations
+    from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.wrench_pairs import Pairs
@@ -155,12 +155,12 @@ def check_balance(
     )  # fmt: skip
 
 
-def joint_wrenches(system: System) -> dict[str, Array]:
+def joint_wrenches(system: Equations) -> dict[str, Array]:
     """Return the wrench in each joint at the pose, on its second body, world axes.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns

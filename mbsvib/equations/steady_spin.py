@@ -12,10 +12,10 @@ from mbsvib.errors import ModelError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.equations.assembly import Scene
+    from mbsvib.equations.scene import Scene
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 # Inertia tensors and axes come from print-outs with six or seven digits.
@@ -43,7 +43,7 @@ def world(bushing: Bushing, value: Any) -> Array:
     return np.asarray(axes @ (np.diag(matrix) if matrix.ndim == 1 else matrix) @ axes.T)
 
 
-def own_spin(model: Model) -> dict[str, Array]:
+def own_spin(model: Mechanism) -> dict[str, Array]:
     """Return the angular velocities of the bodies that themselves spin, by name."""
     result: dict[str, Array] = {}
     for rotor in model.rotors.values():
@@ -55,7 +55,7 @@ def own_spin(model: Model) -> dict[str, Array]:
     return result
 
 
-def together(model: Model, spins: Mapping[str, Array], first: str, second: str) -> bool:
+def together(model: Mechanism, spins: Mapping[str, Array], first: str, second: str) -> bool:
     """Tell whether two bodies spin at the same speed about the same line."""
     if first not in spins or second not in spins:
         return False
@@ -66,12 +66,12 @@ def together(model: Model, spins: Mapping[str, Array], first: str, second: str) 
                 and np.linalg.norm(np.cross(a, apart)) <= SLACK * size * np.linalg.norm(apart))  # fmt: skip
 
 
-def check_steady(model: Model, scene: Scene) -> None:
+def check_steady(model: Mechanism, scene: Scene) -> None:
     """Refuse spins that are not steady, by the name of the rotor and of what is in the way.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     scene : Scene
         The same in numbers.
@@ -85,7 +85,7 @@ def check_steady(model: Model, scene: Scene) -> None:
     spins = own_spin(model)
     of = {rotor.body: rotor.name for rotor in model.rotors.values() if rotor.inertia is None}
     bodies = {body.name: body for body in scene.bodies}
-    flexible = frozenset() if model._pieces is None else model._pieces.nodes
+    flexible = frozenset() if model.pieces is None else model.pieces.nodes
     for rotor in model.rotors.values():
         body = bodies[rotor.body]
         if body.name not in flexible and not any(body.inertia):
@@ -179,7 +179,7 @@ def _blocks(matrix: Array) -> Array:
 
 
 def _check_spring(
-    model: Model, spring: Bushing | Spring, bodies: Mapping[str, Body], spins: Mapping[str, Array],
+    model: Mechanism, spring: Bushing | Spring, bodies: Mapping[str, Body], spins: Mapping[str, Array],
     of: Mapping[str, str],
 ) -> None:  # fmt: skip
     pair = (spring.first, spring.second)

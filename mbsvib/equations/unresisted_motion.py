@@ -18,8 +18,8 @@ from mbsvib.linalg.qr import pivoted_qr
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
 
 
 EPS = float(np.finfo(float).eps)
@@ -54,7 +54,7 @@ def free_motions(*parts: Array) -> Array:
     return column[:, None] * free
 
 
-def unbraked(system: System, rigid: Array) -> Array:
+def unbraked(system: Equations, rigid: Array) -> Array:
     """Return those of rigid-body motions (m, r) that no damper resists, (m, f); beside dampers that push, those that
     move neither a spring nor a damper.
     """

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Bushing
+    from mbsvib.mechanism.mechanism import Mechanism
 
     Mask = NDArray[np.bool_]
 
@@ -55,18 +55,18 @@ def preloaded(spring: Spring | Bushing) -> bool:
     return spring.preload is not None and any(spring.preload)
 
 
-def is_loaded(model: Model) -> bool:
+def is_loaded(model: Mechanism) -> bool:
     """Tell whether anything loads a model: gravity, a load, or a preload."""
     gravity = model.gravity is not None and any(model.gravity)
-    return gravity or bool(model._loads) or any(map(preloaded, model._springs.values()))
+    return gravity or bool(model.loads) or any(map(preloaded, model.springs.values()))
 
 
-def applied(model: Model, number: Mapping[str, int]) -> Applied:
+def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
     """Return what loads a model.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     number : mapping
         Number of each body, ground included.

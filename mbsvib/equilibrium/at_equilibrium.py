@@ -2,31 +2,47 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.equations.equations import Equations
+from mbsvib.equilibrium.search import equilibrium
 from mbsvib.errors import EquilibriumError
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.sparse.choice import linearized
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
+    from collections.abc import Sequence
+
+M = TypeVar("M", bound=Mechanism)
+E = TypeVar("E", bound=Equations)
+S = TypeVar("S", bound=SparseEquations)
 
 
-def settled(model: Model, **words: Any) -> tuple[Model, Any]:
+def settled(
+    model: M, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None, method: str | None = None,
+    dense: type[E] = Equations, sparse: type[S] = SparseEquations,  # type: ignore[assignment]
+) -> tuple[M, E | S]:  # fmt: skip
     """Return a model in equilibrium with its equations: the model as it is if it balances.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         A model that has been in balance before its values changed.
-    **words
-        Of ``linearize``.
+    independent, cut : sequence of str, optional
+        Minimal coordinates and cut joints that are asked for.
+    method : str, optional
+        "dense" or "sparse"; default: by size.
+    dense, sparse : type
+        The classes of the equations.
 
     Returns
     -------
-    Model
+    Mechanism
         In its pose of equilibrium.
-    System or SparseSystem
+    Equations or SparseEquations
         Its equations.
 
     Raises
@@ -35,10 +51,10 @@ def settled(model: Model, **words: Any) -> tuple[Model, Any]:
         If no equilibrium can be reached.
     """
     try:
-        return model, model.linearize(**words)
+        return model, linearized(model, independent, cut, method, dense, sparse)
     except EquilibriumError:
-        there = model.equilibrium()
-        found = there.linearize(**words)
+        there = equilibrium(model).model
+        found = linearized(there, independent, cut, method, dense, sparse)
     if isinstance(found, Equations):  # what its parameters do is what they do to the model that was given
-        found = replace(found, provenance=replace(found.provenance, origin=model._snapshot(), settled=True))
+        found = replace(found, provenance=replace(found.provenance, origin=copy(model), settled=True))
     return there, found

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.assembly import matrices, scene
+from mbsvib.equations.assembly import matrices
+from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.errors import NearSingularWarning
 from mbsvib.kinematics.loops import EPS, reduce

@@ -7,24 +7,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.equations.expansion import expanded
 from mbsvib.equilibrium.joints import rotations, two_axes
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.couplers import Couplings
     from mbsvib.kinematics.relative_motion import Twists
+    from mbsvib.mechanism.mechanism import Mechanism
 
 # Rotation vectors shorter than this [rad] are rounding of a pose that Newton's method has found.
 TURNED = 1e-9
 
 
-def point_of(joint: Joint, model: Model, pose: Pose) -> tuple[float, float, float]:
+def point_of(joint: Joint, model: Mechanism, pose: Pose) -> tuple[float, float, float]:
     """Return a joint's point as described, of one that has none the centre of mass of its first body in number."""
     inner = min(joint.first, joint.second, key=pose.number.__getitem__)
     return joint.point or model.bodies[inner].position
@@ -40,12 +41,12 @@ def terms(couplings: Couplings, coordinates: Twists) -> Array:
     return result
 
 
-def travelled(model: Model, pose: Pose, near: Array | None) -> Array:
+def travelled(model: Mechanism, pose: Pose, near: Array | None) -> Array:
     """Return how far coupled coordinates have gone in a pose, one for each term of each coupler.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model as described.
     pose : Pose
         The pose.
@@ -58,7 +59,7 @@ def travelled(model: Model, pose: Pose, near: Array | None) -> Array:
         Distances [m] and angles [rad].
     """
     result = []
-    for part in model._couplers.values():
+    for part in model.couplers.values():
         for name, _ in part.terms:
             owner, _, direction = name.rpartition(".")
             joint = model.joints[owner]
@@ -66,12 +67,12 @@ def travelled(model: Model, pose: Pose, near: Array | None) -> Array:
     values = np.array(result)
     if near is None:
         return values
-    turns = np.array([name.rpartition(".")[2][0] == "r" for part in model._couplers.values() for name, _ in part.terms])
+    turns = np.array([name.rpartition(".")[2][0] == "r" for part in model.couplers.values() for name, _ in part.terms])
     whole = 2.0 * np.pi * np.round((near - values) / (2.0 * np.pi))
     return np.where(turns, values + whole, values)
 
 
-def check_couplers(model: Model, there: Model) -> None:
+def check_couplers(model: Mechanism, there: Mechanism) -> None:
     """Refuse another pose in which couplers on homokinetic joints are no linear relation of coordinates any more.
 
     The components of a rotation vector w since the model's pose change by e . J(w) omega, with J of
@@ -79,7 +80,7 @@ def check_couplers(model: Model, there: Model) -> None:
 
     Parameters
     ----------
-    model, there : Model
+    model, there : Mechanism
         The model as described, and in the other pose.
 
     Raises
@@ -87,10 +88,10 @@ def check_couplers(model: Model, there: Model) -> None:
     ModelError
         If a coupled homokinetic joint has turned.
     """
-    if not model._couplers:
+    if not model.couplers:
         return
-    before, after = ((each._expanded() if each._composed else each).bodies for each in (model, there))
-    for part in model._couplers.values():
+    before, after = (expanded(each).bodies for each in (model, there))
+    for part in model.couplers.values():
         for name, _ in part.terms:
             owner = name.rpartition(".")[0]
             joint = model.joints[owner]

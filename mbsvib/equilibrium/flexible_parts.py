@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -13,21 +12,23 @@ from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
 from mbsvib.equations.beam_prestress import weights
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.mechanism.mechanism import GROUND, Mechanism
+from mbsvib.mechanism.rebuilding import changed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.elements.superelement import Superelement
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.equilibrium.report import Equilibrium
+
+M = TypeVar("M", bound=Mechanism)
 
 # Axes of elements count as carried along when they are off by no more than so much rounding.
 SAME = 1e-12
 
 
-def stiffened(model: Model) -> Model:
+def stiffened(model: M) -> M:
     """Return the same mechanism with fixed joints in place of beams and superelements, their nodes among its bodies.
 
     The weight of beams is that of loads on the nodes, as linearize has it; inputs and outputs, which may refer to
@@ -35,42 +36,39 @@ def stiffened(model: Model) -> Model:
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
 
     Returns
     -------
-    Model
+    Mechanism
         The same model if nothing in it bends.
     """
-    if not model._composed:
+    if not model.composed:
         return model
-    plain: Any = copy(model)
-    plain._bodies, plain._joints, plain._composed, plain._topology = dict(model._bodies), dict(model._joints), {}, None
-    plain._inputs, plain._outputs = {}, {}
-    flexible = cast("list[Beam | Superelement]", list(model._composed.values()))
+    bodies, joints, loads = dict(model.bodies), dict(model.joints), dict(model.loads)
+    flexible = cast("list[Beam | Superelement]", list(model.composed.values()))
     for part in flexible:
         for node, point in part.node_names.items():
-            plain._bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
-    plain._loads = dict(model._loads)
+            bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
     for part in flexible:
         if isinstance(part, Beam) and model.gravity is not None and any(model.gravity):
-            plain._loads |= {load.name: load for load in weights(part, model.gravity)}
+            loads |= {load.name: load for load in weights(part, model.gravity)}
         places = held(part)
         root = root_of(part)
         for k, (body, point) in enumerate(places.items()):
             if body != root:
                 name = f"{part.name} holds {k}"
-                plain._joints[name] = _joint.make(name, "fixed", root, body, point, None, None, None, None, None)
-    return plain  # type: ignore[no-any-return]
+                joints[name] = _joint.make(name, "fixed", root, body, point, None, None, None, None, None)
+    return model.with_parts(bodies=bodies, composed={}, joints=joints, loads=loads, inputs={}, outputs={})
 
 
-def held_as(model: Model, found: Equilibrium) -> Equilibrium:
+def held_as(model: M, found: Equilibrium[M]) -> Equilibrium[M]:
     """Return what holds a mechanism, found for the stiffened one.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     found : Equilibrium
         What preloads hold the stiffened one.
@@ -80,13 +78,12 @@ def held_as(model: Model, found: Equilibrium) -> Equilibrium:
     Equilibrium
         The same for the mechanism itself.
     """
-    if not model._composed:
+    if not model.composed:
         return found
-    from mbsvib.mechanism.rebuilding import rebuilt
 
     changes = {name: {word: value for word, value in part.words().items() if word in ("preload", "free_length")}
                for name, part in found.model.springs.items()}  # fmt: skip
-    return replace(found, model=rebuilt(model, changes))
+    return replace(found, model=changed(model, changes))
 
 
 def held(part: Beam | Superelement) -> dict[str, Any]:

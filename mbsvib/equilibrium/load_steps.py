@@ -2,43 +2,41 @@
 
 from __future__ import annotations
 
-from copy import copy
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-
-from mbsvib.elements import Load
-from mbsvib.mechanism.rebuilding import remade
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
+    from mbsvib.common.arguments import Vector
 
+M = TypeVar("M", bound=Mechanism)
 
-def with_share(model: Model, share: float) -> Model:
+def with_share(model: M, share: float) -> M:
     """Return a model with a share of its gravity and of its loads; preloads of springs stay.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model.
     share : float
         1 for the model as it is, 0 for one on which neither gravity nor a load acts.
 
     Returns
     -------
-    Model
+    Mechanism
         The model with these loads.
     """
     if share == 1.0:
         return model
 
-    def words(part: Any) -> dict[str, Any]:
-        given: dict[str, Any] = part.words()
-        if isinstance(part, Load):
-            given |= {key: np.multiply(share, given[key]) for key in ("force", "torque") if key in given}
-        return given
+    loads = {} if not share else {
+        name: replace(load, force=_shared(load.force, share), torque=_shared(load.torque, share))
+        for name, load in model.loads.items()
+    }  # fmt: skip
+    return model.with_parts(gravity=None if model.gravity is None else _shared(model.gravity, share), loads=loads)
 
-    plain: Any = copy(model)
-    plain.gravity = None if model.gravity is None else np.multiply(share, model.gravity)
-    plain._loads = model._loads if share else {}
-    return remade(plain, words)
+
+def _shared(vector: Vector, share: float) -> Vector:
+    x, y, z = vector
+    return share * x, share * y, share * z

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigvals, qr
 
 from mbsvib.elements import Bushing
-from mbsvib.equations.assembly import cut_rows
+from mbsvib.equations.scene import cut_rows
 from mbsvib.equilibrium.couplers import point_of, terms, travelled
 from mbsvib.equilibrium.joints import displacement, opening
 from mbsvib.equilibrium.moved_parts import skeleton
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.loops import Cuts
     from mbsvib.kinematics.relative_motion import Twists
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
 
 CORRECTIONS = 25
@@ -48,7 +48,7 @@ class Stance:
     have gone, whole turns included.
     """
 
-    described: Model
+    described: Mechanism
     pose: Pose
     cut: tuple[str, ...]
     topology: Topology
@@ -90,12 +90,12 @@ class Stance:
         return stance(self.described, along_tree(self, q), self.cut, travel)
 
 
-def stance(described: Model, pose: Pose, cut: Sequence[str] = (), near: Array | None = None) -> Stance:
+def stance(described: Mechanism, pose: Pose, cut: Sequence[str] = (), near: Array | None = None) -> Stance:
     """Return a model in one pose with the way to move it.
 
     Parameters
     ----------
-    described : Model
+    described : Mechanism
         The model as described.
     pose : Pose
         The pose.
@@ -115,14 +115,14 @@ def stance(described: Model, pose: Pose, cut: Sequence[str] = (), near: Array | 
     coordinates = twists(topology, bodies)
     cuts = cut_rows(topology, bodies, dict(pose.number))
     travel = np.zeros(0)
-    if model._couplers:
-        parts = tuple(model._couplers.values())
+    if model.couplers:
+        parts = tuple(model.couplers.values())
         cuts = with_couplers(cuts, parts, topology, bodies, dict(pose.number), coordinates)
         travel = travelled(described, pose, near)
     return Stance(described, pose, tuple(cut), topology, coordinates, cuts, size_of(described), travel)
 
 
-def size_of(model: Model) -> float:
+def size_of(model: Mechanism) -> float:
     """Return the size [m] of a mechanism as described: the root mean square distance from their mean of the centres of
     mass, the points of joints and bushings, and the ends of springs; 1 m if all are one point.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
 from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.topology import span
 
 if TYPE_CHECKING:
@@ -24,9 +25,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import Stance
+
+M = TypeVar("M", bound=Mechanism)
 
 # The longest step [rad, mechanism sizes] along which loops are followed, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.2, 1e-5
@@ -35,13 +37,13 @@ TOLERANCE = 1e-12
 
 
 def moved(
-    model: Model, values: Mapping[str, float], relaxed: bool = False, cut: Sequence[str] | None = None
-) -> Model:
+    model: M, values: Mapping[str, float], relaxed: bool = False, cut: Sequence[str] | None = None
+) -> M:
     """Return the model in another pose; see ``Model.moved``.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model as described.
     values : mapping of str to float
         How far joint coordinates move [m, rad].
@@ -52,7 +54,7 @@ def moved(
 
     Returns
     -------
-    Model
+    Mechanism
         The model there.
 
     Raises
@@ -79,12 +81,12 @@ def moved(
     return carried(model, _follow(here, target, list(given)).pose, relaxed)
 
 
-def coordinates_of(model: Model, cut: Sequence[str]) -> tuple[float, dict[str, bool]]:
+def coordinates_of(model: Mechanism, cut: Sequence[str]) -> tuple[float, dict[str, bool]]:
     """Return the size of a mechanism, and which joint coordinates it can be moved by.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model as described.
     cut : sequence of str
         Joints at which loops are to be cut.
@@ -156,7 +158,7 @@ def _unreachable(here: Stance, target: Array, names: list[str], done: float, lef
     )  # fmt: skip
 
 
-def _cut_elsewhere(model: Model, given: Mapping[str, float]) -> tuple[str, ...]:
+def _cut_elsewhere(model: Mechanism, given: Mapping[str, float]) -> tuple[str, ...]:
     """Return joints to cut so that the joints of the coordinates asked for are part of the tree."""
     wanted = {name.rsplit(".", 1)[0] for name in given} & set(model.joints)
     cut: list[str] = []

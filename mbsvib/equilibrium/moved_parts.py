@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -15,16 +14,18 @@ from mbsvib.elements.rotor import Rotor
 from mbsvib.equilibrium import flexible_parts as rigid
 from mbsvib.equilibrium import joints, springs
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.rebuilding import remade
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.rebuilding import rebuilt
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
     from mbsvib.equilibrium.pose import Pose
+
+M = TypeVar("M", bound=Mechanism)
 
 IDENTITY = np.eye(3)
 
 
-def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
+def carried(model: M, pose: Pose, relaxed: bool = False) -> M:
     """Return a model in another pose.
 
     Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
@@ -32,7 +33,7 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model as described.
     pose : Pose
         The pose of its bodies.
@@ -42,7 +43,7 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
 
     Returns
     -------
-    Model
+    Mechanism
         The same mechanism there.
 
     Raises
@@ -50,35 +51,31 @@ def carried(model: Model, pose: Pose, relaxed: bool = False) -> Model:
     ModelError
         If a part cannot be described in that pose.
     """
-    return remade(model, lambda part: _words(part, pose, relaxed))
+    return rebuilt(model, lambda part: _words(part, pose, relaxed))
 
 
-def skeleton(model: Model, pose: Pose) -> Model:
+def skeleton(model: M, pose: Pose) -> M:
     """Return the bodies, joints and couplers of a model in another pose, which is all that its motions depend on.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model as described.
     pose : Pose
         The pose of its bodies.
 
     Returns
     -------
-    Model
+    Mechanism
         A model without springs, loads, rotors, inputs and outputs.
     """
-    plain = copy(model)
-    plain._springs, plain._loads, plain._rotors, plain._inputs, plain._outputs = {}, {}, {}, {}, {}
-    return carried(plain, pose)
+    return carried(model.with_parts(springs={}, loads={}, rotors={}, inputs={}, outputs={}), pose)
 
 
-def bare(model: Model) -> Model:
+def bare(model: M) -> M:
     """Return a model without what no equilibrium depends on: inputs, outputs, and Maxwell elements, which give way."""
-    plain = copy(model)
-    plain._springs = {name: part for name, part in model._springs.items() if not isinstance(part, Maxwell)}
-    plain._inputs, plain._outputs = {}, {}
-    return plain
+    springs = {name: part for name, part in model.springs.items() if not isinstance(part, Maxwell)}
+    return model.with_parts(springs=springs, inputs={}, outputs={})
 
 
 def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Body:

@@ -20,8 +20,8 @@ from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
 
 # A pose counts as found when less than this share of the forces is left over, and no step makes it less.
 FOUND = 1e-10
@@ -134,12 +134,12 @@ def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]
     return at, forces, residuals
 
 
-def follow(model: Model, first: Stance, cut: tuple[str, ...]) -> Found:
+def follow(model: Mechanism, first: Stance, cut: tuple[str, ...]) -> Found:
     """Return the pose that a mechanism held by springs takes as its loads are applied.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model as described.
     first : Stance
         The pose as described.
@@ -197,7 +197,7 @@ def _contracting(at: Stance) -> tuple[Found, bool]:
     return Found(at, forces, tuple(residuals), 0, (), stopped), reached
 
 
-def _softened(model: Model, first: Stance, last: Balance) -> str:
+def _softened(model: Mechanism, first: Stance, last: Balance) -> str:
     """Say how soft a mechanism has become at the end of its branch."""
     before, _ = stiffness(balance(stance(with_share(model, 0.0), first.pose, first.cut)))
     values, vectors = stiffness(last)

@@ -12,8 +12,8 @@ from mbsvib.linalg.rotations import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Pose:
         return Pose(self.number, self.origin, centre, turns)
 
 
-def start(model: Model) -> Pose:
+def start(model: Mechanism) -> Pose:
     """Return the pose in which a model is described."""
     number = {name: k for k, name in enumerate(model.bodies)}
     number["ground"] = len(number)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -19,15 +19,17 @@ from mbsvib.errors import EquilibriumError, ModelError, nearest
 from mbsvib.kinematics.loops import EPS
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.products import eigenrows
-from mbsvib.mechanism.rebuilding import rebuilt
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.rebuilding import changed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.balance import Balance
     from mbsvib.equilibrium.motion import Stance
+
+M = TypeVar("M", bound=Mechanism)
 
 # Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
 RANK = 1e-10
@@ -35,19 +37,19 @@ RANK = 1e-10
 SETTLED, MOST_ROUNDING = 1e-12, 1e4
 
 
-def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
+def preloaded(model: M, chosen: Sequence[Any] | str | bool) -> M:
     """Return the model with the preloads that hold it; see ``Model.equilibrium``.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model in the pose to be held.
     chosen : sequence of str, or True
         Names or patterns of springs and bushings, or all of them.
 
     Returns
     -------
-    Model
+    Mechanism
         The model in the same pose, with the preloads of least norm that hold it (moments divided by its size).
 
     Raises
@@ -62,9 +64,9 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
         spring.name: {"preload": None} | ({"free_length": None} if isinstance(spring, Spring) else {})
         for spring in springs
     }
-    at = stance(bare(rebuilt(model, none)), start(model))
+    at = stance(bare(changed(model, none)), start(model))
     wrenches = _balancing(at, balance(at), springs, [1.0] * len(springs))
-    result = rebuilt(model, {
+    result = changed(model, {
         spring.name: none[spring.name] | {"preload": _as_preload(spring, wrench)}
         for spring, wrench in zip(springs, wrenches, strict=True)
     })  # fmt: skip
@@ -79,7 +81,7 @@ def preloaded(model: Model, chosen: Sequence[Any] | str | bool) -> Model:
     return result
 
 
-def without_rounding(model: Model) -> Model:
+def without_rounding(model: M) -> M:
     """Return a model in equilibrium with what the rounding of its positions costs taken out of its springs' forces.
 
     A spring of stiffness k and length L cannot tell forces below eps k L by its length; where that is more than statics
@@ -87,12 +89,12 @@ def without_rounding(model: Model) -> Model:
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model, in balance but for rounding.
 
     Returns
     -------
-    Model
+    Mechanism
         The same, with other preloads if need be.
     """
     at = stance(bare(model), start(model))
@@ -109,7 +111,7 @@ def without_rounding(model: Model) -> Model:
             np.array((0.0, 0.0, -spring.tension, 0.0, 0.0, 0.0))  # fmt: skip
         free = {"free_length": None} if isinstance(spring, Spring) else {}
         changes[spring.name] = free | {"preload": _as_preload(spring, before + wrench)}
-    return rebuilt(model, changes)
+    return changed(model, changes)
 
 
 def _told(spring: Spring | Bushing, size: float) -> float:
@@ -140,7 +142,7 @@ def _balancing(
     return [basis.T @ part for basis, part in zip(bases, parts, strict=True)]
 
 
-def _chosen(model: Model, chosen: Sequence[Any] | str | bool) -> list[Spring | Bushing]:
+def _chosen(model: Mechanism, chosen: Sequence[Any] | str | bool) -> list[Spring | Bushing]:
     """The springs that are named or picked, without those that have no stiffness to be stretched."""
     if isinstance(chosen, bool):
         patterns = ["*"] if chosen else []

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from mbsvib.errors import MbsvibError, counted
 from mbsvib.linalg.rotations import logarithm
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.modes import Modes
+    from mbsvib.sparse.equations import SparseEquations
 
+
+M = TypeVar("M", bound=Mechanism)
 
 # Of large mechanisms, whose equations are sparse, so many of the lowest modes are looked at.
 LOWEST = 10
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(Generic[M]):
     """A model in equilibrium and how it was found.
 
     ``residuals`` are the shares of the forces that were left over before and after each step under the whole load,
@@ -32,7 +36,7 @@ class Equilibrium:
     downhill but does not look further: ``stable`` and ``unstable_modes`` tell whether the pose is held.
     """
 
-    model: Model
+    model: M
     iterations: int
     residuals: tuple[float, ...]
     load_steps: tuple[float, ...]
@@ -52,13 +56,18 @@ class Equilibrium:
 
     @cached_property
     def _modes(self) -> Modes | None:
-        from mbsvib.api.sparse_system import SparseSystem
+        from mbsvib.modes.result import RTOL, modes
+        from mbsvib.sparse.choice import linearized
+        from mbsvib.sparse.equations import SparseEquations
 
-        system = self.model.linearize()
+        system: Equations | SparseEquations = linearized(self.model)
         if not system.dof:
             return None
-        found: Modes = system.modes(min(LOWEST, system.dof)) if isinstance(system, SparseSystem) else system.modes()
-        return found
+        if not isinstance(system, SparseEquations):
+            return modes(system, RTOL, clean=False)
+        from mbsvib.sparse.modes import modes as some_modes
+
+        return some_modes(system, min(LOWEST, system.dof))
 
     def _stability(self) -> str:
         """The stability of the pose in words: which modes grow, or which are held by nothing."""

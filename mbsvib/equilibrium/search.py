@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
+from mbsvib.elements.refusal import refuse_composed
 from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.couplers import check_couplers
 from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.messages import lacking
 from mbsvib.equilibrium.motion import stance
@@ -15,20 +17,23 @@ from mbsvib.equilibrium.pose import start
 from mbsvib.equilibrium.preloads import without_rounding
 from mbsvib.equilibrium.report import Equilibrium, displacements
 from mbsvib.errors import EquilibriumError, ModelError
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.equilibrium.path import Found
+    from mbsvib.equilibrium.pose import Pose
+
+M = TypeVar("M", bound=Mechanism)
 
 
-def equilibrium(model: Model, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium:
+def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
     """Return the model in equilibrium; see ``Model.equilibrium``.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model, in a pose from which to start.
     snap : bool
         Whether a mechanism that its springs hold may snap through to a pose elsewhere.
@@ -45,20 +50,31 @@ def equilibrium(model: Model, snap: bool = False, cut: Sequence[str] = ()) -> Eq
     EquilibriumError
         If no such pose can be reached.
     """
+    refuse_composed(model.composed.values(), "model.equilibrium",
+                    "linearize takes the pose of a beam as the loaded one; model.equilibrium(preload=...) finds what "
+                    "holds it there")  # fmt: skip
     cut = tuple(names(cut, "equilibrium", "cut", ModelError))
     pose, plain = start(model), bare(model)
     first = stance(plain, pose, cut)
     before = balance(first)
     if before.share <= FOUND:
-        return Equilibrium(without_rounding(carried(model, pose)), 0, (before.share,), (), displacements(pose))
+        there = _described(model, pose)
+        return Equilibrium(there, 0, (before.share,), (), displacements(pose))
     found = descend(first) if snap or not _held(plain, cut) else follow(plain, first, cut)
     if found.stopped:
         raise _unreachable(found)
-    return Equilibrium(without_rounding(carried(model, found.stance.pose)), found.steps, found.residuals, found.shares,
-                       displacements(found.stance.pose))  # fmt: skip
+    there = _described(model, found.stance.pose)
+    return Equilibrium(there, found.steps, found.residuals, found.shares, displacements(found.stance.pose))
 
 
-def _held(model: Model, cut: tuple[str, ...]) -> bool:
+def _described(model: M, pose: Pose) -> M:
+    """The model in the pose that was found."""
+    there = without_rounding(carried(model, pose))
+    check_couplers(model, there)
+    return there
+
+
+def _held(model: Mechanism, cut: tuple[str, ...]) -> bool:
     """Tell whether springs hold the mechanism in its pose when neither gravity nor loads act."""
     alone = balance(stance(with_share(model, 0.0), start(model), cut))
     return alone.share <= FOUND and is_stable(stiffness(alone)[0])

@@ -11,9 +11,9 @@ from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import doubts
 
 if TYPE_CHECKING:
-
-    from mbsvib.api.system import System
     from mbsvib.equations.controllable_part import Dropped
+    from mbsvib.equations.equations import Equations
+    from mbsvib.responses.basis import Basis
 
 _ENOUGH = {
     "products": "eigenvalues of M and K were accurate enough: no singular values of the factors, no Jacobi rotations",
@@ -21,13 +21,15 @@ _ENOUGH = {
 }
 
 
-def explain(system: System) -> str:
+def explain(system: Equations, basis: Basis | None = None) -> str:
     """Return how the equations of a system came about: topology, loops, rank decisions, and what was skipped.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
+    basis : Basis, optional
+        What has been computed of their modes.
 
     Returns
     -------
@@ -54,11 +56,11 @@ def explain(system: System) -> str:
     found = doubts(system)
     if found:
         lines += ["doubtful", *(f"  {text}" for text in found)]
-    lines += ["skipped", *(f"  {text}" for text in skipped(system))]
+    lines += ["skipped", *(f"  {text}" for text in skipped(system, basis))]
     return "\n".join(lines)
 
 
-def _topology(system: System) -> list[str]:
+def _topology(system: Equations) -> list[str]:
     topology = system.provenance.topology
     held = {part for joint in topology.joints for part in (joint.first, joint.second)}
     composed = [part for part in system.provenance.parts if isinstance(part, Composed)]
@@ -82,7 +84,7 @@ def _topology(system: System) -> list[str]:
     return lines
 
 
-def _loops(system: System) -> list[str]:
+def _loops(system: Equations) -> list[str]:
     groups = system.provenance.reduction.groups
     if not groups:
         return ["  none"] if not system.cut_joints else [f"  cut at {listed(system.cut_joints)}, which lock nothing"]
@@ -100,7 +102,7 @@ def _loops(system: System) -> list[str]:
     return lines
 
 
-def _coordinates(system: System) -> list[str]:
+def _coordinates(system: Equations) -> list[str]:
     everything = system.provenance.joint_coordinates
     if not everything:
         return ["  none"]
@@ -124,7 +126,7 @@ def dropped(gone: Dropped) -> list[str]:
     return result or ["nothing was dropped: the inputs reach, and the outputs see, everything"]
 
 
-def _unsymmetric(system: System) -> list[str]:
+def _unsymmetric(system: Equations) -> list[str]:
     """What spins, and what else takes symmetry from C and K."""
     from mbsvib.elements.rotor import Rotor
 
@@ -142,7 +144,7 @@ def _unsymmetric(system: System) -> list[str]:
     return lines
 
 
-def _massless(system: System) -> list[str]:
+def _massless(system: Equations) -> list[str]:
     found = system.provenance.massless
     if found is None:
         return []
@@ -156,13 +158,15 @@ def _massless(system: System) -> list[str]:
     return lines
 
 
-def skipped(system: System) -> list[str]:
+def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     """Return what was left out of the computation because the scene does not need it, one sentence each.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
+    basis : Basis, optional
+        What has been computed of their modes.
 
     Returns
     -------
@@ -181,7 +185,7 @@ def skipped(system: System) -> list[str]:
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
         result.append("every body hangs on ground by joints: no free joint was added")
     if system.dof:
-        result += _modal_skips(system)
+        result += _modal_skips(basis)
     if system.provenance.statics is None:
         result.append("no gravity, load or preload: no statics, no geometric stiffness")
     if system.gyroscopic is None:
@@ -189,16 +193,15 @@ def skipped(system: System) -> list[str]:
     return result
 
 
-def _modal_skips(system: System) -> list[str]:
+def _modal_skips(basis: Basis | None) -> list[str]:
     """What the modes that were computed so far, if any, did without."""
-    modes = vars(system).get("_modes")
-    if modes is None:
+    if basis is None or "modes" not in basis.computed:
         return ["modes and responses were not asked for yet: no eigenvalue was computed"]
-    result = []
+    result, modes = [], basis.modes
     if modes.classical:
         result.append(f"{modes.classical}: modes are real, and no eigenvalue problem of twice the size was solved")
     if modes.rung in _ENOUGH:
         result.append(_ENOUGH[modes.rung])
-    if "_modal_sum" in vars(system) and "_schur" not in vars(system):
+    if "modal_sum" in basis.computed and "schur" not in basis.computed:
         result.append("responses are sums over modes: no equations were solved frequency by frequency")
     return result

@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.equations.statics import Statics
     from mbsvib.equations.wrench_pairs import Pairs
     from mbsvib.modes import Modes
+    from mbsvib.responses.basis import Basis
 
 # A sum of energies below this share of their sizes is rounding: a rigid-body mode, or one at the point of buckling.
 NO_ENERGY = 64.0 * EPS
@@ -89,13 +90,13 @@ class StiffnessShares:
         return f"StiffnessShares({self.name!r}: {len(self.elements)} elements, {self.shares.shape[1]} modes)"
 
 
-def stiffness_shares(system: System, modes: Modes | None = None) -> StiffnessShares:
+def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShares:
     """Return the shares of all elements in the strain energy of modes.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     modes : Modes, optional
         Some of its modes; default: all.
 
@@ -104,7 +105,7 @@ def stiffness_shares(system: System, modes: Modes | None = None) -> StiffnessSha
     StiffnessShares
         Signed shares, with a table as text.
     """
-    modes = system.modes() if modes is None else modes
+    system, modes = basis.equations, basis.modes if modes is None else modes
     names, kinds, energy = energies(system, modes.shapes)
     total = energy.sum(axis=0)
     rigid = np.abs(total) <= NO_ENERGY * np.abs(energy).sum(axis=0)
@@ -112,12 +113,12 @@ def stiffness_shares(system: System, modes: Modes | None = None) -> StiffnessSha
     return StiffnessShares(system.name, names, kinds, modes.frequencies, shares)
 
 
-def energies(system: System, shapes: Array | Complex) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
     """Return twice the strain energy of each element in each of some shapes, phi^H K_e phi.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     shapes : array, shape (m, n)
         Shapes in minimal coordinates, real or complex.

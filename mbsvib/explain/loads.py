@@ -10,18 +10,18 @@ from mbsvib.equations.statics import BALANCE
 from mbsvib.explain.energy_shares import ELASTIC, energies
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
+    from mbsvib.equations.equations import Equations
 
 # Coordinates whose stiffness is shown.
 SHOWN = 12
 
 
-def explain_loads(system: System) -> list[str]:
+def explain_loads(system: Equations) -> list[str]:
     """Return what loads a system, how well it balances, and what it does to stiffness.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -47,7 +47,7 @@ def explain_loads(system: System) -> list[str]:
     return lines
 
 
-def _stiffness(system: System) -> list[str]:
+def _stiffness(system: Equations) -> list[str]:
     """The diagonal of K by kinds, and what each element of a loaded scene adds to it where it adds most."""
     names, kinds, parts = energies(system, np.eye(system.dof))
     total = np.diagonal(system.K)

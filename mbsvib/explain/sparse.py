@@ -12,18 +12,18 @@ from mbsvib.errors import counted
 from mbsvib.explain.dense import dropped
 
 if TYPE_CHECKING:
-    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.sparse.equations import SparseEquations
 
 SHOWN = 8  # groups of loops
 
 
-def explain(system: SparseSystem) -> str:
+def explain(system: SparseEquations) -> str:
     """Return how the equations of a sparse system came about: topology, loops, rank decisions, the tableau, what was
     skipped.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
 
     Returns
@@ -55,7 +55,7 @@ def explain(system: SparseSystem) -> str:
     return "\n".join(lines)
 
 
-def _loops(system: SparseSystem) -> list[str]:
+def _loops(system: SparseEquations) -> list[str]:
     if not system.constraints.names:
         return ["  none"]
     lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
@@ -71,7 +71,7 @@ def _loops(system: SparseSystem) -> list[str]:
     return lines
 
 
-def _tableau(system: SparseSystem) -> list[str]:
+def _tableau(system: SparseEquations) -> list[str]:
     size = system.layout.size
     moving = int(system.structure.moves.sum())
     order = "from leaves to root" if system.tableau.ordering == "NATURAL" else "of COLAMD, as loops overlap"
@@ -83,7 +83,7 @@ def _tableau(system: SparseSystem) -> list[str]:
     ]  # fmt: skip
 
 
-def _forces(system: SparseSystem) -> list[str]:
+def _forces(system: SparseEquations) -> list[str]:
     asked = [output for output in system.model.outputs.values()
              if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
     if not asked:
@@ -93,7 +93,7 @@ def _forces(system: SparseSystem) -> list[str]:
     return [*lines, *(text for forces in system.undetermined for text in forces.explained())]
 
 
-def _skipped(system: SparseSystem) -> list[str]:
+def _skipped(system: SparseEquations) -> list[str]:
     result = ["  no matrix over all coordinates was formed: there are more of them than a dense one is quick for"]
     still = int((~system.structure.moves).sum())
     if still:

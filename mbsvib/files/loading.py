@@ -149,12 +149,12 @@ def _wrong(model: Model, section: str, kind: str, key: str, value: Any) -> str |
         return _mismatch(key, value, expected)
     # the call would advise to add bodies first, which in a file they always are
     if "Body" in options(known[key]) and "Joint" not in options(known[key]) and not _is_body(model, value):
-        return f"there is no body '{value}'.{_known(value, [*model.bodies, *model._nodes, GROUND])}"
+        return f"there is no body '{value}'.{_known(value, [*model.bodies, *model.nodes, GROUND])}"
     return None
 
 
 def _is_body(model: Model, value: Any) -> bool:
-    return value is None or value in model.bodies or value == GROUND or value in model._nodes
+    return value is None or value in model.bodies or value == GROUND or value in model.nodes
 
 
 def _kind(document: Document, place: Place, entry: dict[str, Any]) -> str:

@@ -38,13 +38,13 @@ def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[
     """
     o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
     entries = np.ix_(o, i)
-    modal = system._modal
+    modal = system.basis.modal
     if (
         isinstance(modal, Damped)
-        and system._strong_dampers is None
+        and system.basis.strong_dampers is None
         and (modal.vectors is None or trusted(modal, modal.shapes.T @ system.B, w))
     ):
-        result = system._modal_sum.at(np.asarray(1j * w, dtype=complex))[entries]
+        result = system.basis.modal_sum.at(np.asarray(1j * w, dtype=complex))[entries]
         if np.isfinite(result).all():
             return np.asarray(result)
     if system.dof > DENSE:

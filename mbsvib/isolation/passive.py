@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.settled import settled
 from mbsvib.common import arguments as check
-from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures

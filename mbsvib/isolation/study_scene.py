@@ -151,7 +151,7 @@ def _without_ports(model: Model) -> Model:
 def _welded(model: Model, base: str) -> Model:
     """The model with a body in place of the ground."""
     result = Model(model.name, model.gravity)
-    groups = (model.bodies, model._composed, model.joints, model.springs, model._couplers, model.rotors, model.loads)
+    groups = (model.bodies, model.composed, model.joints, model.springs, model.couplers, model.rotors, model.loads)
     removed = set()
     for part in [part for group in groups for part in group.values() if part.name != base]:
         words = part.words()

@@ -9,13 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
-from mbsvib.elements import body as _body
-from mbsvib.elements import bushing as _bushing
-from mbsvib.elements import joint as _joint
-from mbsvib.elements import load as _load
-from mbsvib.elements import maxwell as _maxwell
-from mbsvib.elements import spring as _spring
+from mbsvib.elements import Joint
+from mbsvib.elements.making import remade
 from mbsvib.elements.part import Numbered
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.parameters import unit
@@ -24,12 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameters
-
-
-_MAKERS: dict[type, Any] = {
-    Body: _body.make, Joint: _joint.make, Bushing: _bushing.make, Spring: _spring.make, Load: _load.make,
-    Maxwell: _maxwell.make,
-}  # fmt: skip
 
 
 def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
@@ -164,8 +153,7 @@ def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
             words["axis"], words["axis2"] = turn @ part.axis, turn @ part.axis2
         else:
             words["axis"], words[field] = None, turn @ np.array(part.axes)
-    result: Part = _MAKERS[type(part)](**words)
-    return result
+    return remade(part, words)
 
 
 def scale_of(parameters: Parameters, name: str) -> float:

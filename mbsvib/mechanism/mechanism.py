@@ -1,65 +1,106 @@
-"""The mechanism: bodies, joints and spring-dampers, each checked when it is added."""
+"""The mechanism: all of its parts by name, as data that models add to and that equations are made of."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from mbsvib.common import arguments as check
-from mbsvib.elements import Body, Bushing, Joint, Spring
-from mbsvib.elements import body as _body
-from mbsvib.elements import bushing as _bushing
-from mbsvib.elements import joint as _joint
-from mbsvib.elements import spring as _spring
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.load import Gravity
+from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable
+    from typing import Self
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.common.arguments import Vector
+    from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Output, Spring
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Composed, Part
     from mbsvib.elements.rotor import Rotor
     from mbsvib.elements.shared_rows import Pieces
-    from mbsvib.mechanism.topology import Topology
+    from mbsvib.mechanism.parameters import Parameters
 
 GROUND = "ground"
+# The groups of parts in the order of model files; those before the ports have parameters.
+GROUPS = ("bodies", "composed", "joints", "springs", "couplers", "rotors", "loads", "inputs", "outputs")
+_GRAVITY = "None, or the acceleration of free fall (x, y, z) [m/s^2], such as (0, 0, -9.81)"
+_SAME: Any = object()
+
+T = TypeVar("T")
+P = TypeVar("P", bound="Part")
 
 
 class Mechanism:
-    """Bodies, joints and spring-dampers by name; ``Model`` adds inputs, outputs and what is computed from them.
+    """Bodies, joints, spring-dampers, loads, inputs and outputs by name; ``Model`` adds the calls that fill it.
 
     Parameters
     ----------
     name : str
         Name of the mechanism, used in titles and files.
+    gravity : array-like, shape (3,), optional
+        Acceleration of free fall [m/s^2], world axes; default: none.
 
     Raises
     ------
     ModelError
-        If the name is no text.
+        If the name is no text or gravity no vector.
     """
 
-    def __init__(self, name: str) -> None:
+    kind: ClassVar[str] = "model"
+
+    def __init__(self, name: str, gravity: ArrayLike | None = None) -> None:
         self.name = check.name(name, "model")
+        self.gravity = gravity
         self._bodies: dict[str, Body] = {}
+        self._composed: dict[str, Composed] = {}  # beams and superelements
         self._joints: dict[str, Joint] = {}
         self._springs: dict[str, Bushing | Spring] = {}
-        self._nodes: dict[str, Part] = {}  # bodies that beams and superelements bring, and whose they are
-        self._elements: dict[str, Part] = {}  # likewise their elements
-        self._made: dict[str, Part] = {}  # and all names that they take
-        self._composed: dict[str, Composed] = {}  # beams and superelements
         self._couplers: dict[str, Coupling] = {}
         self._rotors: dict[str, Rotor] = {}
-        self._pieces: Pieces | None = None  # what these have become in an expanded model
-        self._topology: Topology | None = None  # what bodies and joints imply, until one more is added
+        self._loads: dict[str, Load] = {}
+        self._inputs: dict[str, Input | BaseMotion] = {}
+        self._outputs: dict[str, Output | ForceOutput] = {}
+        self._made: dict[str, Part] = {}  # names that composed parts and Maxwell elements take, and whose they are
+        self._nodes: dict[str, Part] = {}  # those of them that are bodies
+        self._elements: dict[str, Part] = {}  # and those that carry forces
+        self._pieces: Pieces | None = None
+        self._derived: dict[Callable[[Any], Any], Any] = {}
+
+    @property
+    def gravity(self) -> Vector | None:
+        """Acceleration of free fall [m/s^2], world axes; None where there is none."""
+        return self._gravity
+
+    @gravity.setter
+    def gravity(self, value: ArrayLike | None) -> None:
+        self._gravity = None if value is None else check.vector(value, "model", "gravity", _GRAVITY)
+        self._derived = {}
 
     @property
     def bodies(self) -> Mapping[str, Body]:
         """Bodies by name, in the order in which they were added, without the ground."""
         return MappingProxyType(self._bodies)
+
+    @property
+    def composed(self) -> Mapping[str, Composed]:
+        """Beams and superelements by name, in the order in which they were added."""
+        return MappingProxyType(self._composed)
+
+    @property
+    def beams(self) -> Mapping[str, Beam]:
+        """Beams by name, in the order in which they were added."""
+        return MappingProxyType({name: part for name, part in self._composed.items() if isinstance(part, Beam)})
+
+    @property
+    def superelements(self) -> Mapping[str, Superelement]:
+        """Superelements by name, in the order in which they were added."""
+        return MappingProxyType({k: part for k, part in self._composed.items() if isinstance(part, Superelement)})
 
     @property
     def joints(self) -> Mapping[str, Joint]:
@@ -68,182 +109,175 @@ class Mechanism:
 
     @property
     def springs(self) -> Mapping[str, Bushing | Spring]:
-        """Bushings and line springs by name, in the order in which they were added."""
+        """Bushings, line springs and Maxwell elements by name, in the order in which they were added."""
         return MappingProxyType(self._springs)
 
-    def add_body(
-        self, name: str, mass: float, inertia: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0),
-        orientation: ArrayLike | None = None,
-    ) -> Body:  # fmt: skip
-        """Add a rigid body.
+    @property
+    def couplers(self) -> Mapping[str, Coupling]:
+        """Couplers, gears, worms and racks by name, in the order in which they were added."""
+        return MappingProxyType(self._couplers)
 
-        Parameters
-        ----------
-        name : str
-            Name, unique among bodies, joints, bushings and springs.
-        mass : float
-            Mass [kg]; 0 for a massless node, which springs and dampers hold (its inertia then is zeros too).
-        inertia : array-like, shape (3,), (6,) or (3, 3)
-            Inertia about the centre of mass in body axes [kg m^2]: principal moments, the tensor's entries
-            xx yy zz xy xz yz (xy = -integral of x y dm), or the tensor.
-        position : array-like, shape (3,)
-            Centre of mass [m], world axes.
-        orientation : array-like, shape (3, 3) or (3,), optional
-            Body axes as columns, or a rotation vector [rad]; default: world axes.
+    @property
+    def rotors(self) -> Mapping[str, Rotor]:
+        """Rotors by name, in the order in which they were added."""
+        return MappingProxyType(self._rotors)
+
+    @property
+    def loads(self) -> Mapping[str, Load]:
+        """Forces and torques on bodies by name, in the order in which they were added."""
+        return MappingProxyType(self._loads)
+
+    @property
+    def inputs(self) -> Mapping[str, Input | BaseMotion]:
+        """Force inputs and base motions by name, in the order in which they were added."""
+        return MappingProxyType(self._inputs)
+
+    @property
+    def outputs(self) -> Mapping[str, Output | ForceOutput]:
+        """Outputs by name, in the order in which they were added."""
+        return MappingProxyType(self._outputs)
+
+    @property
+    def nodes(self) -> Mapping[str, Part]:
+        """The parts whose nodes are bodies, by the names of these."""
+        return MappingProxyType(self._nodes)
+
+    @property
+    def pieces(self) -> Pieces | None:
+        """Mass and stiffness that more than two bodies share, where beams and superelements have become plain parts."""
+        return self._pieces
+
+    @property
+    def gravity_parts(self) -> tuple[Gravity, ...]:
+        """Gravity as a part that has parameters, where it is given and nothing else has its name."""
+        if self._gravity is None or any("gravity" in self._group(key) for key in GROUPS[:-2]):
+            return ()
+        return (Gravity("gravity", self._gravity),)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Every number of parts and of gravity by its name (``"leg1.k.stiffness"``, ``"gravity.z"``); read-only."""
+        from mbsvib.mechanism.parameters import Parameters
+
+        parts: Iterable[Part] = (part for key in GROUPS[:-2] for part in self._group(key).values())
+        return Parameters([*self.gravity_parts, *parts])
+
+    def groups(self) -> dict[str, Mapping[str, Any]]:
+        """Return all parts in their groups.
 
         Returns
         -------
-        Body
-            The part, to be used wherever a body is asked for.
+        dict of str to mapping
+            The parts by name, by the names of the groups: ``GROUPS``.
+        """
+        return {key: MappingProxyType(self._group(key)) for key in GROUPS}
+
+    def with_parts(
+        self, *, gravity: ArrayLike | None = _SAME, pieces: Pieces | None = _SAME, **groups: Mapping[str, Any]
+    ) -> Self:
+        """Return a mechanism in which some groups hold other parts; these are not checked again.
+
+        Parameters
+        ----------
+        gravity : array-like, shape (3,), optional
+            Acceleration of free fall [m/s^2]; None: no gravity. Default: as it is.
+        pieces : Pieces, optional
+            What more than two bodies share; default: as it is.
+        **groups : mapping of str to Part
+            All parts of each of these groups (``joints={...}``) by name.
+
+        Returns
+        -------
+        Mechanism
+            The changed mechanism, of the same class; this one stays as it is.
+        """
+        result = self.__copy__()
+        if gravity is not _SAME:
+            result.gravity = gravity
+        if pieces is not _SAME:
+            result._pieces = pieces
+        for key, parts in groups.items():
+            setattr(result, f"_{key}", dict(parts))
+        if "composed" in groups:
+            result._nodes, result._elements = {}, {}
+            result._made = {name: part for name, part in self._made.items() if part.name not in self._composed}
+            for part in result._composed.values():
+                result._name_made(part)
+        result._derived = {}
+        return result
+
+    def with_values(self, values: Mapping[str, float]) -> Self:
+        """Return a new model in which some parameters have other values.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New value of each parameter by its name, or by a pattern that picks several (``"leg*.k.stiffness"``).
+
+        Returns
+        -------
+        Model
+            The changed model; this one stays as it is.
 
         Raises
         ------
         ModelError
-            If the name is taken, the mass is negative, or no body can have this inertia.
+            If a parameter is unknown or a value is refused.
         """
-        self._check_name(name, "body")
-        part = _body.make(name, mass, inertia, position, orientation)
-        self._bodies[name] = part
-        self._topology = None
-        return part
+        from mbsvib.mechanism.changes import parts_with
 
-    def add_joint(
-        self, name: str, kind: str | None, first: str | Body, second: str | Body,
-        position: ArrayLike | None = None, orientation: ArrayLike | None = None,
-        axis: ArrayLike | None = None, axis2: ArrayLike | None = None,
-        pitch: float | None = None, free: Sequence[str] | None = None, end: ArrayLike | None = None,
-    ) -> Joint:  # fmt: skip
-        """Add an ideal joint; its coordinates are the free displacements of ``second`` relative to ``first``.
+        changed: dict[str, Any] = parts_with(self.parameters, values)
+        falls = changed.get("gravity")
+        groups: Any = {key: {name: changed.get(name, part) for name, part in self._group(key).items()}
+                  for key in GROUPS[:-2]}  # fmt: skip
+        return self.with_parts(gravity=falls.acceleration if isinstance(falls, Gravity) else _SAME, **groups)
+
+    def derived(self, compute: Callable[[Any], T]) -> T:
+        """Return what a function makes of the mechanism, kept until a part is added.
 
         Parameters
         ----------
-        name : str
-            Name, unique among bodies, joints, bushings and springs.
-        kind : str or None
-            revolute, prismatic, cylindrical, screw, universal, spherical, planar, fixed or free (axis: local z);
-            homokinetic (a constant-velocity joint: rx and ry, the components of one rotation vector, are free; axis:
-            that of both shafts, or where they are at an angle the line that bisects it); point_on_line (axis: the line,
-            which ``first`` carries; the point is that of ``second``), point_on_plane (axis: its normal), distance (a
-            rod without mass from ``position`` on ``first`` to ``end`` on ``second``); None together with ``free``.
-        first, second : str or Body
-            The two bodies.
-        position : array-like, shape (3,)
-            The joint's point [m], world axes; not needed for prismatic and fixed joints.
-        orientation : array-like, shape (3, 3) or (3,), optional
-            Joint axes as columns, or a rotation vector [rad]; default: world axes.
-        axis : array-like, shape (3,), optional
-            Instead of ``orientation``: the joint's axis, world. Universal: the axis that stays in ``first``.
-        axis2 : array-like, shape (3,), optional
-            Universal only: the axis that stays in ``second``, world.
-        pitch : float, optional
-            Screw only: advance per radian [m/rad].
-        free : sequence of str, optional
-            For any other joint: the free directions out of x y z rx ry rz, in the joint's axes. Two free rotations are
-            those of a universal joint: the axis named first stays in ``first``, the other one in ``second``, so that
-            under load ("ry", "rx") is another joint than ("rx", "ry"). A homokinetic joint is a kind of its own.
-        end : array-like, shape (3,), optional
-            Distance only: the rod's point on ``second`` [m], world axes. The joint's z is the rod; its coordinates are
-            those of ``second`` at this point.
+        compute : callable
+            A function of the mechanism.
 
         Returns
         -------
-        Joint
-            The part.
-
-        Raises
-        ------
-        ModelError
-            If a body is unknown or joined with itself, the kind is unknown, or an axis is zero.
+        object
+            Its result.
         """
-        self._check_name(name, "joint")
-        a = self._body_name(first, "joint", name, "first")
-        b = self._body_name(second, "joint", name, "second")
-        part = _joint.make(name, kind, a, b, position, orientation, axis, axis2, pitch, free, end)
-        self._joints[name] = part
-        self._topology = None
+        if compute not in self._derived:
+            self._derived[compute] = compute(self)
+        result: T = self._derived[compute]
+        return result
+
+    def __copy__(self) -> Self:
+        """Return the mechanism as it is now; what is added later is not in it."""
+        result = object.__new__(type(self))
+        result.__dict__ = {name: dict(item) if type(item) is dict else item for name, item in vars(self).items()}
+        return result
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_derived": {}}
+
+    def _group(self, key: str) -> dict[str, Any]:
+        group: dict[str, Any] = getattr(self, f"_{key}")
+        return group
+
+    def _keep(self, group: dict[str, Any], part: P) -> P:
+        """Add a part to its group."""
+        group[part.name] = part
+        self._derived = {}
         return part
 
-    def add_bushing(
-        self, name: str, first: str | Body, second: str | Body, position: ArrayLike,
-        stiffness: ArrayLike = _bushing.ZERO, damping: ArrayLike = _bushing.ZERO,
-        orientation: ArrayLike | None = None, preload: ArrayLike | None = None,
-    ) -> Bushing:  # fmt: skip
-        """Add a spatial spring-damper that acts at a point.
-
-        Parameters
-        ----------
-        name : str
-            Name, unique among bodies, joints, bushings and springs.
-        first, second : str or Body
-            The two bodies.
-        position : array-like, shape (3,)
-            The point [m], world axes.
-        stiffness, damping : array-like, shape (6,) or (6, 6)
-            Along and about the bushing's axes, x y z rx ry rz: N/m and N m/rad; N s/m and N m s/rad.
-        orientation : array-like, shape (3, 3) or (3,), optional
-            Axes as columns, or a rotation vector [rad]; default: world axes.
-        preload : array-like, shape (6,), optional
-            Wrench on ``second`` in the given pose, in the bushing's axes [N, N m]; ``first`` takes its reaction.
-
-        Returns
-        -------
-        Bushing
-            The part.
-
-        Raises
-        ------
-        ModelError
-            If a body is unknown, the shape is wrong, or neither stiffness, damping nor preload is given.
-        """
-        self._check_name(name, "bushing")
-        a = self._body_name(first, "bushing", name, "first")
-        b = self._body_name(second, "bushing", name, "second")
-        part = _bushing.make(name, a, b, position, stiffness, damping, orientation, preload)
-        self._springs[name] = part
-        return part
-
-    def add_spring(
-        self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike,
-        stiffness: float = 0.0, damping: float = 0.0, preload: float | None = None,
-        free_length: float | None = None,
-    ) -> Spring:  # fmt: skip
-        """Add a spring-damper along the line between two points.
-
-        Parameters
-        ----------
-        name : str
-            Name, unique among bodies, joints, bushings and springs.
-        first, second : str or Body
-            The two bodies.
-        start, end : array-like, shape (3,)
-            The point on ``first`` and the one on ``second`` [m], world axes.
-        stiffness, damping : float
-            N/m and N s/m.
-        preload : float, optional
-            Tension in the given pose [N]; negative where it pushes.
-        free_length : float, optional
-            Instead of ``preload``: the length without load [m]; the tension is stiffness (length - free_length).
-
-        Returns
-        -------
-        Spring
-            The part.
-
-        Raises
-        ------
-        ModelError
-            If a body is unknown, the points coincide, or neither stiffness, damping nor preload is given.
-        """
-        self._check_name(name, "spring")
-        a = self._body_name(first, "spring", name, "first")
-        b = self._body_name(second, "spring", name, "second")
-        part = _spring.make(name, a, b, start, end, stiffness, damping, preload, free_length)
-        self._springs[name] = part
-        return part
+    def _name_made(self, part: Composed) -> None:
+        """Register the names of nodes and elements that a beam or superelement brings."""
+        self._nodes |= dict.fromkeys(part.node_names, part)
+        self._elements |= dict.fromkeys(part.element_names, part)
+        self._made |= dict.fromkeys(part.made, part)
 
     def _check_name(self, name: str, what: str) -> None:
         check_name(name, what, self._bodies, self._joints, self._springs, self._composed, self._made,
-                   self._couplers, self._rotors)  # fmt: skip
+                   self._couplers, self._rotors, self._loads)  # fmt: skip
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")
 

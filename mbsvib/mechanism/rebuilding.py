@@ -1,68 +1,68 @@
-"""Models made again of all their parts, some of which have other words."""
+"""Mechanisms with all of their parts made again, or some of them with other words."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from mbsvib.elements import Body
+from mbsvib.elements.making import remade
+from mbsvib.elements.part import Part
+from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from mbsvib.api.model import Model
+M = TypeVar("M", bound=Mechanism)
 
 
-def remade(model: Model, words: Callable[[Any], dict[str, Any] | Body]) -> Model:
-    """Return a model made of all parts of another in its order.
+def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
+    """Return a mechanism with all parts made again.
 
     Parameters
     ----------
-    model : Model
-        The model.
+    model : Mechanism
+        The mechanism.
     words : callable
-        The words of each part's ``add_...`` call; of bodies also the body that takes its place, unchecked.
+        The words of each part, or the part that takes its place, which is not checked.
 
     Returns
     -------
-    Model
-        The model with these parts.
+    Mechanism
+        The mechanism with these parts.
 
     Raises
     ------
     ModelError
         If a word is refused.
     """
-    from mbsvib.api.model import ADDERS
 
-    result = type(model)(model.name, model.gravity)
-    for adder, group in model._groups():
-        for part in group.values():
-            found = words(part)
-            if isinstance(found, Body):
-                result._bodies[found.name] = found
-            else:
-                getattr(result, adder or ADDERS[type(part)])(**found)
-    return result
+    def made(part: Part) -> Part:
+        new = words(part)
+        return new if isinstance(new, Part) else remade(part, new)
+
+    groups: Any = {
+        key: {name: made(part) for name, part in group.items()} for key, group in model.groups().items() if group
+    }
+    return model.with_parts(**groups)
 
 
-def rebuilt(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
-    """Return a model in which some parts have other words.
+def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
+    """Return a mechanism in which some parts have other words.
 
     Parameters
     ----------
-    model : Model
-        The model.
+    model : Mechanism
+        The mechanism.
     changes : mapping
         New words of parts by name.
 
     Returns
     -------
-    Model
-        The changed model.
+    Mechanism
+        The changed mechanism.
 
     Raises
     ------
     ModelError
         If a word is refused.
     """
-    return remade(model, lambda part: part.words() | changes.get(part.name, {}))
+    return rebuilt(model, lambda part: part.words() | changes[part.name] if part.name in changes else part)

@@ -17,8 +17,8 @@ from mbsvib.errors import ModelError, nearest
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from mbsvib.api.model import Model
     from mbsvib.elements import Joint
+    from mbsvib.mechanism.mechanism import Mechanism
 
 FLOATS = -1  # stands for the free joint on which a floating body hangs
 
@@ -58,12 +58,12 @@ class Topology:
         return tuple(self.joints[k].name for k in self.cut)
 
 
-def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
+def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """Return the spanning tree of smallest cumulative degree of freedom.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     cut : sequence of str, optional
         Names of joints that must not be in the tree.
@@ -81,8 +81,11 @@ def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
     Source: Chaudhary & Saha (2009), appendix B.
     """
     excluded = () if cut is None else _excluded(cut, model)
-    if not excluded and model._topology is not None:
-        return model._topology
+    return _spanned(model, excluded) if excluded else model.derived(_spanned)
+
+
+def _spanned(model: Mechanism, excluded: tuple[str, ...] = ()) -> Topology:
+    """The tree without some joints."""
     if not model.bodies:
         raise ModelError(f"model '{model.name}' has no body; add one with add_body.", element=model.name)
     bodies, joints = tuple(model.bodies), tuple(model.joints.values())
@@ -94,10 +97,7 @@ def span(model: Model, cut: Sequence[str] | None = None) -> Topology:
         _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
     used = {branch.joint for branch in branches}
     left = tuple(k for k in range(len(joints)) if k not in used)
-    topology = Topology(bodies, joints, tuple(branches), left, tuple(floating))
-    if not excluded:
-        model._topology = topology
-    return topology
+    return Topology(bodies, joints, tuple(branches), left, tuple(floating))
 
 
 def _edges(
@@ -144,7 +144,7 @@ def _shortest_paths(
         heap = [(6, 1, FLOATS, start, ground, 1)]
 
 
-def _excluded(cut: str | Sequence[str], model: Model) -> tuple[str, ...]:
+def _excluded(cut: str | Sequence[str], model: Mechanism) -> tuple[str, ...]:
     asked = names(cut, "linearize", "cut", ModelError)
     for name in asked:
         if name not in model.joints:
@@ -154,7 +154,7 @@ def _excluded(cut: str | Sequence[str], model: Model) -> tuple[str, ...]:
 
 
 def _check_nothing_hangs(
-    model: Model, bodies: tuple[str, ...], edges: list[list[tuple[int, int, int, int]]], floating: list[int],
+    model: Mechanism, bodies: tuple[str, ...], edges: list[list[tuple[int, int, int, int]]], floating: list[int],
     cut: list[str],
 ) -> None:  # fmt: skip
     """Refuse a cut that takes more away than loops: bodies that hung on something and now hang on nothing."""

@@ -9,18 +9,18 @@ from mbsvib.elements import Body
 from mbsvib.elements.body import principal
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
+    from mbsvib.equations.equations import Equations
 
 # Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
 FAR = 10.0
 
 
-def doubts(system: System) -> list[str]:
+def doubts(system: Equations) -> list[str]:
     """Return what to look at again, one sentence each.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.batch import Batch
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.batch_equations import BatchEquations
 
 
 # State matrices of one piece of a batch stay in the second-level cache.
@@ -36,7 +36,7 @@ class BatchModes:
     two frequencies cross, they change places.
     """
 
-    batch: Batch = field(repr=False)
+    batch: BatchEquations = field(repr=False)
     eigenvalues: Complex
     errors: Array
     shapes: Array | Complex
@@ -100,12 +100,12 @@ class BatchModes:
         return f"BatchModes({self.batch.name!r}: {len(self)} variants, {low:.6g} to {high:.6g} Hz)"
 
 
-def batch_modes(batch: Batch, rtol: float = RTOL) -> BatchModes:
+def batch_modes(batch: BatchEquations, rtol: float = RTOL) -> BatchModes:
     """Return the modes of all variants, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
     Parameters
     ----------
-    batch : Batch
+    batch : BatchEquations
         The variants.
     rtol : float
         Relative accuracy asked of every eigenvalue; variants that the common pass leaves short of it are solved one

@@ -18,8 +18,8 @@ from mbsvib.modes.undamped import Undamped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.batch import Batch
     from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.batch_equations import BatchEquations
     from mbsvib.modes.batch_undamped import UndampedBatch
 
     Mask = NDArray[np.bool_]
@@ -63,12 +63,12 @@ def joined(pieces: list[DampedBatch]) -> DampedBatch:
     return DampedBatch(classical=tuple(reason for piece in pieces for reason in piece.classical), **whole)
 
 
-def damped_batch(batch: Batch, basis: UndampedBatch, rtol: float) -> DampedBatch:
+def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> DampedBatch:
     """Return the damped modes, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
     Parameters
     ----------
-    batch : Batch
+    batch : BatchEquations
         The variants.
     basis : UndampedBatch
         Their undamped modes.
@@ -103,7 +103,7 @@ def damped_batch(batch: Batch, basis: UndampedBatch, rtol: float) -> DampedBatch
     return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, settled)
 
 
-def _classical(batch: Batch, basis: UndampedBatch) -> tuple[tuple[str, ...], Array]:
+def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, ...], Array]:
     """Why damping is classical in each variant ("" where it is not), and Phi^T C Phi."""
     n, m = basis.square.shape
     c, k = batch.damping, batch.stiffness
@@ -135,7 +135,7 @@ def _classical(batch: Batch, basis: UndampedBatch) -> tuple[tuple[str, ...], Arr
 
 
 def _coupled(
-    batch: Batch, basis: UndampedBatch, gamma: Array, which: Index
+    batch: BatchEquations, basis: UndampedBatch, gamma: Array, which: Index
 ) -> tuple[Array, Complex, Complex, Complex, Array]:
     """The largest error that can be mended, infinite where not all modes oscillate; pairs, vectors, slopes, errors."""
     n, m = gamma.shape[:2]
@@ -163,7 +163,7 @@ def _coupled(
 
 
 def _rayleigh(
-    batch: Batch, basis: UndampedBatch, gamma: Array, which: Index, values: Complex, y: Complex
+    batch: BatchEquations, basis: UndampedBatch, gamma: Array, which: Index, values: Complex, y: Complex
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics and vectors by what the others see of the residual."""
     shapes, square = basis.shapes[which], basis.square[which]

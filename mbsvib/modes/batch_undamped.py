@@ -17,8 +17,8 @@ from mbsvib.modes.undamped import EPS, SEPARATE, SMALL_ANGLE, SUSPECT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.batch import Batch
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.batch_equations import BatchEquations
 
     Mask = NDArray[np.bool_]
 
@@ -42,12 +42,12 @@ class UndampedBatch:
     settled: Mask
 
 
-def undamped_batch(batch: Batch, rtol: float) -> UndampedBatch:
+def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     """Return the undamped modes, K_i phi = omega^2 M_i phi.
 
     Parameters
     ----------
-    batch : Batch
+    batch : BatchEquations
         The variants.
     rtol : float
         Relative accuracy asked of every frequency.
@@ -71,7 +71,7 @@ def undamped_batch(batch: Batch, rtol: float) -> UndampedBatch:
     return UndampedBatch(square, shapes, errors, settled)
 
 
-def _by_products(batch: Batch) -> tuple[Array, Array, Mask]:
+def _by_products(batch: BatchEquations) -> tuple[Array, Array, Mask]:
     """Squared frequencies, shapes, and where the mass matrix is far enough from singular for them."""
     diagonal = np.einsum("vii->vi", batch.M)
     scale = 1.0 / np.sqrt(diagonal)
@@ -82,11 +82,11 @@ def _by_products(batch: Batch) -> tuple[Array, Array, Mask]:
     return square, inverse.swapaxes(1, 2) @ vectors, settled
 
 
-def _growth(batch: Batch, shapes: Array) -> Array:
+def _growth(batch: BatchEquations, shapes: Array) -> Array:
     return np.asarray((np.sqrt(np.einsum("vii->vi", batch.M))[:, None] @ np.abs(shapes))[:, 0])
 
 
-def _refined(batch: Batch, which: Index, shapes: Array) -> tuple[Array, Array, Array, Array]:
+def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array, Array, Array, Array]:
     """Frequencies from the factors, cleaned shapes, errors, and the largest error that other solvers could mend."""
     rows = batch.elastic_rows[which] * np.sqrt(batch.stiffness[which])[:, :, None]
     h = batch.inertia_factor[which] @ shapes

@@ -22,8 +22,8 @@ from mbsvib.modes.strong_damping import forces, improved
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
 
 
@@ -67,12 +67,12 @@ class Damped:
     slopes: Complex | None
 
 
-def damped(system: System, basis: Undamped, rtol: float) -> Damped:
+def damped(system: Equations, basis: Undamped, rtol: float) -> Damped:
     """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     basis : Undamped
         Its undamped modes.
@@ -95,7 +95,7 @@ def damped(system: System, basis: Undamped, rtol: float) -> Damped:
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
 
 
-def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
+def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
     """Return why damping is classical ("" if it is not) and Gamma, as its diagonal (m,) or whole (m, m)."""
     c, k = system.damping, system.stiffness
     if not np.count_nonzero(c):
@@ -114,7 +114,7 @@ def classical_damping(system: System, basis: Undamped) -> tuple[str, Array]:
     return "", gamma
 
 
-def proportional(system: System) -> bool:
+def proportional(system: Equations) -> bool:
     """Return whether every damping is the same multiple of its stiffness, none included: known without the modes."""
     c, k = system.damping, system.stiffness
     if not np.count_nonzero(c):
@@ -160,7 +160,7 @@ def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array) -> Array:
     return relative
 
 
-def _split_rigid(system: System, basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
+def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
     """Turn the rigid-body modes so that those which no damper touches come first; return their number too."""
     r, w = basis.rigid, system.inertia_factor
     if r == 0:
@@ -177,7 +177,7 @@ def _split_rigid(system: System, basis: Undamped, gamma: Array) -> tuple[Array, 
     return shapes, weighted(moved, system.damping), count
 
 
-def _forms(system: System, shapes: Array, gamma: Array, rigid: int) -> _Forms:
+def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms:
     h = system.inertia_factor @ shapes
     e = system.elastic_rows @ shapes
     stiffness = e.T @ (e * system.stiffness[:, None])
@@ -186,7 +186,7 @@ def _forms(system: System, shapes: Array, gamma: Array, rigid: int) -> _Forms:
     return _Forms(h.T @ h, gamma, stiffness, cancel.T @ (np.abs(e) * np.abs(system.damping)[:, None]))
 
 
-def _dampers(system: System, shapes: Array) -> Array | None:
+def _dampers(system: Equations, shapes: Array) -> Array | None:
     """Rows L with L^T L = Gamma; None where a damper pushes."""
     used = system.damping != 0.0
     if (system.damping < 0.0).any():
@@ -196,7 +196,7 @@ def _dampers(system: System, shapes: Array) -> Array | None:
 
 
 def _coupled(
-    system: System, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
+    system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
 ) -> tuple[Complex, Complex, Complex, Array]:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2)."""
     basis, forms, free = parts
@@ -313,7 +313,7 @@ _Found = tuple["Complex", "Complex", "Complex", "Array"]
 
 
 def _doubtful(
-    system: System, shapes: Array, parts: tuple[Undamped, _Forms, int], found: tuple[_Found, Array], rtol: float
+    system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], found: tuple[_Found, Array], rtol: float
 ) -> _Found:
     """Eigenvalues in doubt from the factors themselves, or with the dampers' forces, whichever is better."""
     basis, _, free = parts
@@ -326,7 +326,7 @@ def _doubtful(
     return min(best, other, key=lambda each: float(each[3].max()))
 
 
-def _from_factors(system: System, shapes: Array, count: int, rtol: float) -> _Found | None:
+def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Found | None:
     """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
     from mbsvib.modes.general import spectrum
 

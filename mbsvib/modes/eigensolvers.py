@@ -14,8 +14,8 @@ from mbsvib.linalg.qr import sorted_qr, triangle
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
 
 
 class Factors:
@@ -24,7 +24,7 @@ class Factors:
     The rows are made when first asked for; ``rows`` of D has those with stiffness, ``w`` those that move.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: Equations) -> None:
         used = system.stiffness.nonzero()[0]
         every = len(used) == len(system.stiffness)
         self.k = system.stiffness if every else system.stiffness.take(used)

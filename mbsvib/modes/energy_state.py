@@ -35,8 +35,8 @@ from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
 
 
@@ -86,12 +86,12 @@ class EnergyState:
         return bool((self.nilpotent @ self.nilpotent).any())
 
 
-def energy_state(system: System, rtol: float) -> EnergyState:
+def energy_state(system: Equations, rtol: float) -> EnergyState:
     """Return a system's first-order equations in energy coordinates.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     rtol : float
         Relative accuracy asked of the undamped modes that are the basis.
@@ -130,18 +130,18 @@ def energy_state(system: System, rtol: float) -> EnergyState:
                        null[0].shape[1], count, doubt, basis, square, damping, coupling)  # fmt: skip
 
 
-def _resists(system: System) -> bool:
+def _resists(system: Equations) -> bool:
     """Whether K and C are sums of squares (C but for spin), so that rows tell what they resist."""
     return system.circulatory is None and bool((system.stiffness >= 0.0).all() and (system.damping >= 0.0).all())
 
 
-def _stiff_rows(system: System) -> Array:
+def _stiff_rows(system: Equations) -> Array:
     """Relative displacements at springs."""
     rows: Array = system.elastic_rows[system.stiffness != 0.0]
     return rows
 
 
-def _basis(system: System, rtol: float) -> tuple[Array, Undamped, int]:
+def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
     """Columns Phi (M-orthonormal, stiffness diagonal), then massless ones; the undamped modes, rigid-body modes first;
     and the number of these that no damper resists, which come before the others.
     """
@@ -160,7 +160,7 @@ def _basis(system: System, rtol: float) -> tuple[Array, Undamped, int]:
     return np.concatenate((basis, loose), axis=1), found, free.shape[1]
 
 
-def _separated(system: System) -> tuple[Array, Array, Array]:
+def _separated(system: Equations) -> tuple[Array, Array, Array]:
     """Motions that dampers do not tie to massless ones (m, p), massless ones of unit damping (m, n1), and the
     rigid-body modes among the former, in these (p, r).
     """
@@ -182,14 +182,14 @@ def _separated(system: System) -> tuple[Array, Array, Array]:
     return turn, loose, null
 
 
-def _back(system: System, basis: Array) -> Array:
+def _back(system: Equations, basis: Array) -> Array:
     """Inverse of the basis: M-orthonormal motions, and massless ones that dampers do not tie to them."""
     p = system.dof - system.massless
     felt = basis[:, p:].T @ system.C
     return np.concatenate((basis[:, :p].T @ system.M, np.linalg.solve(felt @ basis[:, p:], felt)))
 
 
-def _in_basis(system: System, basis: Array, found: Undamped, free: int) -> tuple[Array, Array]:
+def _in_basis(system: Equations, basis: Array, found: Undamped, free: int) -> tuple[Array, Array]:
     """Stiffness and damping in the basis, exactly 0 for what they do not resist."""
     p = len(found.square)
     rows = product(system.elastic_rows, basis)
@@ -226,7 +226,7 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     return a, force
 
 
-def _terms(system: System, basis: Array, value: Array, other: Array | None) -> Array:
+def _terms(system: Equations, basis: Array, value: Array, other: Array | None) -> Array:
     """Sum of the sizes of all terms of D^T diag(value) D and another part, of which only the largest is known."""
     result = weighted(largest(system.elastic_rows, basis), np.abs(value))
     size = np.abs(basis)
@@ -234,7 +234,7 @@ def _terms(system: System, basis: Array, value: Array, other: Array | None) -> A
 
 
 def _null_spaces(
-    system: System, basis: Array, back: Array, stiffness: Array, rigid: int
+    system: Equations, basis: Array, back: Array, stiffness: Array, rigid: int
 ) -> tuple[Array, Array]:
     """Motions that K does not feel, and forces that it does not answer, in the basis (m, r) each."""
     m = system.dof
@@ -252,7 +252,7 @@ def _null_spaces(
 
 
 def _chains(
-    system: System, basis: Array, damping: Array, null: tuple[Array, Array], free: int
+    system: Equations, basis: Array, damping: Array, null: tuple[Array, Array], free: int
 ) -> tuple[Array, Array]:
     """Which combinations (r, n) of both null spaces of K the damping does not join to these: they start chains."""
     z, y = null

@@ -20,8 +20,8 @@ from mbsvib.modes.general_refinement import Spectrum, refined
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
 
 
 EPS = float(np.finfo(float).eps)
@@ -70,12 +70,12 @@ class General:
         return self.errors[keep]
 
 
-def is_general(system: System) -> bool:
+def is_general(system: Equations) -> bool:
     """Tell whether a system's matrices lack what symmetric solvers rely on.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -86,12 +86,12 @@ def is_general(system: System) -> bool:
     return system.gyroscopic is not None or system.circulatory is not None or system.massless > 0
 
 
-def general(system: System, rtol: float) -> General:
+def general(system: Equations, rtol: float) -> General:
     """Return the modes, (lambda^2 M + lambda C + K) phi = 0, of a system whose matrices need not be symmetric.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     rtol : float
         Relative accuracy asked of every eigenvalue.
@@ -104,12 +104,12 @@ def general(system: System, rtol: float) -> General:
     return _in_modes(system, *spectrum(system, rtol))
 
 
-def spectrum(system: System, rtol: float) -> tuple[EnergyState, Spectrum]:
+def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
     """Return all eigenvalues and vectors, those of 0 by their invariant subspaces.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     rtol : float
         Relative accuracy asked of every eigenvalue.
@@ -254,7 +254,7 @@ def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Fou
     return values, left, right
 
 
-def _in_modes(system: System, state: EnergyState, found: Spectrum) -> General:
+def _in_modes(system: Equations, state: EnergyState, found: Spectrum) -> General:
     """Put eigenvalues into modes: conjugates, real ones with 0 or with each other, the rest alone."""
     rest, drift = (shapes.astype(complex) for shapes in rigid_shapes(state))
     momentum, resting = system.inertia_factor @ found.right, system.inertia_factor @ rest
@@ -288,7 +288,7 @@ def _in_modes(system: System, state: EnergyState, found: Spectrum) -> General:
 
 
 def _sorted(
-    system: System, state: EnergyState, found: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
+    system: Equations, state: EnergyState, found: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
 ) -> General:
     table, shapes = modes
     first, second = table.T

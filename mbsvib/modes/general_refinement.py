@@ -16,8 +16,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.energy_state import EnergyState
 
 
@@ -76,12 +76,12 @@ class _Factors:
     n: Array | None
 
 
-def refined(system: System, state: EnergyState, start: Spectrum) -> Spectrum:
+def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     """Return eigenvalues and vectors improved on the factors.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     state : EnergyState
         What belongs to eigenvalues 0.

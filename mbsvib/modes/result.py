@@ -21,9 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.equations.equations import Provenance
+    from mbsvib.equations.equations import Equations, Provenance
     from mbsvib.plots.animation import Animation
 
 
@@ -68,8 +67,8 @@ class Modes:
     shapes: Array | Complex
     classical: str
     rigid: int
-    _body_motion: Array = field(repr=False)
-    _inertia_factor: Array = field(repr=False)
+    body_motion: Array = field(repr=False)
+    inertia_factor: Array = field(repr=False)
     damped: Damped | General = field(repr=False)
     first_order: NDArray[np.bool_] | None = None
     mixed: float = field(default=0.0, repr=False)
@@ -77,7 +76,7 @@ class Modes:
     _provenance: Provenance | None = field(default=None, repr=False)
 
     @cached_property
-    def _starts(self) -> NDArray[np.intp]:
+    def starts(self) -> NDArray[np.intp]:
         """Where each mode's eigenvalues start, and where they end."""
         size = np.full(len(self), 2) if self.first_order is None else 2 - self.first_order
         return np.concatenate(([0], np.cumsum(size)))
@@ -95,7 +94,7 @@ class Modes:
     def _paired(self, values: Any) -> Any:
         if self.first_order is None:
             return values.reshape(-1, 2)
-        return np.stack((values[self._starts[:-1]], values[self._starts[1:] - 1]), axis=1)
+        return np.stack((values[self.starts[:-1]], values[self.starts[1:] - 1]), axis=1)
 
     @cached_property
     def natural(self) -> Array:
@@ -126,7 +125,7 @@ class Modes:
     @cached_property
     def body_shapes(self) -> dict[str, Array | Complex]:
         """Displacements of the bodies, {name: (6, m)}: translation of the centre of mass and rotation, world axes."""
-        return dict(zip(self.bodies, self._body_motion @ self.shapes, strict=True))
+        return dict(zip(self.bodies, self.body_motion @ self.shapes, strict=True))
 
     @cached_property
     def stable(self) -> bool:
@@ -162,7 +161,7 @@ class Modes:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
         frequency = real(frequency, "modes", "near", "a frequency [Hz]")
         chosen = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
-        which = np.concatenate([np.arange(0), *(np.arange(*self._starts[i : i + 2]) for i in chosen)])
+        which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in chosen)])
         return replace(
             self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, chosen],
             rigid=int(np.count_nonzero(chosen < self.rigid)),
@@ -253,11 +252,11 @@ class Modes:
             return ()
         energy = self._energy()
         still = ~energy.any(axis=(0, 1))  # nodes without mass: by how far they move
-        energy[..., still] = np.abs(self._body_motion @ self.shapes[:, still])
+        energy[..., still] = np.abs(self.body_motion @ self.shapes[:, still])
         body = energy.sum(axis=1).argmax(axis=0)
         mode = np.arange(len(self))
         translates = energy[body, :3, mode].sum(axis=1) >= energy[body, 3:, mode].sum(axis=1)
-        motion = np.abs((self._body_motion @ self.shapes)[body, :, mode])
+        motion = np.abs((self.body_motion @ self.shapes)[body, :, mode])
         direction = np.where(translates, motion[:, :3].argmax(axis=1), 3 + motion[:, 3:].argmax(axis=1))
         names = ("x", "y", "z", "rx", "ry", "rz")
         return tuple((self.bodies[b], names[d]) for b, d in zip(body, direction, strict=True))
@@ -268,10 +267,10 @@ class Modes:
         Inertia that several bodies share, as nodes of a beam do, goes to those that have none of their own, by the
         squares of their motions; of rotations as if over ``SHARED_RADIUS``.
         """
-        rows, count = np.abs(self._inertia_factor @ self.shapes) ** 2, len(self.bodies)
+        rows, count = np.abs(self.inertia_factor @ self.shapes) ** 2, len(self.bodies)
         energy = rows[: 6 * count].reshape(count, 6, len(self)).copy()
         if len(rows) > 6 * count:
-            motion = np.abs(self._body_motion @ self.shapes) ** 2
+            motion = np.abs(self.body_motion @ self.shapes) ** 2
             motion[:, 3:] *= SHARED_RADIUS**2
             motion[energy.any(axis=(1, 2))] = 0.0
             size = motion.sum(axis=(0, 1))
@@ -351,12 +350,12 @@ def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
     return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
 
 
-def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
+def modes(system: Equations, rtol: float = RTOL, clean: bool = True) -> Modes:
     """Return all modes of a system, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     rtol : float
         Relative accuracy asked of every eigenvalue.
@@ -384,7 +383,7 @@ def modes(system: System, rtol: float = RTOL, clean: bool = True) -> Modes:
                  mixed=basis.mixed, rung=basis.method, _provenance=system.provenance)  # fmt: skip
 
 
-def _without_symmetry(system: System, rtol: float) -> Modes:
+def _without_symmetry(system: Equations, rtol: float) -> Modes:
     found = general(system, rtol)
     columns = np.arange(found.shapes.shape[1])
     largest = found.shapes[np.argmax(np.abs(found.shapes), axis=0), columns] if system.dof else np.ones(0)

@@ -26,8 +26,8 @@ from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_product
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
 
 
 EPS = float(np.finfo(float).eps)
@@ -75,12 +75,12 @@ class Undamped:
         return np.sqrt(np.abs(self.square))
 
 
-def undamped(system: System, rtol: float, clean: bool = True, null: Array | None = None) -> Undamped:
+def undamped(system: Equations, rtol: float, clean: bool = True, null: Array | None = None) -> Undamped:
     """Return the undamped modes, K phi = omega^2 M phi.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     rtol : float
         Relative accuracy asked of every frequency.
@@ -124,7 +124,7 @@ def undamped(system: System, rtol: float, clean: bool = True, null: Array | None
     return _with_loops(result, system)
 
 
-def _with_loops(result: Undamped, system: System) -> Undamped:
+def _with_loops(result: Undamped, system: Equations) -> Undamped:
     """Add to the errors what nearly singular loops have done to the coordinates, which the factors don't show."""
     kept = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
     if kept >= WELL_CLOSED:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TypeAlias
 
-from mbsvib.api.system import System
 from mbsvib.common.expected import a_system
 from mbsvib.common.expected import names as listed_names
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.plots._system import System
 
 Names: TypeAlias = str | Sequence[str] | None
 Systems: TypeAlias = System | Sequence[System]

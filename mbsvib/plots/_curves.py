@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.plots._system import System
 
 
 MOST_LEAD = 0.75 * np.pi  # a response that starts near +-180 degrees is drawn as a lag
@@ -94,7 +94,7 @@ def shared_grid(
     low, high = range_of(poles, *span)
     inputs, outputs = ([*dict.fromkeys(names)] for names in zip(*pairs, strict=True))
     places = [
-        roots(system, choice.pick(system, "input", inputs), choice.pick(system, "output", outputs))
+        roots(system.basis, choice.pick(system, "input", inputs), choice.pick(system, "output", outputs))
         for system in systems
     ]
     return placed(np.concatenate(places), poles, low, high)

@@ -14,6 +14,7 @@ import numpy as np
 from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.superelement import Superelement
+from mbsvib.equations.expansion import expanded
 from mbsvib.mechanism.topology import span
 from mbsvib.plots import _outline as outline
 
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import Provenance
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
+    from mbsvib.equations.equations import Provenance
+    from mbsvib.mechanism.mechanism import Mechanism
 
 
 GROUND = "ground"
@@ -97,11 +98,11 @@ class Scene:
         return np.asarray((1.0 - share) * ends[0] + share * ends[1])
 
 
-def of_model(model: Model) -> Scene:
+def of_model(model: Mechanism) -> Scene:
     """Return the picture of a model; loops that are not closed yet or poses that are singular are no hindrance."""
-    plain = model._expanded() if model._composed else model
+    plain = expanded(model)
     cut = set(span(plain).cut_joints) if plain.bodies else set()
-    groups = (model._bodies, model._joints, model._springs, model._composed, model._inputs)
+    groups = (model.bodies, model.joints, model.springs, model.composed, model.inputs)
     return _scene(model.name, [part for group in groups for part in group.values()], cut)
 
 

@@ -225,7 +225,7 @@ def animation(
             raise ResponseError(f"{name} = {value!r}: expected a number of at least {least:g}.")
     axes_of(view)
     scene = of_system(modes.name, provenance)
-    moves = scene.displacements(modes._body_motion @ modes.shapes[:, index])
+    moves = scene.displacements(modes.body_motion @ modes.shapes[:, index])
     farthest = np.linalg.norm(moves, axis=1).max(initial=0.0)
     shape = amplitude * scene.size / farthest * moves if farthest > 0.0 else moves
     hertz, ratio = modes.frequencies[index], modes.damping_ratios[index]

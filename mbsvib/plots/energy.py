@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.modes import Modes
+    from mbsvib.plots._system import System
 
 
 LEAST_SHARE = 0.005  # of an element in any mode, else it counts among the others

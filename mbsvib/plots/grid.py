@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.plots._system import System
 
 
 PERIODS = 25.0

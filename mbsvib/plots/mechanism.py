@@ -12,14 +12,14 @@ from mbsvib.plots._projection import Picture, triad
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.plots._projection import View
+    from mbsvib.plots._system import System
 
 MOST_NAMES = 40
 
 
-def mechanism(source: Model | System, view: View = "3-D", names: bool = True) -> Figure:
+def mechanism(source: Mechanism | System, view: View = "3-D", names: bool = True) -> Figure:
     """Draw bodies, joints, springs, dampers and inputs.
 
     Bodies are blue and reach as far as what holds them; joints are circles, those at which a loop is cut red
@@ -27,7 +27,7 @@ def mechanism(source: Model | System, view: View = "3-D", names: bool = True) ->
 
     Parameters
     ----------
-    source : Model or System
+    source : Mechanism or System
         What to draw; a model need not be complete.
     view : str or sequence of 2 float
         From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
@@ -44,9 +44,9 @@ def mechanism(source: Model | System, view: View = "3-D", names: bool = True) ->
     ResponseError
         If the view is none of these.
     """
-    from mbsvib.api.model import Model
+    from mbsvib.mechanism.mechanism import Mechanism
 
-    if isinstance(source, Model):
+    if isinstance(source, Mechanism):
         scene = _scene.of_model(source)
     else:
         scene = _scene.of_system(a_system(source, "mechanism", "source").name, source.provenance)

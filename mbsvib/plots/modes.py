@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.plots._system import System
 
 
 LOG_FROM = 20.0  # ratio of the highest to the lowest value from which an axis is logarithmic

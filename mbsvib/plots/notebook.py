@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.plots._system import System
 
 MOST_BODIES = 200  # in a picture
 MOST_NAMES = 12
@@ -52,12 +52,12 @@ def table(
     return f"<div>{above}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{words}</div>"
 
 
-def of_model(model: Model) -> str:
+def of_model(model: Mechanism) -> str:
     """Return a picture of a model and what it consists of.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The model.
 
     Returns
@@ -102,7 +102,7 @@ def _few(names: Sequence[str]) -> str:
     return ", ".join(names[:MOST_NAMES]) + (", …" if len(names) > MOST_NAMES else "")
 
 
-def _with_picture(source: Model | System, bodies: int, text: str) -> str:
+def _with_picture(source: Mechanism | System, bodies: int, text: str) -> str:
     if not 0 < bodies <= MOST_BODIES:
         return text
     from mbsvib.plots.mechanism import mechanism

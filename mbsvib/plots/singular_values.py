@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.system import System
     from mbsvib.plots._choice import Names, Systems
+    from mbsvib.plots._system import System
 
 
 def singular_values(

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.plots._choice import Names, Systems
+    from mbsvib.plots._system import System
 
 
 NEGLIGIBLE = 1e-11

@@ -14,8 +14,8 @@ from mbsvib.plots import _tree_layout as layout
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.plots._system import System
 
 
 KINDS = {

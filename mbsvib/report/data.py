@@ -127,7 +127,7 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
     grid = placed(poles, poles, *span(poles, None, None))
     sources, results = _fitting(sources, results, len(grid))
     if system.dof**3 * len(sources) * len(results) <= MOST_ZEROS:
-        places = roots(system, sources, results)
+        places = roots(system.basis, sources, results)
         grid = placed(places, poles, *span(poles, None, None))
         sources, results = _fitting(sources, results, len(grid))
     pairs = [(source, result) for source in sources for result in results]

@@ -8,17 +8,21 @@ eta / w^2, is summed, and c b over these modes, with D for accelerations, is kno
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.modes.batch import BatchModes, batch_modes
+from mbsvib.modes.result import RTOL
+from mbsvib.responses.basis import RESPONSE_RTOL
 from mbsvib.responses.modal_sum import CANCELLED, EPS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.batch import Batch
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.batch_equations import BatchEquations
     from mbsvib.modes.batch import BatchModes
 
 
@@ -29,12 +33,42 @@ FEW = 300
 PIECE_BYTES = 2**22
 
 
-def few_frequencies(batch: Batch, modal: BatchModes, w: Array) -> Complex:
+class BatchBasis:
+    """Modes of all variants of a batch, each kept once they are known.
+
+    Parameters
+    ----------
+    batch : BatchEquations
+        The equations of all variants.
+    """
+
+    def __init__(self, batch: BatchEquations) -> None:
+        self.batch = batch
+
+    @cached_property
+    def modes(self) -> BatchModes:
+        """All modes at the default accuracy."""
+        return batch_modes(self.batch, RTOL)
+
+    def modes_within(self, rtol: float) -> BatchModes:
+        """Return all modes at a relative accuracy ``rtol``, those that are known if they are accurate enough."""
+        return self.modes if float(self.modes.errors.max(initial=0.0)) <= rtol else batch_modes(self.batch, rtol)
+
+    @cached_property
+    def modal(self) -> BatchModes:
+        """The bases of the responses, as accurate as those of single systems."""
+        known = self.__dict__.get("modes")
+        if known is not None and float(known.errors.max(initial=0.0)) <= RESPONSE_RTOL:
+            return self.modes
+        return batch_modes(self.batch, RESPONSE_RTOL)
+
+
+def few_frequencies(batch: BatchEquations, modal: BatchModes, w: Array) -> Complex:
     """Return the responses of all variants at a few frequencies, (n, outputs, inputs, k); not finite at poles.
 
     Parameters
     ----------
-    batch : Batch
+    batch : BatchEquations
         The variants.
     modal : BatchModes
         Their modes, as accurate as responses want them.

@@ -16,8 +16,8 @@ from mbsvib.linalg.qr import triangle
 
 if TYPE_CHECKING:
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
 
 
 # So many coordinates are spelled out in the name of a rate that is a sum of several.
@@ -39,12 +39,12 @@ class FirstOrder:
     units: tuple[str, ...]
 
 
-def physical(system: System) -> FirstOrder:
+def physical(system: Equations) -> FirstOrder:
     """Return first-order equations of a system with massless motions in physical states.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion, with ``massless`` > 0.
 
     Returns

@@ -18,8 +18,8 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.basis import Basis
 
 
 PER_DECADE = 150
@@ -37,7 +37,7 @@ APART = 1e-9  # share of the frequency of an undamped pole in which no point lie
 
 
 def frequency_grid(
-    system: System, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
+    basis: Basis, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
     n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
 ) -> Array:  # fmt: skip
     """Return angular frequencies that miss no resonance and no antiresonance of the responses from inputs to outputs.
@@ -48,8 +48,8 @@ def frequency_grid(
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     inputs, outputs : str or sequence of str, optional
         Names; default: all. Each pair's zeros count, so that a choice saves points and time.
     n : int, optional
@@ -68,17 +68,17 @@ def frequency_grid(
     ResponseError
         If a name is unknown, n is less than 2, or f_min and f_max are not positive and in ascending order.
     """
-    low, high = span(system.poles(), f_min, f_max)
-    return 2.0 * np.pi * placed(roots(system, inputs, outputs), system.poles(), low, high, n)
+    low, high = span(basis.poles, f_min, f_max)
+    return 2.0 * np.pi * placed(roots(basis, inputs, outputs), basis.poles, low, high, n)
 
 
-def roots(system: System, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:
+def roots(basis: Basis, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:
     """Return all poles, and the zeros of each response by itself.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     inputs, outputs : str or sequence of str, optional
         Names; default: all.
 
@@ -89,10 +89,11 @@ def roots(system: System, inputs: str | Sequence[str] | None, outputs: str | Seq
     """
     from mbsvib.responses.transmission_zeros import numbers, transmission_zeros
 
+    system = basis.equations
     sources = [system.inputs[i] for i in numbers(system, "input", inputs)]
     results = [system.outputs[i] for i in numbers(system, "output", outputs)]
-    zeros = [transmission_zeros(system, source, result) for source in sources for result in results]
-    return np.concatenate([system.poles(), *zeros])
+    zeros = [transmission_zeros(basis, source, result) for source in sources for result in results]
+    return np.concatenate([basis.poles, *zeros])
 
 
 def placed(places: Complex, poles: Complex, low: float, high: float, n: int | None = None) -> Array:

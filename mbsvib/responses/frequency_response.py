@@ -27,24 +27,21 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes.general import General
+    from mbsvib.responses.basis import Basis
 
 
 EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14
-# Dampers are strong where rounding in Gamma exceeds that: eps |L|^T |L| in parts of omega_i + omega_j.
-STRONG = 200.0
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
-_checked = angular  # as other modules know it
 
 
-def frequency_response(system: System, omega: ArrayLike) -> Complex:
+def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
 
     The relative error is that of rounding, times frequency / half-width of a resonance there; sums that cancel for a
@@ -54,8 +51,8 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s].
 
@@ -70,36 +67,37 @@ def frequency_response(system: System, omega: ArrayLike) -> Complex:
         If a frequency is not finite or is an undamped pole.
     """
     w = angular(omega)
-    modal, size = system._modal, np.abs(w)
+    system, modal, size = basis.equations, basis.modal, np.abs(w)
     if not isinstance(modal, Damped):
-        result = _general(system, modal, w)
+        result = _general(basis, modal, w)
     else:
         summed = modal.vectors is None or (
-            system._strong_dampers is None and trusted(modal, modal.shapes.T @ system.B, size)
+            basis.strong_dampers is None and trusted(modal, modal.shapes.T @ system.B, size)
         )
-        result = system._modal_sum.at(1j * size) if summed else _solved(system, modal, size)
-        pole = None if np.isfinite(result).all() else system._modal_sum.pole_at(1j * size)
+        result = basis.modal_sum.at(1j * size) if summed else _solved(basis, modal, size)
+        pole = None if np.isfinite(result).all() else basis.modal_sum.pole_at(1j * size)
         if pole:
             _refuse_pole(w, *pole)
-        result = mended(system, modal, size, (result, summed), lambda part: _solver(system, modal, part, summed))
+        result = mended(basis, modal, size, (result, summed), lambda part: _solver(basis, modal, part, summed))
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
     return result
 
 
-def _general(system: System, modal: General, w: Array) -> Complex:
+def _general(basis: Basis, modal: General, w: Array) -> Complex:
     """Responses where matrices lack symmetry."""
     from mbsvib.responses import general_responses as responses
 
+    system = basis.equations
     s, cancels = 1j * np.abs(w), responses.cancels(system, modal.state)
     if not cancels and responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w)):
-        result = system._modal_sum.at(s)
+        result = basis.modal_sum.at(s)
     elif system.gyroscopic is not None or system.circulatory is not None:
         result = responses.solved(system, modal.state, s)
     else:
         result = responses.refined_solutions(system, modal.state, np.abs(w))
         if modal.state.right.shape[1] and not s.all():  # the sum tells which motions meet no spring
-            result[:, :, s == 0.0] = system._modal_sum.at(s[s == 0.0])
+            result[:, :, s == 0.0] = basis.modal_sum.at(s[s == 0.0])
     if not np.isfinite(result).all():
         values = modal.values
         i = int(np.nonzero(~np.isfinite(result).all(axis=(0, 1)))[0][0])
@@ -161,34 +159,6 @@ def conditions(modal: Damped) -> Array:
         return np.asarray(np.where(size > 0.0, (size + elastic / size) / slope, 1.0))
 
 
-def strong_dampers(system: System, modal: Damped) -> Array | None:
-    """Return rows L (dampers, m) with Gamma = L^T L where rounding in Gamma is felt, else None.
-
-    Parameters
-    ----------
-    system : System
-        The equations of motion.
-    modal : Damped
-        Its modes.
-
-    Returns
-    -------
-    array or None
-        Rows in the basis.
-    """
-    used = system.damping != 0.0
-    if modal.vectors is None or (system.damping < 0.0).any():
-        return None
-    root = np.sqrt(system.damping[used])[:, None]
-    rows = system.elastic_rows[used]
-    dampers = (rows @ modal.shapes) * root
-    omega = np.sqrt(np.abs(modal.square))
-    together = omega[:, None] + omega
-    together[together == 0.0] = np.inf  # rigid-body modes do not share a damper: Gamma is diagonal there
-    spread = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
-    return dampers if (spread > STRONG * together).any() else None
-
-
 def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Complex, Array]:
     """Residual b - Q(s) eta at s = i w, (m, inputs, n), and its size relative to the terms, (n,), as motions."""
     w, root = s.imag, np.sqrt(np.abs(modal.square))[:, None, None]
@@ -203,29 +173,30 @@ def _residual(modal: Damped, s: Complex, b: Array, eta: Complex) -> tuple[Comple
     return residual, np.divide(small, size, out=np.zeros_like(small), where=size > 0.0).max(axis=0)
 
 
-def _solved(system: System, modal: Damped, w: Array) -> Complex:
+def _solved(basis: Basis, modal: Damped, w: Array) -> Complex:
     """Responses by linear solutions, in batches of frequencies."""
+    system = basis.equations
     b = modal.shapes.T @ system.B
     outputs = [c @ modal.shapes for c in (system.Cq, system.Cv, system.Ca)]
     result: Complex = np.empty((len(system.outputs), b.shape[1], len(w)), dtype=complex)
     batch = max(1, BATCH_BYTES // (64 * max(1, b.size)))
     for start in range(0, len(w), batch):
         s = (1j * w[start : start + batch]).astype(complex, copy=False)
-        if system._strong_dampers is not None:
-            eta = _separated(modal, system._strong_dampers, b, w, start + np.arange(len(s)))
+        if basis.strong_dampers is not None:
+            eta = separated_solutions(modal, basis.strong_dampers, b, w, start + np.arange(len(s)))
         else:
-            eta = _refined(system, modal, b, s)
+            eta = refined_solutions(basis, modal, b, s)
         bad = np.nonzero(~np.isfinite(eta).all(axis=(0, 1)))[0]
-        eta[:, :, bad] = _direct(modal, b, w, start + bad)
+        eta[:, :, bad] = direct_solutions(modal, b, w, start + bad)
         parts = [np.tensordot(c, eta, axes=1) for c in outputs]
         result[:, :, start : start + batch] = parts[0] + s * (parts[1] + s * parts[2])
     result += system.D[:, :, None]
     return result
 
 
-def _refined(system: System, modal: Damped, b: Array, s: Complex) -> Complex:
+def refined_solutions(basis: Basis, modal: Damped, b: Array, s: Complex) -> Complex:
     """Solutions (m, inputs, n) by the Schur form, refined; not a number where that does not converge."""
-    schur = system._schur
+    schur = basis.schur
     eta = schur.solve(s, np.broadcast_to(b[:, :, None], (*b.shape, len(s))))
     for _ in range(REFINEMENTS):
         residual, error = _residual(modal, s, b, eta)
@@ -237,15 +208,15 @@ def _refined(system: System, modal: Damped, b: Array, s: Complex) -> Complex:
     return eta
 
 
-def _solver(system: System, modal: Damped, w: Array, summed: bool) -> Callable[[Complex], Complex]:
+def _solver(basis: Basis, modal: Damped, w: Array, summed: bool) -> Callable[[Complex], Complex]:
     """What solves the equations in the basis at some frequencies, for any loads (m, inputs, n), to some digits."""
     s: Complex = (1j * w).astype(complex, copy=False)
-    if system._strong_dampers is not None:
-        found = _separated(modal, system._strong_dampers, np.eye(len(modal.square)), w, np.arange(len(w)))
+    if basis.strong_dampers is not None:
+        found = separated_solutions(modal, basis.strong_dampers, np.eye(len(modal.square)), w, np.arange(len(w)))
         inverse: Complex = np.ascontiguousarray(found.transpose(2, 0, 1))
         return lambda right: (inverse @ right.transpose(2, 0, 1)).transpose(1, 2, 0)
     if not summed:
-        return partial(system._schur.solve, s)
+        return partial(basis.schur.solve, s)
     if modal.vectors is None:
         root, square = np.sqrt(np.abs(modal.square))[:, None], modal.square[:, None]
         matrix: Complex = np.where(square >= 0.0, (root - w) * (root + w), square - w * w).astype(complex)
@@ -259,7 +230,7 @@ def _product(left: Complex, right: Complex) -> Complex:
     return (left @ np.ascontiguousarray(right).reshape(len(right), -1)).reshape(-1, *right.shape[1:])
 
 
-def _direct(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
     """Solutions (m, inputs, which) by one factorisation a frequency."""
     m = len(b)
     result = np.empty((*b.shape, len(which)), dtype=complex)
@@ -280,7 +251,7 @@ def _direct(modal: Damped, b: Array, w: Array, which: NDArray[np.intp]) -> Compl
     return result
 
 
-def _separated(modal: Damped, dampers: Array, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
+def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
     """Solutions (m, inputs, which) in motions v = R eta of the dampers, L = Q R, and motions that they do not feel.
 
     R is graded: sorted by size and pivoted, it keeps the digits of weak dampers beside strong ones. In v damping is

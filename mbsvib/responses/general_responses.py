@@ -16,8 +16,8 @@ import numpy as np
 from mbsvib.errors import ResponseError
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general import General
     from mbsvib.responses.modal_sum import ModalSum
@@ -41,12 +41,12 @@ class Realization:
     d: Array
 
 
-def realization(system: System, state: EnergyState) -> Realization:
+def realization(system: Equations, state: EnergyState) -> Realization:
     """Return the first-order equations in energy coordinates.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     state : EnergyState
         The same in energy coordinates.
@@ -265,12 +265,12 @@ def _matrix(state: EnergyState, s: Complex) -> Complex:
     return np.asarray(result)
 
 
-def solved(system: System, state: EnergyState, s: Complex) -> Complex:
+def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
     """Return the transfer matrix by one factorisation a point; not a number where the equations are singular.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     state : EnergyState
         The same in energy coordinates.
@@ -299,12 +299,12 @@ def solved(system: System, state: EnergyState, s: Complex) -> Complex:
     return result
 
 
-def cancels(system: System, state: EnergyState) -> bool:
+def cancels(system: Equations, state: EnergyState) -> bool:
     """Tell whether most of a stiffness is that of springs in series with dampers, which then hold next to nothing.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     state : EnergyState
         The same in energy coordinates, in which dampers hold massless motions.
@@ -322,12 +322,12 @@ def cancels(system: System, state: EnergyState) -> bool:
     return bool((GIVES_WAY * np.abs(state.square - taken) < taken).any())
 
 
-def refined_solutions(system: System, state: EnergyState, w: Array) -> Complex:
+def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Complex:
     """Return the transfer matrix by solutions that are corrected from the factors to twice the digits.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion, symmetric.
     state : EnergyState
         The same in energy coordinates.

@@ -11,12 +11,12 @@ from mbsvib.responses.first_order import FirstOrder
 from mbsvib.responses.modal_blocks import modal_inputs, pair_block
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
 
 
-def modal_states(system: System, modal: General) -> FirstOrder:
+def modal_states(system: Equations, modal: General) -> FirstOrder:
     """Return first-order equations in modal states.
 
     Each mode has a block [[0, 1], [-l1 l2, l1 + l2]] of its eigenvalues l1, l2; one of first order has the block l1,
@@ -25,7 +25,7 @@ def modal_states(system: System, modal: General) -> FirstOrder:
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     modal : General
         Its modes.

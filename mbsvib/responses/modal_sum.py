@@ -21,8 +21,8 @@ from mbsvib.modes.damped import Damped
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
 
 
@@ -129,13 +129,14 @@ class ModalSum:
 
 
 def modal_sum(
-    system: System, modal: Damped | General, inputs: Sequence[int] | None = None, outputs: Sequence[int] | None = None
+    system: Equations, modal: Damped | General, inputs: Sequence[int] | None = None,
+    outputs: Sequence[int] | None = None,
 ) -> ModalSum:
     """Return the sum over modes of a system's transfer functions.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     modal : Damped or General
         Its modes.

@@ -21,8 +21,8 @@ from mbsvib.linalg.double_double import Sliced, Twofold, twofold
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
 
     Solver = Callable[[Complex], Complex]
 
@@ -64,7 +64,7 @@ class Factors:
     w: Array
 
     @staticmethod
-    def of(system: System, w: Array) -> Factors:
+    def of(system: Equations, w: Array) -> Factors:
         """Return the factors of a system at the angular frequencies ``w`` (n,) [rad/s]."""
         used = (system.stiffness != 0.0) | (system.damping != 0.0)
         inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]

@@ -16,8 +16,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
 
 
@@ -42,7 +42,7 @@ class Noise:
     direct: Array
 
     @staticmethod
-    def of(system: System, modal: Damped) -> Noise:
+    def of(system: Equations, modal: Damped) -> Noise:
         """Return the bound for a system and its modes."""
         b = modal.shapes.T @ system.B
         beta, direct = np.linalg.norm(b, axis=0), np.abs(system.D)
@@ -165,7 +165,7 @@ class Changes:
     direct: Array
 
     @staticmethod
-    def of(system: System, modal: Damped) -> tuple[Changes, Changes]:
+    def of(system: Equations, modal: Damped) -> tuple[Changes, Changes]:
         """Return those of the numbers that count most, a quick look from below, and of all numbers."""
         inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]
         whole = Changes._of(system, inertia)
@@ -175,7 +175,7 @@ class Changes:
         return Changes._of(system, inertia[largest[: system.dof]]), whole
 
     @staticmethod
-    def _of(system: System, inertia: Array) -> Changes:
+    def _of(system: Equations, inertia: Array) -> Changes:
         used = (system.stiffness != 0.0) | (system.damping != 0.0)
         rows = np.concatenate((system.elastic_rows[used], inertia))
         outputs = differentiated(system)
@@ -224,7 +224,7 @@ class Changes:
         return result
 
 
-def differentiated(system: System) -> list[tuple[int, Array]]:
+def differentiated(system: Equations) -> list[tuple[int, Array]]:
     """Return the rows (outputs, m) of displacements, velocities and accelerations that there are, with 0, 1 or 2."""
     return [(order, c) for order, c in enumerate((system.Cq, system.Cv, system.Ca)) if c.any()]
 

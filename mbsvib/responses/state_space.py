@@ -12,9 +12,10 @@ from mbsvib.linalg.qr import triangle
 from mbsvib.modes.general import is_general
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
+    from mbsvib.responses.basis import Basis
 
 
 REALIZATIONS = ("physical", "modal", "balanced")
@@ -55,7 +56,7 @@ class StateSpace:
         return f"StateSpace({self.name!r}, {self.realization}: {counts})"
 
 
-def state_space(system: System, realization: str = "physical") -> StateSpace:
+def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
     """Return first-order equations of a system.
 
     physical: x = (q, q'),  A = [[0, 1], [-M^-1 K, -M^-1 C]];  modal: x = (z1, z1', z2, z2', ...) with one block
@@ -68,8 +69,8 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     realization : str
         "physical", "modal" or "balanced".
 
@@ -89,11 +90,11 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
     if realization == "balanced":
         from mbsvib.linalg.balancing import balanced
 
-        return balanced(state_space(system, "physical"))
+        return balanced(state_space(basis, "physical"))
+    system = basis.equations
     if system.massless or (realization == "modal" and is_general(system)):
-        return _massless(system, realization)
-    make = _physical if realization == "physical" else _modal
-    a, b, transform, names, units = make(system)
+        return _massless(basis, realization)
+    a, b, transform, names, units = _physical(system) if realization == "physical" else _modal(basis)
     m = system.dof
     q, rate = transform[:m], transform[m:]
     # q'' = T' A x + T' B u with T' the rows of q', whatever the states are
@@ -103,12 +104,13 @@ def state_space(system: System, realization: str = "physical") -> StateSpace:
                       system.outputs, system.output_units)  # fmt: skip
 
 
-def _massless(system: System, realization: str) -> StateSpace:
+def _massless(basis: Basis, realization: str) -> StateSpace:
     from mbsvib.modes.general import General
     from mbsvib.responses import first_order
     from mbsvib.responses.general_states import modal_states
 
-    modal = system._modal if realization == "modal" else None
+    system = basis.equations
+    modal = basis.modal if realization == "modal" else None
     found = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
     m = system.dof
     q, rate = found.transform[:m], found.transform[m:]
@@ -122,7 +124,7 @@ def _massless(system: System, realization: str) -> StateSpace:
     )  # fmt: skip
 
 
-def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+def _physical(system: Equations) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
     m = system.dof
     a = np.zeros((2 * m, 2 * m))
     b = np.zeros((2 * m, system.B.shape[1]))
@@ -138,8 +140,8 @@ def _physical(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tup
     return a, b, np.eye(2 * m), names, units
 
 
-def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
-    modes = system._clean_modes
+def _modal(basis: Basis) -> tuple[Array, Array, Array, tuple[str, ...], tuple[str, ...]]:
+    system, modes = basis.equations, basis.response_modes
     modal = cast("Damped", modes.damped)
     m = system.dof
     product = (modes.eigenvalues[0::2] * modes.eigenvalues[1::2]).real
@@ -157,11 +159,11 @@ def _modal(system: System) -> tuple[Array, Array, Array, tuple[str, ...], tuple[
         transform[m:, even + 1] = phi
         b[even + 1] = phi.T @ system.B
     else:
-        basis = np.zeros((2 * m, 2 * m))
-        basis[:m, :m] = basis[m:, m:] = modal.shapes
+        change = np.zeros((2 * m, 2 * m))
+        change[:m, :m] = change[m:, m:] = modal.shapes
         forces = np.concatenate((np.zeros_like(b[:m]), modal.shapes.T @ system.B))
         local, b = _blocks(modal, a, forces, system.name)
-        transform = basis @ local
+        transform = change @ local
     names = tuple(f"mode{i + 1}{rate}" for i in range(m) for rate in ("", "'"))
     return a, b, transform, names, ("modal", "modal/s") * m
 

@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
+    from mbsvib.responses.basis import Basis
 
 
 HOLDS = ("zero", "first")
@@ -50,7 +51,7 @@ class _Block:
 
 
 def time_response(
-    system: System, t: ArrayLike, u: ArrayLike, hold: str = "first",
+    basis: Basis, t: ArrayLike, u: ArrayLike, hold: str = "first",
     initial: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Array:  # fmt: skip
     """Return the outputs at the times ``t``.
@@ -59,8 +60,8 @@ def time_response(
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     t : array-like, shape (n,)
         Ascending times [s].
     u : array-like, shape (inputs, n), or (n,) for a single input
@@ -80,8 +81,8 @@ def time_response(
     ResponseError
         If times do not ascend, shapes do not match, or the hold is unknown.
     """
+    system, modal, first = basis.equations, basis.modal, hold == "first"
     time, inputs, state = _checked(system, t, u, hold, initial)
-    modal, first = system._modal, hold == "first"
     if not isinstance(modal, Damped):
         return _general(system, modal, (time, inputs, state, first))
     start = modal.shapes.T @ (system.M @ state.T) if system.dof else np.zeros((0, 2))
@@ -89,7 +90,7 @@ def time_response(
     rates = tuple(c @ modal.shapes for c in (system.Cq, system.Cv, system.Ca))
     if modal.vectors is None:
         blocks = [_oscillators(modal.square, modal.gamma, b, rates, start)]
-    elif _independent(system, modal):
+    elif _independent(basis, modal):
         blocks = _complex(modal, b, rates, start)
     else:
         return _by_exponential(system, modal, (time, inputs, start, first))
@@ -100,11 +101,11 @@ def time_response(
     return y
 
 
-def _independent(system: System, modal: Damped) -> bool:
+def _independent(basis: Basis, modal: Damped) -> bool:
     """Tell whether eigenvectors are good enough for initial states and inputs of any kind."""
     from mbsvib.responses.frequency_response import conditions, trusted
 
-    if system._strong_dampers is not None:  # a residual with Gamma would show its rounding, not that of the modes
+    if basis.strong_dampers is not None:  # a residual with Gamma would show its rounding, not that of the modes
         return bool((conditions(modal) <= DEPENDENT).all())
     return trusted(modal, np.eye(len(modal.square)), np.sort(np.abs(modal.pairs).reshape(-1)))
 
@@ -214,7 +215,7 @@ def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | 
     return march
 
 
-def _by_exponential(system: System, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
+def _by_exponential(system: Equations, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
     """Outputs by the exponential of the whole state matrix; the step matrices of each length are made once."""
     from mbsvib.responses.energy_schur import energy_matrix
 
@@ -263,7 +264,7 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
     return x
 
 
-def _general(system: System, modal: General, record: tuple[Array, Array, Array, bool]) -> Array:
+def _general(system: Equations, modal: General, record: tuple[Array, Array, Array, bool]) -> Array:
     """Outputs of a system without symmetry."""
     from mbsvib.responses import general_responses as responses
 
@@ -281,7 +282,7 @@ def _general(system: System, modal: General, record: tuple[Array, Array, Array, 
     return y
 
 
-def _general_blocks(system: System, modal: General, initial: tuple[Array, Array]) -> list[_Block]:
+def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Array]) -> list[_Block]:
     """One state for each eigenvalue but 0, conjugates together; for 0 those that stand and those that drift."""
     found, state = modal.spectrum, modal.state
     value, x = found.values, found.right * np.where(found.turns, 2.0, 1.0)
@@ -304,7 +305,7 @@ def _general_blocks(system: System, modal: General, initial: tuple[Array, Array]
 
 
 def _checked(
-    system: System, t: ArrayLike, u: ArrayLike, hold: str, initial: tuple[ArrayLike, ArrayLike] | None
+    system: Equations, t: ArrayLike, u: ArrayLike, hold: str, initial: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[Array, Array, Array]:
     if not isinstance(hold, str) or hold not in HOLDS:
         raise ResponseError(f"time_response: hold = {hold!r}; expected 'zero' or 'first'.")

@@ -22,9 +22,10 @@ from mbsvib.responses.rounding import differentiated, real_product
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Bools, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
+    from mbsvib.responses.basis import Basis
 
     Solver = Callable[[Array], Callable[[Complex], Complex]]
 
@@ -40,13 +41,13 @@ PROBES, CLOSER = 8, 4
 BATCH_BYTES = 2**16
 
 
-def mended(system: System, modal: Damped, w: Array, found: tuple[Complex, bool], solver: Solver) -> Complex:
+def mended(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], solver: Solver) -> Complex:
     """Return the responses with those that a sum over modes leaves in doubt from the equations themselves.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     modal : Damped
         Its modes.
     w : array, shape (n,)
@@ -61,14 +62,15 @@ def mended(system: System, modal: Damped, w: Array, found: tuple[Complex, bool],
     array, shape (outputs, inputs, n)
         Transfer functions.
     """
+    system = basis.equations
     value, summed = found
     if not value.size or not system.dof:
         return value
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        entries = _entries(system, modal, w, found, solver)
+        entries = _entries(basis, modal, w, found, solver)
         if not entries.any():
             return value
-        limit = system._noise.at(w, summed)
+        limit = basis.rounding.at(w, summed)
         doubt = (limit > DIGITS * np.abs(value)) & entries[:, :, None]
         result, failed = value.copy(), np.zeros_like(doubt)
         at = np.flatnonzero(doubt.any(axis=(0, 1)))
@@ -86,16 +88,17 @@ def mended(system: System, modal: Damped, w: Array, found: tuple[Complex, bool],
     return result
 
 
-def _entries(system: System, modal: Damped, w: Array, found: tuple[Complex, bool], solver: Solver) -> Bools:
+def _entries(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], solver: Solver) -> Bools:
     """Entries (outputs, inputs) that are in doubt at some of the frequencies, and stand out of rounding there."""
+    system = basis.equations
     many = len(w) > PROBES
     probes = np.arange(PROBES) * (len(w) - 1) // (PROBES - 1) if many else np.arange(len(w))
     value, at = np.abs(found[0][:, :, probes]), w[probes]
-    doubt: Bools = system._noise.at(at, found[1]) > DIGITS * value
+    doubt: Bools = basis.rounding.at(at, found[1]) > DIGITS * value
     result: Bools = np.asarray(doubt.any(axis=2))
     if not result.any():
         return result
-    (quick, whole), motions = system._changes, _motions(system, modal, at, solver(at))
+    (quick, whole), motions = basis.rounding_changes, _motions(basis, modal, at, solver(at))
     doubt &= value > LEFT * EPS * quick.at(at, motions)
     if quick is not whole and doubt.any():
         doubt &= value > LEFT * EPS * whole.at(at, motions)
@@ -110,9 +113,9 @@ def _entries(system: System, modal: Damped, w: Array, found: tuple[Complex, bool
     return result
 
 
-def _motions(system: System, modal: Damped, w: Array, solve: Callable[[Complex], Complex]) -> Complex:
+def _motions(basis: Basis, modal: Damped, w: Array, solve: Callable[[Complex], Complex]) -> Complex:
     """Forward and adjoint motions (m, inputs + outputs, n), as ordinary solutions show them."""
-    return real_product(modal.shapes, solve(_loads(system._noise.b, system._noise.seen, w)))
+    return real_product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.seen, w)))
 
 
 def _loads(b: Array, outputs: Sequence[tuple[int, Array]], w: Array) -> Complex:
@@ -125,19 +128,19 @@ def _loads(b: Array, outputs: Sequence[tuple[int, Array]], w: Array) -> Complex:
     return result
 
 
-def _forward(system: System, modal: Damped, w: Array, solver: Solver, inputs: Any = slice(None)) -> Refined:
+def _forward(system: Equations, modal: Damped, w: Array, solver: Solver, inputs: Any = slice(None)) -> Refined:
     outputs = differentiated(system), system.D[:, inputs]
     return refined(Factors.of(system, w), modal.shapes, _loads(system.B[:, inputs], [], w), outputs, solver(w))
 
 
-def _both(system: System, modal: Damped, w: Array, solver: Solver) -> Refined:
+def _both(system: Equations, modal: Damped, w: Array, solver: Solver) -> Refined:
     """Responses to the inputs and, after them, to the adjoint loads of the outputs."""
     rows = differentiated(system)
     direct = np.concatenate((system.D, np.zeros((len(system.D), len(system.D)))), axis=1)
     return refined(Factors.of(system, w), modal.shapes, _loads(system.B, rows, w), (rows, direct), solver(w))
 
 
-def _warn(system: System, w: Array, failed: Bools) -> None:
+def _warn(system: Equations, w: Array, failed: Bools) -> None:
     if failed.any():
         i, j, k = (int(v) for v in np.argwhere(failed)[0])
         warnings.warn(

@@ -26,9 +26,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes.general import General
+    from mbsvib.responses.basis import Basis
     from mbsvib.responses.resolvent import Resolvent
 
 
@@ -57,7 +58,7 @@ AT_POLE = 1e-6  # zeros so near to a pole are those of modes that are not reache
 
 
 def transmission_zeros(
-    system: System, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+    basis: Basis, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
 ) -> Complex:
     """Return the invariant zeros of a system from some of its inputs to some of its outputs.
 
@@ -65,8 +66,8 @@ def transmission_zeros(
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     inputs, outputs : str or sequence of str, optional
         Names; default: all. Their numbers may differ.
 
@@ -81,8 +82,8 @@ def transmission_zeros(
     ResponseError
         If a name is unknown.
     """
+    system, modal = basis.equations, basis.modal
     sources, results = numbers(system, "input", inputs), numbers(system, "output", outputs)
-    modal = system._modal
     if not system.dof or not sources or not results:
         return np.zeros(0, dtype=complex)
     a, b, c, d, still, unit = _realized(system, modal, sources, results)
@@ -96,12 +97,12 @@ def transmission_zeros(
     return found[np.lexsort((-found.imag, np.abs(found)))]
 
 
-def numbers(system: System, what: str, names: str | Sequence[str] | None) -> list[int]:
+def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> list[int]:
     """Return the numbers of the named inputs or outputs; None: of all.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     what : str
         "input" or "output".
@@ -128,7 +129,7 @@ def numbers(system: System, what: str, names: str | Sequence[str] | None) -> lis
 
 
 def _realized(
-    system: System, modal: Damped | General, sources: list[int], results: list[int]
+    system: Equations, modal: Damped | General, sources: list[int], results: list[int]
 ) -> tuple[Array, Array, Array, Array, int, float]:
     """A, B, C, D in energy coordinates, in units of the highest frequency and all of unit size; how many zeros at 0
     were left out: a velocity is a displacement times s, and a square system has just one zero more; and the unit.
@@ -148,7 +149,7 @@ def _realized(
 
 
 def _in_energy(
-    system: System, modal: Damped | General, ports: tuple[list[int], list[int]], matrices: dict[str, Any]
+    system: Equations, modal: Damped | General, ports: tuple[list[int], list[int]], matrices: dict[str, Any]
 ) -> tuple[Array, Array, Array, Array]:
     """A, B, C, D in energy coordinates from some inputs to some outputs, with matrices of these outputs."""
     sources, results = ports
@@ -261,7 +262,7 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
 
 
 def _at_rest(
-    system: System, modal: Damped | General, total: ModalSum | Resolvent, z: Complex,
+    system: Equations, modal: Damped | General, total: ModalSum | Resolvent, z: Complex,
     ports: tuple[list[int], list[int]], still: int,
 ) -> Complex:  # fmt: skip
     """Put zeros next to 0 there if the static response is zero to rounding, or if poles are at 0 that it does not show:
@@ -317,7 +318,7 @@ def _beside_rigid(
 
 
 def _transfer(
-    system: System, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
+    system: Equations, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
 ) -> ModalSum | Resolvent:
     """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that it is no such sum."""
     from mbsvib.responses import frequency_response, general_responses
@@ -351,13 +352,14 @@ def _known(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noi
 
 
 def _rounding(
-    system: System, modal: Damped | General, total: ModalSum | Resolvent, ports: tuple[list[int], list[int]], z: Complex
+    system: Equations, modal: Damped | General, total: ModalSum | Resolvent, ports: tuple[list[int], list[int]],
+    z: Complex,
 ) -> Array:
     """Rounding of the transfer matrix at the points z, (outputs, inputs, n)."""
     return _noise(system, modal, *ports, z) if isinstance(total, ModalSum) else total.noise(z)
 
 
-def _noise(system: System, modal: Damped | General, sources: list[int], results: list[int], z: Complex) -> Array:
+def _noise(system: Equations, modal: Damped | General, sources: list[int], results: list[int], z: Complex) -> Array:
     """Rounding of a sum over modes at the points z, (outputs, inputs, n): a shape has that of its largest part."""
     if not isinstance(modal, Damped):
         return _general_noise(system, modal, (sources, results), z)
@@ -374,7 +376,7 @@ def _noise(system: System, modal: Damped | General, sources: list[int], results:
 
 
 def _general_noise(
-    system: System, modal: General, ports: tuple[list[int], list[int]], z: Complex
+    system: Equations, modal: General, ports: tuple[list[int], list[int]], z: Complex
 ) -> Array:
     """The same with right and left vectors."""
     sources, results = ports

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.sensitivities.network import Network
 
     Field = NDArray[Any]  # real or complex
@@ -89,7 +89,7 @@ class Fields:
                         for key in Fields.__slots__))  # type: ignore[arg-type]  # fmt: skip
 
 
-def complete_network(system: System) -> Network:
+def complete_network(system: Equations) -> Network:
     """Return the network of a system, without any of its parts where these do not make up all of its forces."""
     from mbsvib.sensitivities.network import bare, is_network, network
 
@@ -324,12 +324,12 @@ def shifted(wrench: Field, arm: Array) -> Field:
     return result
 
 
-def is_complete(system: System, network: Network) -> bool:
+def is_complete(system: Equations, network: Network) -> bool:
     """Tell whether the forces of rigid bodies, beams and spring-dampers are all that a system has.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     network : Network
         Its bodies and connections.

@@ -17,7 +17,7 @@ from mbsvib.elements.rotor import Rotor
 from mbsvib.sensitivities.balance.reference_pose import holds_turns, turned
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
+    from mbsvib.equations.equations import Equations
 
     Limit = frozenset[tuple[str, str]]
 
@@ -27,12 +27,12 @@ _KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
 GEOMETRY = frozenset({"start", "end", "length"})
 
 
-def limits(system: System) -> tuple[Limit, ...]:
+def limits(system: Equations) -> tuple[Limit, ...]:
     """Return what limits the parameters that act by rules of their own, nothing for most systems.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -57,12 +57,12 @@ def limits(system: System) -> tuple[Limit, ...]:
     return tuple(map(frozenset, result))
 
 
-def follows(system: System) -> bool:
+def follows(system: Equations) -> bool:
     """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -85,7 +85,7 @@ def follows(system: System) -> bool:
     )  # fmt: skip
 
 
-def _turned(system: System) -> frozenset[str]:
+def _turned(system: Equations) -> frozenset[str]:
     """Bushings that turned on the way to an equilibrium that was found elsewhere."""
     came = system.provenance
     return turned(came.origin, came.parts) if came.settled and came.origin is not None else frozenset()

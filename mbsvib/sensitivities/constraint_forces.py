@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements.coupler import Coupling
-from mbsvib.equations.assembly import cut_rows
+from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import terms, with_couplers
 from mbsvib.kinematics.relative_motion import body_motion, relative_motion
 from mbsvib.mechanism.topology import FLOATS
@@ -17,9 +17,9 @@ from mbsvib.mechanism.topology import FLOATS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
+    from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
 
 
@@ -45,13 +45,13 @@ class Constraints:
 
 
 def constraints(
-    system: System, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int], origin: Array
+    system: Equations, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int], origin: Array
 ) -> Constraints | None:
     """Return what closes the loops of a system and couples its coordinates.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     coordinates : Twists
         Its joint coordinates.
@@ -102,7 +102,7 @@ def constraints(
     )  # fmt: skip
 
 
-def _coordinates(system: System) -> tuple[Index, Array]:
+def _coordinates(system: Equations) -> tuple[Index, Array]:
     """Body behind each joint coordinate and its sign; those of floating bodies come last."""
     topology = system.provenance.topology
     hangs = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}

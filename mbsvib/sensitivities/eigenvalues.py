@@ -19,9 +19,10 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.equations import Equations
     from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
@@ -37,15 +38,15 @@ ZERO_WHOLE = 1e-8
 PADDING = 64
 
 
-def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Complex:
+def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> Complex:
     """Return the derivatives of all eigenvalues.
 
     d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
 
@@ -65,8 +66,8 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     Source: Jiang, Chen & Luo (2011), sensitivities of eigenvalues; Friswell, J. Vib. Acoust. 118 (1996) 390, for
     repeated ones.
     """
-    chosen = planned(system, parameters)
-    found, pairs = system._spectrum
+    system, chosen = basis.equations, planned(basis, parameters)
+    found, pairs = basis.spectrum
     if len(pairs.groups) and found.left is None and chosen.unsymmetric:
         found = replace(found, left=found.right)
     widened = found if found.left is not None else found.with_sums(pairs)
@@ -111,10 +112,10 @@ def eigenvalue_sensitivities(system: System, parameters: Asked = None) -> Comple
     return result
 
 
-def planned(system: System, parameters: Asked, network: Network | None = None) -> Plan:
+def planned(basis: SensitivityBasis, parameters: Asked, network: Network | None = None) -> Plan:
     """Return the plan for the variables asked for; that for all parameters is kept by the network."""
-    network = system._network if network is None else network
-    return network.every if parameters is None else plan(network, variables(system.parameters, parameters))
+    network = basis.network if network is None else network
+    return network.every if parameters is None else plan(network, variables(basis.equations.parameters, parameters))
 
 
 def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
@@ -125,7 +126,7 @@ def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
     return result
 
 
-def _whole_gram(system: System, found: Spectrum, right: Field, left: Field | None) -> Complex:
+def _whole_gram(system: Equations, found: Spectrum, right: Field, left: Field | None) -> Complex:
     """Return y^T (2 lambda M + C) x with all that there is in M and C."""
     y = right if left is None else left
     return np.asarray((y * (2.0 * found.lead * (system.M @ right) + system.C @ right)).sum(axis=0), dtype=complex)

@@ -19,9 +19,9 @@ from mbsvib.sensitivities.responses import derivatives
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.adjoint_fields import Field
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.parameter_groups import Plan
     from mbsvib.sensitivities.ports import Loads
@@ -96,13 +96,13 @@ class MatrixDerivatives:
         return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"
 
 
-def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDerivatives:
+def matrix_derivatives(basis: SensitivityBasis, parameters: Asked = None) -> MatrixDerivatives:
     """Return the derivatives of all matrices to parameters.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
 
@@ -118,9 +118,10 @@ def matrix_derivatives(system: System, parameters: Asked = None) -> MatrixDeriva
 
     Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
     """
+    system = basis.equations
     m, i, o = system.dof, list(range(len(system.inputs))), list(range(len(system.outputs)))
-    network, acting, seeing = ported(system, i, o)
-    plan, unit = planned(system, parameters, network), np.eye(system.dof)
+    network, acting, seeing = ported(basis, i, o)
+    plan, unit = planned(basis, parameters, network), np.eye(system.dof)
     free, turns = no_loads(network, m), feedthrough(system, (i, acting), (o, seeing))[1]
     left, right = unit[:, :, None, None], unit[:, None, :, None]
 
@@ -190,13 +191,13 @@ def _factors(plan: Plan, variable: int, matrix: str) -> tuple[Array, Array]:
     return p[acts].T, q[acts].T
 
 
-def in_parts(system: System, parameters: Asked, count: int) -> Iterator[tuple[slice, MatrixDerivatives]]:
+def in_parts(basis: SensitivityBasis, parameters: Asked, count: int) -> Iterator[tuple[slice, MatrixDerivatives]]:
     """Return derivatives of matrices for some variables at a time, so that they never fill the memory.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
     count : int
@@ -207,14 +208,14 @@ def in_parts(system: System, parameters: Asked, count: int) -> Iterator[tuple[sl
     iterator of tuple of slice and MatrixDerivatives
         Which variables, and their derivatives.
     """
-    known = system.parameters if parameters is None else parameters
+    known = basis.equations.parameters if parameters is None else parameters
     names = [known] if isinstance(known, str) else list(known)
     if parameters is None and len(names) <= count:  # the plan for all of them is kept
-        yield slice(0, len(names)), matrix_derivatives(system)
+        yield slice(0, len(names)), matrix_derivatives(basis)
         return
     for start in range(0, len(names), count):
         some = names[start : start + count]
-        yield slice(start, start + len(some)), matrix_derivatives(system, _asked(parameters, some))
+        yield slice(start, start + len(some)), matrix_derivatives(basis, _asked(parameters, some))
 
 
 def _asked(parameters: Asked, names: list[str]) -> Asked:

@@ -29,9 +29,9 @@ from mbsvib.sensitivities.variants import Variants
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
+    from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.applicability import Limit
     from mbsvib.sensitivities.balance.balanced import Balanced
@@ -124,12 +124,12 @@ class Network:
         return plan(self, variables(Parameters(self.parts), None), every=True)
 
 
-def network(system: System) -> Network:
+def network(system: Equations) -> Network:
     """Return the network of a system.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -174,12 +174,12 @@ def network(system: System) -> Network:
     )  # fmt: skip
 
 
-def is_network(system: System) -> bool:
+def is_network(system: Equations) -> bool:
     """Tell whether a system may be a network: no reduced models or modal damping of beams.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -196,12 +196,12 @@ def is_network(system: System) -> bool:
     )  # fmt: skip
 
 
-def bare(system: System) -> Network:
+def bare(system: Equations) -> Network:
     """Return a network without parts, for a system whose parameters have no rules of their own.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns
@@ -218,7 +218,7 @@ def bare(system: System) -> Network:
     )  # fmt: skip
 
 
-def _closure(system: System) -> Array | None:
+def _closure(system: Equations) -> Array | None:
     """Joint coordinates of minimal ones; motions that follow from statics do no work, and need no derivative."""
     matrix, massless = system.provenance.reduction.matrix, system.provenance.massless
     condensed = None if massless is None else massless.transform
@@ -238,7 +238,7 @@ def _relative(coordinates: Twists, first: Index, second: Index, point: Array) ->
     return csr_array((found.value, (found.row, found.column)), shape=found.shape)
 
 
-def _carried(system: System) -> tuple[Index, Array]:
+def _carried(system: Equations) -> tuple[Index, Array]:
     """Body behind each joint of the tree and the joint's sign, 0 for joints that are cut."""
     topology = system.provenance.topology
     behind, sign = np.zeros(len(topology.joints), dtype=np.intp), np.zeros(len(topology.joints))

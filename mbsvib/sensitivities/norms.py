@@ -16,6 +16,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from mbsvib.equations.controllable_part import chosen, reachable
 from mbsvib.errors import ResponseError
 from mbsvib.responses.extrema import Band, panels
+from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.matrices import in_parts
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 from mbsvib.sensitivities.solutions import solutions
@@ -25,8 +26,9 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
+    from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.eigenvalues import Asked
 
     Ports = str | Sequence[str] | None
@@ -54,15 +56,17 @@ class Norm:
     omega: float | None = None
 
 
-def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+def h2_norm(
+    basis: SensitivityBasis, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+) -> Norm:
     """Return the H2 norm and its derivatives.
 
     ||G||^2 = 1 / 2 pi integral of tr(G(i w)^H G(i w)) dw over all frequencies
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
     inputs, outputs : str or sequence of str, optional
@@ -81,14 +85,15 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
         If the norm is infinite: an output sees an input at once, or a mode of what these ports act on or see does not
         decay. A response that is 0 has the norm 0 all the same.
     """
+    system = basis.equations
     ports = _ports(system, inputs, outputs)
-    base = states(system, *ports)
+    base = states(basis.responses, *ports)
     names = variables(system.parameters, parameters).names
     _refuse_feedthrough(system, base.D, ports)
     k = base.first
-    lasting = _lasting(system)
+    lasting = _lasting(basis.responses)
     if lasting is not None:
-        if _silent(system, *ports):
+        if _silent(basis.responses, *ports):
             return Norm(0.0, names, np.zeros(len(names)))
         part = _apart(system, *ports)
         if part is not None:
@@ -102,7 +107,7 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
     slopes = np.zeros(len(names))
     state, force, seen = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
-    for which, change in in_parts(system, parameters, max(1, BLOCK // max(1, system.dof**2))):
+    for which, change in in_parts(basis, parameters, max(1, BLOCK // max(1, system.dof**2))):
         da, db, dc, dd = changed(base, change, *ports)
         total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * seen).sum(axis=(1, 2))
         size = np.abs(dd).max(axis=(1, 2), initial=0.0)
@@ -110,15 +115,17 @@ def h2_norm(system: System, parameters: Asked = None, inputs: Ports = None, outp
     return Norm(value, names, slopes)
 
 
-def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None) -> Norm:
+def hinf_norm(
+    basis: SensitivityBasis, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+) -> Norm:
     """Return the highest peak of the largest singular value of the frequency response, and its derivatives.
 
     ||G|| = max over w of sigma(G(i w))
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
     inputs, outputs : str or sequence of str, optional
@@ -137,11 +144,11 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
         If the response is highest at infinite frequency, or infinite: a mode of what these ports act on or see does not
         decay. A response that is 0 has the norm 0 all the same.
     """
+    system = basis.equations
     i, o = _ports(system, inputs, outputs)
-
-    names, lasting = variables(system.parameters, parameters).names, _lasting(system)
+    names, lasting = variables(system.parameters, parameters).names, _lasting(basis.responses)
     if lasting is not None:
-        if _silent(system, i, o):
+        if _silent(basis.responses, i, o):
             return Norm(0.0, names, np.zeros(len(names)), 0.0)
         part = _apart(system, i, o)
         if part is not None:
@@ -150,9 +157,9 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
                             f"infinite. Give it damping, or ask system.reachable(inputs, outputs) for its norm."
                             )  # fmt: skip
     named = [system.inputs[k] for k in i], [system.outputs[k] for k in o]
-    values = system.poles()
+    values = basis.responses.poles
     fastest = float(np.abs(values).max(initial=0.0)) or 1.0
-    band = Band(lambda w: _response(system, i, o, w), panels(values, 0.0, LAST * fastest))
+    band = Band(lambda w: _response(basis.responses, i, o, w), panels(values, 0.0, LAST * fastest))
     omega, value = band.highest(_largest)
     far = float(_largest(band.response(np.array([FAR * fastest])))[0])
     if far > value * (1.0 + ROUNDING):
@@ -160,15 +167,16 @@ def hinf_norm(system: System, parameters: Asked = None, inputs: Ports = None, ou
             f"Hinf norm of '{system.name}': the response is highest at infinite frequency ({far:.4g}, against "
             f"{value:.4g} below). Ask for outputs that do not see the inputs at once."
         )
-    u, _, v = np.linalg.svd(_response(system, i, o, np.array([omega]))[0])
-    change = frequency_response_sensitivities(system, [omega], parameters, *named)[..., 0]
+    u, _, v = np.linalg.svd(_response(basis.responses, i, o, np.array([omega]))[0])
+    change = frequency_response_sensitivities(basis, [omega], parameters, *named)[..., 0]
     slopes = np.einsum("o,poi,i->p", u[:, 0].conj(), change, v[0].conj()).real
     return Norm(value, names, slopes, omega)
 
 
-def _response(system: System, i: list[int], o: list[int], w: Array) -> Complex:
+def _response(basis: Basis, i: list[int], o: list[int], w: Array) -> Complex:
     """G (n, outputs, inputs) as good as its largest entry, which is all that the largest singular value asks for."""
-    found, s = solutions(system, system.B[:, i], w).transpose(2, 0, 1), 1j * w[:, None, None]
+    system = basis.equations
+    found, s = solutions(basis, system.B[:, i], w).transpose(2, 0, 1), 1j * w[:, None, None]
     return np.asarray((system.Cq[o] @ found) + s * (system.Cv[o] @ found + s * (system.Ca[o] @ found))
                       + system.D[np.ix_(o, i)])  # fmt: skip
 
@@ -177,29 +185,30 @@ def _largest(g: Complex) -> Array:
     return np.asarray(np.linalg.svd(g, compute_uv=False)[:, 0])
 
 
-def _ports(system: System, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:
+def _ports(system: Equations, inputs: Ports, outputs: Ports) -> tuple[list[int], list[int]]:
     return chosen(system.inputs, inputs, "inputs", system.name), chosen(system.outputs, outputs, "outputs", system.name)
 
 
-def _lasting(system: System) -> int | None:
+def _lasting(basis: Basis) -> int | None:
     """The number, from 1, of the first mode that does not decay by more than rounding of its frequency."""
-    pairs = system._clean_modes.pairs
+    pairs = basis.response_modes.pairs
     modes = np.flatnonzero((pairs.real >= -EPS * np.abs(pairs)).any(axis=1))
     return int(modes[0]) + 1 if len(modes) else None
 
 
-def _apart(system: System, inputs: list[int], outputs: list[int]) -> System | None:
+def _apart(system: Equations, inputs: list[int], outputs: list[int]) -> SensitivityBasis | None:
     """The part that the ports have to do with, if all its modes decay; None if it is all, or they reach or see more."""
     part = reachable(system, [system.inputs[k] for k in inputs], [system.outputs[k] for k in outputs])
     gone = ~np.isin(system.coordinates, part.coordinates)
     rows = np.concatenate([c[outputs] for c in (system.Cq, system.Cv, system.Ca)])
     more = system.B[gone][:, inputs].any() or rows[:, gone].any()
-    return None if more or not gone.any() or _lasting(part) is not None else part
+    own = SensitivityBasis.of(part)
+    return None if more or not gone.any() or _lasting(own.responses) is not None else own
 
 
-def _silent(system: System, inputs: list[int], outputs: list[int]) -> bool:
+def _silent(basis: Basis, inputs: list[int], outputs: list[int]) -> bool:
     """Whether the outputs see nothing of the inputs but rounding, at points between the slowest and fastest pole."""
-    speeds = np.abs(system.poles())
+    system, speeds = basis.equations, np.abs(basis.poles)
     slow, fast = speeds[speeds > 0.0].min(initial=np.inf), speeds.max(initial=0.0)
     b, d = system.B[:, inputs], system.D[np.ix_(outputs, inputs)]
     for s in ASIDE * (np.geomspace(slow, fast, len(ASIDE)) if fast else np.ones(len(ASIDE))):
@@ -213,7 +222,7 @@ def _silent(system: System, inputs: list[int], outputs: list[int]) -> bool:
     return True
 
 
-def _refuse_feedthrough(system: System, d: Array, ports: tuple[list[int], list[int]]) -> None:
+def _refuse_feedthrough(system: Equations, d: Array, ports: tuple[list[int], list[int]]) -> None:
     size = np.abs(d)
     if d.size and size.max() > 0.0:
         o, i = np.unravel_index(int(np.argmax(size)), d.shape)

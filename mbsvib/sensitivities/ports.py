@@ -27,9 +27,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.equations import Equations
     from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.network import Network
 
 # B, H and D of the network and those of the system are the same numbers but for rounding.
@@ -71,13 +72,13 @@ class Loads:
     beside: tuple[int, ...] = ()
 
 
-def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
+def ported(basis: SensitivityBasis, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
     """Return the network of a system with some of its ports as loads; one without parts where ports are more than that.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     inputs, outputs : list of int
         Numbers of the ports.
 
@@ -88,7 +89,7 @@ def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Netwo
     Loads, Loads
         Inputs and outputs.
     """
-    network = system._network
+    system, network = basis.equations, basis.network
     if not network.bare:
         acting, seeing = (loads(system, network, *each) for each in ((inputs, "inputs"), (outputs, "outputs")))
         wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
@@ -97,16 +98,16 @@ def ported(system: System, inputs: list[int], outputs: list[int]) -> tuple[Netwo
             wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
         if wrong == []:
             return network, acting, seeing
-    network = system._bare_network
+    network = basis.bare_network
     return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
 
 
-def loads(system: System, network: Network, which: list[int], kind: str, beside: Sequence[int] = ()) -> Loads:
+def loads(system: Equations, network: Network, which: list[int], kind: str, beside: Sequence[int] = ()) -> Loads:
     """Return some of a system's inputs or outputs as loads.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     network : Network
         Its bodies and connections.
@@ -177,7 +178,7 @@ def no_loads(network: Network, count: int) -> Loads:
                  np.zeros((len(network.joints), 3, count)), np.zeros(count, dtype=bool))  # fmt: skip
 
 
-def _worked(system: System, network: Network, part: ForceOutput) -> tuple[Array, Array, Array, bool] | None:
+def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Array, Array, Array, bool] | None:
     """The motion of bodies, of connections and the turns of joints on which a force in a joint, or all forces on a
     body, do work; whether inputs do, too. None for moments about centres of mass, which move by themselves, beside
     couplers, about the axes of screws, whose pitch ties it to the force, where redundant constraints share forces at
@@ -246,13 +247,13 @@ def _motion(network: Network, first: Index, second: Index, point: Array) -> Arra
 
 
 def feedthrough(
-    system: System, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
+    system: Equations, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
 ) -> tuple[Array, Array]:
     """Return D, what outputs against inertial space see of base motions, and how the base turns there.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion.
     inputs, outputs : pair of list of int and Loads
         Numbers of the ports, and their loads.
@@ -293,7 +294,7 @@ def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> 
 
 
 def _wrong(
-    system: System, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
+    system: Equations, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
 ) -> list[int] | None:
     """The outputs whose rows of Cq, Cv, Ca and D these loads do not give, None if they do not give B."""
     (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.common.expected import angular
 from mbsvib.equations.controllable_part import chosen
-from mbsvib.responses.frequency_response import _checked
 from mbsvib.sensitivities.adjoint_fields import applied, fields, momentum, motions
 from mbsvib.sensitivities.eigenvalues import planned
 from mbsvib.sensitivities.ports import feedthrough, ported
@@ -24,9 +24,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import Plan
@@ -41,7 +42,7 @@ PAIRED = 48
 
 
 def frequency_response_sensitivities(
-    system: System, omega: ArrayLike, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
+    basis: SensitivityBasis, omega: ArrayLike, parameters: Asked = None, inputs: Ports = None, outputs: Ports = None
 ) -> Complex:
     """Return the derivatives of the frequency response.
 
@@ -49,8 +50,8 @@ def frequency_response_sensitivities(
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s]; 0 gives the static compliance.
     parameters : str, iterable of str, mapping or None
@@ -70,11 +71,12 @@ def frequency_response_sensitivities(
     ResponseError
         If a frequency is not finite or is an undamped pole, or a port is unknown.
     """
-    w = _checked(omega)
+    system = basis.equations
+    w = angular(omega)
     i = chosen(system.inputs, inputs, "inputs", system.name)
     o = chosen(system.outputs, outputs, "outputs", system.name)
-    network, acting, seeing = ported(system, i, o)
-    plan = planned(system, parameters, network)
+    network, acting, seeing = ported(basis, i, o)
+    plan = planned(basis, parameters, network)
     turns = feedthrough(system, (i, acting), (o, seeing))[1]
     result = np.empty((len(plan.variables.names), len(o), len(i), len(w)), dtype=complex)
     numbers = (len(network.point) + 1) * 12 * (len(i) + len(o))
@@ -86,7 +88,7 @@ def frequency_response_sensitivities(
         size = np.abs(w[part])
         s: Complex = (1j * size).astype(complex)
         powers = np.ones(len(s), dtype=complex), s, s * s
-        vectors = _vectors(system, i, o, size)
+        vectors = _vectors(basis.responses, i, o, size)
         forms = derivatives(plan, (acting, seeing), powers, vectors, turns)
         if plan.whole is not None:
             plan.whole.with_ports(forms, (i, o), powers, vectors, seeing.beside)
@@ -98,16 +100,17 @@ def frequency_response_sensitivities(
     return result
 
 
-def _vectors(system: System, i: list[int], o: list[int], w: Array) -> tuple[Complex, Complex]:
+def _vectors(basis: Basis, i: list[int], o: list[int], w: Array) -> tuple[Complex, Complex]:
     """R (m, 1, inputs, n) and L (m, outputs, 1, n)."""
+    system = basis.equations
     rates = np.array([c[o] for c in (system.Cq, system.Cv, system.Ca)])
     order, output = np.nonzero(rates.any(axis=2))
     right, rows = system.B[:, i], rates[order, output].T
     if system.gyroscopic is None and system.circulatory is None:
-        both = solutions(system, np.concatenate((right, rows), axis=1), w)
+        both = solutions(basis, np.concatenate((right, rows), axis=1), w)
         found, back = both[:, : len(i)], both[:, len(i) :]
     else:
-        found, back = solutions(system, right, w), solutions(system, rows, w, adjoint=True)
+        found, back = solutions(basis, right, w), solutions(basis, rows, w, adjoint=True)
     left = np.zeros((system.dof, len(o), len(w)), dtype=complex)
     for k, (power, place) in enumerate(zip(order.tolist(), output.tolist(), strict=True)):
         left[:, place] += (1j * w) ** power * back[:, k]

@@ -17,15 +17,15 @@ from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities, planned
 from mbsvib.sensitivities.products import table
 from mbsvib.sensitivities.spectrum import TOGETHER
-from mbsvib.sensitivities.states import basis
+from mbsvib.sensitivities.states import state_basis
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.parameter_groups import Plan
-    from mbsvib.sensitivities.states import Basis
+    from mbsvib.sensitivities.states import StateBasis
 
 
 # Numbers that the forms of some modes may hold.
@@ -47,13 +47,13 @@ class ModeSensitivities:
     variables: tuple[str, ...]
     modes: Modes = field(repr=False)
     eigenvalues: Complex
-    _system: System = field(repr=False)
+    _basis: SensitivityBasis = field(repr=False)
     _plan: Plan = field(repr=False)
 
     @cached_property
     def _pairs(self) -> Complex:
         """Derivatives mode by mode, (v, m, 2)."""
-        starts = self.modes._starts
+        starts = self.modes.starts
         return np.stack((self.eigenvalues[:, starts[:-1]], self.eigenvalues[:, starts[1:] - 1]), axis=2)
 
     @cached_property
@@ -98,19 +98,19 @@ class ModeSensitivities:
         Shapes of eigenvalues that coincide are a basis of their subspace, which moves as a whole: their derivatives
         are those of such a basis. Not a number where a rigid-body mode becomes an elastic one.
         """
-        return shape_sensitivities(self._system, self._plan, self.modes)
+        return shape_sensitivities(self._basis, self._plan, self.modes)
 
     def __repr__(self) -> str:
         return f"ModeSensitivities({len(self.variables)} variables, {len(self.modes)} modes)"
 
 
-def mode_sensitivities(system: System, parameters: Asked = None) -> ModeSensitivities:
+def mode_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> ModeSensitivities:
     """Return the derivatives of frequencies, damping ratios and shapes to parameters.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     parameters : str, iterable of str, mapping or None
         Names, patterns or linear maps of parameters; None: every parameter of the system.
 
@@ -126,18 +126,18 @@ def mode_sensitivities(system: System, parameters: Asked = None) -> ModeSensitiv
 
     Source: Nelson, AIAA J. 14 (1976) 1201, for shapes; here bordered and for quadratic problems.
     """
-    plan = planned(system, parameters)
-    values = eigenvalue_sensitivities(system, parameters)
-    return ModeSensitivities(plan.variables.names, system._clean_modes, values, system, plan)
+    plan = planned(basis, parameters)
+    values = eigenvalue_sensitivities(basis, parameters)
+    return ModeSensitivities(plan.variables.names, basis.responses.response_modes, values, basis, plan)
 
 
-def shape_sensitivities(system: System, plan: Plan, modes: Modes) -> Complex:
+def shape_sensitivities(basis: SensitivityBasis, plan: Plan, modes: Modes) -> Complex:
     """Return the derivatives of the shapes.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     plan : Plan
         What changes.
     modes : Modes
@@ -153,7 +153,7 @@ def shape_sensitivities(system: System, plan: Plan, modes: Modes) -> Complex:
     ModelError
         If the system has motions without mass and spin.
     """
-    chosen = basis(system)
+    system, chosen = basis.equations, state_basis(basis.responses)
     vectors, k = chosen.vectors, chosen.massive
     m, values = system.dof, modes.pairs[:, 0].astype(complex)
     result = np.empty((len(plan.variables.names), m, m), dtype=complex)
@@ -189,7 +189,7 @@ def _pushed(plan: Plan, shapes: Any, values: Complex) -> Complex:
     return result
 
 
-def _bordered(chosen: Basis, value: complex, own: Any, held: Any, forms: Complex) -> Complex:
+def _bordered(chosen: StateBasis, value: complex, own: Any, held: Any, forms: Complex) -> Complex:
     """Solve T X' + T' X lambda' = F, H X' = 0 in a basis, (v, m, k), with rows and columns balanced."""
     m, k = own.shape
     mass = np.where(np.arange(m) < chosen.massive, 1.0, 0.0)

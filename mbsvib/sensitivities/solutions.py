@@ -12,17 +12,18 @@ from mbsvib.responses import frequency_response as responses
 from mbsvib.responses.modal_sum import sum_of_motions
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
+    from mbsvib.responses.basis import Basis
 
 
-def solutions(system: System, b: Array, w: Array, *, adjoint: bool = False) -> Complex:
+def solutions(basis: Basis, b: Array, w: Array, *, adjoint: bool = False) -> Complex:
     """Return x = (K + i w C - w^2 M)^-1 b.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     b : array, shape (m, columns)
         Right sides.
     w : array, shape (n,)
@@ -40,11 +41,11 @@ def solutions(system: System, b: Array, w: Array, *, adjoint: bool = False) -> C
     ResponseError
         If a frequency is an undamped pole.
     """
-    modal = system._modal
+    system, modal = basis.equations, basis.modal
     if not isinstance(modal, Damped):
         result = _direct(system, b, w, adjoint)
     else:
-        result = _modal(system, modal, modal.shapes.T @ b, w)
+        result = _modal(basis, modal, modal.shapes.T @ b, w)
     bad = np.flatnonzero(~np.isfinite(result).all(axis=(0, 1)))
     if len(bad):
         raise ResponseError(
@@ -54,21 +55,21 @@ def solutions(system: System, b: Array, w: Array, *, adjoint: bool = False) -> C
     return result
 
 
-def _modal(system: System, modal: Damped, b: Array, w: Array) -> Complex:
+def _modal(basis: Basis, modal: Damped, b: Array, w: Array) -> Complex:
     s: Complex = (1j * w).astype(complex)
-    if modal.vectors is None or (system._strong_dampers is None and responses.trusted(modal, b, w)):
+    if modal.vectors is None or (basis.strong_dampers is None and responses.trusted(modal, b, w)):
         eta = sum_of_motions(modal, b).at(s)
-    elif system._strong_dampers is not None:
-        eta = responses._separated(modal, system._strong_dampers, b, w, np.arange(len(w)))
+    elif basis.strong_dampers is not None:
+        eta = responses.separated_solutions(modal, basis.strong_dampers, b, w, np.arange(len(w)))
     else:
-        eta = responses._refined(system, modal, b, s)
+        eta = responses.refined_solutions(basis, modal, b, s)
         bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
-        eta[:, :, bad] = responses._direct(modal, b, w, bad)
+        eta[:, :, bad] = responses.direct_solutions(modal, b, w, bad)
     flat = (modal.shapes @ eta.reshape(len(b), b.shape[1] * len(w)).view(float)).view(complex)
     return np.asarray(flat.reshape(len(modal.shapes), *eta.shape[1:]))
 
 
-def _direct(system: System, b: Array, w: Array, adjoint: bool) -> Complex:
+def _direct(system: Equations, b: Array, w: Array, adjoint: bool) -> Complex:
     result = np.empty((len(b), b.shape[1], len(w)), dtype=complex)
     for i, frequency in enumerate(w):
         matrix = system.K - frequency**2 * system.M + 1j * frequency * system.C

@@ -12,9 +12,9 @@ from mbsvib.modes.damped import Damped
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Complex, Index
     from mbsvib.modes.general import General
+    from mbsvib.responses.basis import Basis
 
     Field = NDArray[Any]
 
@@ -87,20 +87,20 @@ class Spectrum:
                        right=np.concatenate((self.right, sums), axis=1))  # fmt: skip
 
 
-def spectrum(system: System) -> Spectrum:
+def spectrum(basis: Basis) -> Spectrum:
     """Return the eigenvalues of a system with their vectors.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
 
     Returns
     -------
     Spectrum
         Eigenvalues in the order of ``modes().eigenvalues``.
     """
-    modes = system._clean_modes
+    modes = basis.response_modes
     found = modes.damped
     if isinstance(found, Damped):
         return _symmetric(found)

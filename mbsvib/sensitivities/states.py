@@ -22,8 +22,9 @@ from mbsvib.errors import ModelError
 from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+    from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.matrices import MatrixDerivatives
 
 # A rigid-body mode has the scale of the slowest mode beside it, but not below this share of the fastest.
@@ -33,7 +34,7 @@ CANCELLED = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Basis:
+class StateBasis:
     """Motions ``vectors`` T (m, m), the first ``massive`` of which have mass, with K and C in them."""
 
     vectors: Array
@@ -53,7 +54,7 @@ class States:
     B: Array
     C: Array
     D: Array
-    basis: Basis
+    basis: StateBasis
     scale: Array
     rates: tuple[Array, ...]
     force: Array
@@ -64,13 +65,13 @@ class States:
         return self.basis.massive
 
 
-def states(system: System, inputs: list[int], outputs: list[int]) -> States:
+def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     """Return the first-order equations of some inputs and outputs.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
     inputs, outputs : list of int
         Numbers of the ports.
 
@@ -84,7 +85,7 @@ def states(system: System, inputs: list[int], outputs: list[int]) -> States:
     ModelError
         If the system has motions without mass and spin.
     """
-    chosen = basis(system)
+    system, chosen = basis.equations, state_basis(basis)
     k = chosen.massive
     omega = np.sqrt(np.abs(np.diagonal(chosen.stiffness)[:k]))
     fastest = omega.max(initial=0.0) or 1.0
@@ -100,17 +101,17 @@ def states(system: System, inputs: list[int], outputs: list[int]) -> States:
     return States(a, b, c, _sum(system.D[np.ix_(outputs, inputs)], (moving, force)), chosen, scale, rates, force)
 
 
-def basis(system: System) -> Basis:
+def state_basis(basis: Basis) -> StateBasis:
     """Return motions of unit mass, as far as they have any, with K and C in them as diagonal as can be.
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : Basis
+        The equations of motion and their modes.
 
     Returns
     -------
-    Basis
+    StateBasis
         Motions with mass, then those without.
 
     Raises
@@ -118,13 +119,14 @@ def basis(system: System) -> Basis:
     ModelError
         If the system has motions without mass and spin.
     """
-    modal, null = system._modal, system.null_inertia
+    system, modal = basis.equations, basis.modal
+    null = system.null_inertia
     if isinstance(modal, Damped):
         gamma = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-        return Basis(modal.shapes, len(modal.square), np.diag(modal.square), gamma)
+        return StateBasis(modal.shapes, len(modal.square), np.diag(modal.square), gamma)
     if null is None:
         _, vectors = eigh(0.5 * (system.K + system.K.T), system.M)
-        return Basis(vectors, len(vectors), vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
+        return StateBasis(vectors, len(vectors), vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
     if system.gyroscopic is not None:
         raise _refusal(system)
     own = null.T @ system.C @ null
@@ -137,10 +139,10 @@ def basis(system: System) -> Basis:
     stiffness = heavy.T @ system.K @ heavy
     _, turn = eigh(0.5 * (stiffness + stiffness.T))
     vectors = np.concatenate((heavy @ turn, null), axis=1)
-    return Basis(vectors, massive, vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
+    return StateBasis(vectors, massive, vectors.T @ system.K @ vectors, vectors.T @ system.C @ vectors)
 
 
-def _refusal(system: System) -> ModelError:
+def _refusal(system: Equations) -> ModelError:
     """The refusal of motions without mass beside spin, which names what makes them."""
     who = next((part.name for part in system.provenance.parts if isinstance(part, Maxwell) or
                 (isinstance(part, Body) and part.mass == 0.0)), system.name)  # fmt: skip
@@ -182,12 +184,12 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
     return rows, force, c, d
 
 
-def turning(own: Basis, change: MatrixDerivatives) -> Array:
+def turning(own: StateBasis, change: MatrixDerivatives) -> Array:
     """Return how a basis goes along with parameters, T' = T Theta.
 
     Parameters
     ----------
-    own : Basis
+    own : StateBasis
         The basis.
     change : MatrixDerivatives
         Derivatives of the matrices to v variables.

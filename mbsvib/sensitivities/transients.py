@@ -19,8 +19,9 @@ from mbsvib.sensitivities.variables import variables
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.equations import Equations
+    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.eigenvalues import Asked
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.sensitivities.states import States
@@ -33,7 +34,7 @@ BLOCK = 4_000_000
 
 
 def time_response_sensitivities(
-    system: System, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
+    basis: SensitivityBasis, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",
     initial: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Array:  # fmt: skip
     """Return the derivatives of the outputs at the times ``t``.
@@ -42,8 +43,8 @@ def time_response_sensitivities(
 
     Parameters
     ----------
-    system : System
-        The equations of motion.
+    basis : SensitivityBasis
+        The equations of motion, their modes and their network.
     t : array-like, shape (n,)
         Ascending times [s].
     u : array-like, shape (inputs, n), or (n,) for a single input
@@ -67,16 +68,17 @@ def time_response_sensitivities(
     ResponseError
         If times do not ascend, shapes do not match, or the hold is unknown.
     """
+    system = basis.equations
     time, force, start = _checked(system, t, u, hold, initial)
     ports = list(range(len(system.inputs))), list(range(len(system.outputs)))
     names = variables(system.parameters, parameters).names
     result = np.zeros((len(names), len(ports[1]), len(time)))
-    base = states(system, *ports)
+    base = states(basis.responses, *ports)
     steps, kind = _steps(time)
     begin = _begin(base, system, start)
     size = len(begin) + 2 * len(force)
     count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time), 1))
-    for which, change in in_parts(system, parameters, count):
+    for which, change in in_parts(basis, parameters, count):
         da, db, dc, dd = changed(base, change, *ports)
         found = [_exponential(base, h, da, db) for h in steps]
         x, z = _march(found, kind, force, (begin, _begun(base, system, change, start)), hold == "first")
@@ -84,14 +86,14 @@ def time_response_sensitivities(
     return result
 
 
-def _begin(base: States, system: System, start: Array) -> Array:
+def _begin(base: States, system: Equations, start: Array) -> Array:
     """The states of q and q' (2, m)."""
     own, k = base.basis, base.first
     eta, rate = (own.vectors[:, :k].T @ (system.M @ each) for each in start)
     return np.concatenate((base.scale * eta, rate, own.vectors[:, k:].T @ (system.C @ start[0])))
 
 
-def _begun(base: States, system: System, change: MatrixDerivatives, start: Array) -> Array:
+def _begun(base: States, system: Equations, change: MatrixDerivatives, start: Array) -> Array:
     """How these states change (v, 2m) as the basis does; q and q' stay."""
     if not start.any():
         return np.zeros((len(change.M), len(base.A)))

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import warnings
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.assembly import linearized
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
@@ -28,10 +29,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+    from mbsvib.equations.statics import Statics
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.variables import Direction
+    from mbsvib.sparse.equations import SparseEquations
 
     Rates = tuple[tuple[str, float], ...]
 
@@ -51,7 +54,7 @@ STILL, LEFT, LOOSE = 1e-12, 1e-9, 1e-10
 class Variants:
     """The equations of a system's model with other values of its parameters, and in other poses."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: Equations) -> None:
         self.system = system
         self._found: dict[Rates, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
@@ -94,22 +97,28 @@ class Variants:
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
     @cached_property
-    def _whole(self) -> System | None:
+    def _whole(self) -> Equations | None:
         """The system that ``reachable`` took this one out of."""
         from mbsvib.equilibrium.at_equilibrium import settled
 
         own, came = self.system, self.system.provenance
         if came.dropped is None:
             return None
-        words: Any = {"independent": (*own.coordinates, *came.dropped.names), "cut": self._cut, "method": "dense"}
-        found: System = settled(self._model, **words)[1] if came.settled else self._model.linearize(**words)
+        independent = (*own.coordinates, *came.dropped.names)
+        if not came.settled:
+            return linearized(self._model, independent, self._cut)
+        found: Equations | SparseEquations = settled(self._model, independent, self._cut, "dense")[1]
+        assert isinstance(found, Equations)
         return found
 
-    def _of_part(self, whole: System, directions: Sequence[Direction], every: bool) -> dict[str, Array]:
+    def _of_part(self, whole: Equations, directions: Sequence[Direction], every: bool) -> dict[str, Array]:
         """Derivatives of the matrices of a part, out of those of all coordinates and ports."""
         own = self.system
         wanted = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
-        found = whole.matrix_derivatives(None if every else wanted)
+        from mbsvib.sensitivities.basis import SensitivityBasis
+        from mbsvib.sensitivities.matrices import matrix_derivatives
+
+        found = matrix_derivatives(SensitivityBasis.of(whole), None if every else wanted)
         row = {name: k for k, name in enumerate(found.variables)}
         rows = [row[next(iter(rates))] if every else row[k] for k, rates in wanted.items()]
         q, i, o = ([known.index(name) for name in names] for names, known in (
@@ -162,7 +171,7 @@ class Variants:
         return sum(getattr(self.system, key).size for key in MATRICES)
 
     @cached_property
-    def _model(self) -> Model:
+    def _model(self) -> Mechanism:
         came = self.system.provenance
         if came.origin is None:
             raise ModelError(
@@ -282,11 +291,15 @@ class Variants:
 
     def _equations(self, values: Mapping[str, float], motion: Mapping[str, float]) -> Array:
         """All matrices of a variant in another pose, then the forces that are left over."""
-        from mbsvib.equations.assembly import scene, system
+        from mbsvib.equations.assembly import assembled
+        from mbsvib.equations.expansion import expanded
+        from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+        from mbsvib.equations.scene import scene
         from mbsvib.equilibrium.at_equilibrium import settled
         from mbsvib.equilibrium.moved import moved
 
         own = self.system
+        found: Equations | SparseEquations
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model = self._model.with_values(values) if values else self._model
@@ -295,13 +308,14 @@ class Variants:
             else:
                 if motion:
                     model = moved(model, motion, cut=self._cut)
-                if model._composed:
-                    model = model._expanded()
-                found = system(model, scene(model, self._cut), own.coordinates, checked=False)
+                model = expanded(model)
+                view = scene(with_maxwell_nodes(model), self._cut)
+                found = assembled(model, view, own.coordinates, checked=False)
+        assert isinstance(found, Equations)
         kept, before = (each.provenance.reduction.independent for each in (found, own))
         if found.coordinates != own.coordinates or not np.array_equal(kept, before):
             raise _OtherMobility
-        statics = found.provenance.statics
+        statics: Statics | None = found.provenance.statics
         left = np.zeros(len(kept)) if statics is None or own.provenance.settled else statics.residual
         return np.concatenate([*(getattr(found, key).reshape(-1) for key in MATRICES), left])
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import ports
@@ -17,6 +16,7 @@ from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.sparse.constraints import constraints
 from mbsvib.sparse.couplers import coupled
 from mbsvib.sparse.cuts import short_span
+from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.spring_rows import Elements
     from mbsvib.kinematics.shared_rows import Shared
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
@@ -45,13 +45,18 @@ if TYPE_CHECKING:
 # more than this on average (grids; a single spatial loop has 6) a general ordering fills less.
 OVERLAP = 12.0
 
+S = TypeVar("S", bound=SparseEquations)
 
-def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[str] = frozenset()) -> SparseSystem:
+
+def linearized(
+    model: Mechanism, cut: Sequence[str] | None = None, gone: frozenset[str] = frozenset(),
+    form: type[S] = SparseEquations,  # type: ignore[assignment]
+) -> S:  # fmt: skip
     """Return the linear equations of motion about the model's pose, held sparse.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     cut : sequence of str, optional
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
@@ -60,7 +65,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
 
     Returns
     -------
-    SparseSystem
+    SparseEquations
         Rows, the tableau and names.
 
     Raises
@@ -75,7 +80,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     number = {name: i for i, name in enumerate(topology.bodies)}
     number |= dict.fromkeys(("ground", *gone), len(bodies))
     structure = tree(topology, bodies)
-    couplers = coupled(tuple(model._couplers.values()), topology, bodies, number, structure)
+    couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
     closure = constraints(topology, bodies, number, structure, couplers)
     place = layout(structure, int(closure.kept.sum()), closure.touched)
     springs = _elements.stack(model.springs.values(), number)
@@ -85,7 +90,7 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
     inertia = spatial_inertia(bodies)
     factor = inertia_rows(place, inertia)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
-    shared = None if model._pieces is None else shared_rows(model._pieces, number, len(model.springs))
+    shared = None if model.pieces is None else shared_rows(model.pieces, number, len(model.springs))
     if shared is not None:
         factor, rows, k, c, owner = _with_shared(shared, structure, place, factor, rows, k, c, owner)
     names = (*model.springs, *(() if shared is None else shared.names))
@@ -120,14 +125,14 @@ def linearize(model: Model, cut: Sequence[str] | None = None, gone: frozenset[st
         undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
         through = through + straight
-    return SparseSystem(
+    return form(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
         springs=names, topology=topology,
         structure=structure, constraints=closure, layout=place,
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
-        model=snapshot(model), loading=loading, undetermined=undetermined,
+        model=copy(model), loading=loading, undetermined=undetermined,
     )  # fmt: skip
 
 
@@ -163,28 +168,19 @@ def _with_loads(
             np.concatenate((c, np.zeros(len(found.owner)))), np.concatenate((owner, first + found.owner)))  # fmt: skip
 
 
-def snapshot(model: Model) -> Model:
-    """Return a model that later additions to this one do not change."""
-    result = copy(model)
-    for key, value in vars(model).items():
-        if isinstance(value, dict):
-            setattr(result, key, dict(value))
-    return result
-
-
-def with_stiffness(system: SparseSystem, stiffness: Array) -> SparseSystem:
+def with_stiffness(system: SparseEquations, stiffness: Array) -> SparseEquations:
     """Return a system with other stiffness in its elastic rows.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The system.
     stiffness : array, shape (rows,)
         One value for each elastic row.
 
     Returns
     -------
-    SparseSystem
+    SparseEquations
         The same unknowns and rows.
     """
     factor, slides = system.inertia_factor, system.constraints.slides

@@ -19,7 +19,7 @@ from mbsvib.mechanism.topology import span
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.model import Model
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
 
 # A loop over more joints than this is long; a few of them are a matter of course, as in a ring.
@@ -27,12 +27,12 @@ LONG = 64
 FEW = 8
 
 
-def short_span(model: Model, cut: Sequence[str] | None = None) -> Topology:
+def short_span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """Return the spanning tree of smallest cumulative degree of freedom, or where its loops are long a better one.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     cut : sequence of str, optional
         Joints that must not be in the tree; nothing is chosen then.

@@ -21,8 +21,8 @@ from mbsvib.sparse.reduction import reduced
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
     from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
@@ -70,7 +70,9 @@ def decoupled(found: Subspace, result: Modes, z: Array) -> bool:
     return bool((np.linalg.norm(left, axis=0) <= CONVERGED).all())
 
 
-def coupled(found: Subspace, k: int, near: float) -> tuple[System, Modes, Array, Index]:
+def coupled(
+    found: Subspace, k: int, near: float, form: type[Equations]
+) -> tuple[Equations, Modes, Array, Index]:
     """Return the damped modes whose natural frequencies are nearest to a frequency.
 
     Parameters
@@ -81,6 +83,8 @@ def coupled(found: Subspace, k: int, near: float) -> tuple[System, Modes, Array,
         Number of modes.
     near : float
         Frequency [Hz], 0 for the lowest.
+    form : type
+        The class of the small dense equations.
 
     Returns
     -------
@@ -92,7 +96,7 @@ def coupled(found: Subspace, k: int, near: float) -> tuple[System, Modes, Array,
     basis = found.z
     limit = rigid + GROWTH * (k + 4)
     for _ in range(ROUNDS):
-        small = reduced(t.system, basis, rigid)
+        small = reduced(t.system, basis, rigid, form)
         result = dense_modes(small, RTOL)
         chosen = np.sort(np.argsort(np.abs(result.natural - 2.0 * np.pi * near), kind="stable")[:k])
         if whole:

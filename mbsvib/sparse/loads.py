@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
     from scipy.sparse import csr_matrix
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.spring_rows import Elements
     from mbsvib.equations.wrenches import Applied
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
@@ -70,14 +70,14 @@ class Geometric:
 
 
 def geometric(
-    model: Model, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int],
+    model: Mechanism, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int],
     springs: Elements, regions: Iterable[Region] = (),
 ) -> Geometric:  # fmt: skip
     """Return the geometric stiffness of a loaded mechanism.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism; its loads are dead forces.
     topology : Topology
         The spanning tree.
@@ -144,7 +144,7 @@ def geometric(
             start[:, k] = joint.position
     every = Pairs.join(acting.pairs, Pairs(first, second, start, point, carried[:3], carried[3:]))
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
-    coupled = {name.rpartition(".")[0] for coupler in model._couplers.values() for name, _ in coupler.terms}
+    coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
     feels = felt(acting, joints, number, coupled)
     rows, stiffness, owner = _rows(every, feels, tree, place, position, n)
     moved_with = [carrier_of(joint, number) for joint in joints]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
@@ -22,9 +23,8 @@ from mbsvib.sparse.reduction import reduced
 from mbsvib.sparse.subspace import subspace
 
 if TYPE_CHECKING:
-    from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.subspace import Subspace
 
 # What the small dense problem is asked for; it costs nothing.
@@ -43,7 +43,7 @@ class SomeModes(Modes):
     (0; None where rows were exchanged so that they could not be counted).
     """
 
-    reduced: System = field(repr=False, kw_only=True)
+    reduced: Equations = field(repr=False, kw_only=True)
     dof: int = field(kw_only=True)
     missed: int | None = field(kw_only=True)
 
@@ -51,17 +51,19 @@ class SomeModes(Modes):
         return f"{len(self)} of {self.dof} DOF"
 
 
-def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
+def modes(system: SparseEquations, k: int, near: float = 0.0, form: type[Equations] = Equations) -> SomeModes:
     """Return the k lowest modes, or the k nearest to a frequency.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     k : int
         Number of modes.
     near : float
         Frequency [Hz], 0 for the lowest.
+    form : type
+        The class of the small dense equations.
 
     Returns
     -------
@@ -81,24 +83,24 @@ def modes(system: SparseSystem, k: int, near: float = 0.0) -> SomeModes:
         wanted += max(4, k // 2)
         found = subspace(system, min(wanted, system.dof), near)
         basis, bound, rigid = _nearest(system, found, k)
-    small = reduced(system, basis, rigid)
+    small = reduced(system, basis, rigid, form)
     result = dense_modes(small, RTOL)
     if decoupled(found, result, basis):
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
         chosen = np.arange(k)
     else:
-        small, result, left, chosen = coupled(found, k, near)
+        small, result, left, chosen = coupled(found, k, near, form)
         errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
     errors = np.minimum(errors, 1.0)
     pairs = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
     return SomeModes(
         result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
         result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
-        result._body_motion, result._inertia_factor, result.damped, reduced=small, dof=system.dof, missed=found.missed,
+        result.body_motion, result.inertia_factor, result.damped, reduced=small, dof=system.dof, missed=found.missed,
     )  # fmt: skip
 
 
-def _check(system: SparseSystem, k: int, near: float) -> None:
+def _check(system: SparseEquations, k: int, near: float) -> None:
     if not system.dof:
         raise ResponseError(f"modes: '{system.name}' is fully locked: it has no modes. Its responses are constant: ask "
                             f"linearize(method='dense') for them, or frequency_response.")  # fmt: skip
@@ -111,7 +113,7 @@ def _check(system: SparseSystem, k: int, near: float) -> None:
         raise ResponseError(f"modes: near = {near!r}; expected a frequency [Hz], or 0 for the lowest modes.")
 
 
-def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | None, Array, int]:
+def _nearest(system: SparseEquations, found: Subspace, k: int) -> tuple[Array | None, Array, int]:
     """The k modes nearest to the shift out of the subspace, M-orthonormal, what is unsure of their frequencies, and how
     many of them are rigid-body modes.
 
@@ -155,7 +157,7 @@ def _nearest(system: SparseSystem, found: Subspace, k: int) -> tuple[Array | Non
     return basis, bound, int(np.count_nonzero(chosen < found.rigid))
 
 
-def _rounding(system: SparseSystem) -> float:
+def _rounding(system: SparseEquations) -> float:
     """Relative error of sums along the longest path, and of what nearly singular loops do to the coordinates."""
     kept = min((group.kept for group in system.constraints.groups), default=1.0)
     path = ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.sparse.assembly import with_stiffness
 from mbsvib.sparse.rigid import far_rows, unsprung, without_far
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
 # Work and strain energy of a random load agree to this where the stiffness holds everything; a motion that meets no
@@ -40,7 +41,7 @@ class Operator:
     taken out but found like all others.
     """
 
-    system: SparseSystem
+    system: SparseEquations
     sigma: float
     factor: Factor
     rigid: Array
@@ -99,12 +100,12 @@ class Operator:
         return replace(self, away=vectors)
 
 
-def operator(system: SparseSystem, sigma: float | None, wanted: int) -> Operator:
+def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Operator:
     """Return T at a shift, or at zero where nothing is nearer.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     sigma : float, optional
         Square of an angular frequency [rad^2/s^2]; None for the lowest modes.
@@ -136,7 +137,7 @@ def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
     """T at zero with the motions locked that no spring holds, and without them; shifted where these are not all."""
     system, far, modes = first.system, far_rows(first.system), None
     if far.any():
-        near = system.without_rows(far)
+        near = with_stiffness(system, system.stiffness * ~far)
         held = replace(first, factor=near.tableau.factor(lock=system.layout.coordinate[lock]))
         lock, modes = without_far(system, lock, _locked_motions(held, lock))
     held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
@@ -145,7 +146,7 @@ def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
     return _free(held, _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted])
 
 
-def _factor(system: SparseSystem, sigma: float) -> Any:
+def _factor(system: SparseEquations, sigma: float) -> Any:
     try:
         return system.tableau.factor(square=sigma)
     except np.linalg.LinAlgError:

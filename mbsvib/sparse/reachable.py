@@ -8,14 +8,15 @@ does nothing there, and an output sees nothing.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mbsvib.elements.ports import BaseMotion, ForceOutput
 from mbsvib.equations.controllable_part import Dropped, chosen
 from mbsvib.errors import ResponseError
-from mbsvib.sparse.assembly import linearize, snapshot
+from mbsvib.sparse.assembly import linearized
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,25 +24,25 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.api.model import Model
-    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.mechanism.mechanism import Mechanism
+S = TypeVar("S", bound=SparseEquations)
 
 
 def reachable(
-    system: SparseSystem, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
-) -> SparseSystem:
+    system: S, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
+) -> S:
     """Return the system of the bodies that asked inputs reach and asked outputs see, with these ports only.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     inputs, outputs : str or sequence of str, optional
         Names of ports; default: all.
 
     Returns
     -------
-    SparseSystem
+    SparseEquations
         The same equations without the other bodies.
 
     Raises
@@ -69,10 +70,10 @@ def reachable(
     if before is not None:
         gone = replace(gone, unreached=before.unreached + gone.unreached, unseen=before.unseen + gone.unseen)
     cut = [name for name in system.cut_joints if name in left.joints]
-    return replace(linearize(left, cut or None, frozenset(gone.names)), dropped=gone)
+    return replace(linearized(left, cut or None, frozenset(gone.names), type(system)), dropped=gone)
 
 
-def _parts(model: Model) -> dict[str, int]:
+def _parts(model: Mechanism) -> dict[str, int]:
     """Number of the part of every body: bodies that joints and springs join without ground."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
@@ -80,7 +81,7 @@ def _parts(model: Model) -> dict[str, int]:
     number = {name: k for k, name in enumerate(model.bodies)}
     links = [(number[part.first], number[part.second]) for part in (*model.joints.values(), *model.springs.values())
              if part.first in number and part.second in number]  # fmt: skip
-    for coupler in model._couplers.values():
+    for coupler in model.couplers.values():
         joints = [model.joints[name.rpartition(".")[0]] for name, _ in coupler.terms]
         moved = [number[body] for joint in joints for body in (joint.first, joint.second) if body in number]
         links += [(moved[0], other) for other in moved[1:]]
@@ -91,7 +92,7 @@ def _parts(model: Model) -> dict[str, int]:
     return dict(zip(number, label.tolist(), strict=True))
 
 
-def _touched(model: Model, part: Any, label: dict[str, int]) -> NDArray[np.intp]:
+def _touched(model: Mechanism, part: Any, label: dict[str, int]) -> NDArray[np.intp]:
     """Parts that a port touches; a moving ground touches all."""
     if isinstance(part, BaseMotion):
         return np.array(sorted(set(label.values())), dtype=np.intp)
@@ -105,15 +106,13 @@ def _touched(model: Model, part: Any, label: dict[str, int]) -> NDArray[np.intp]
     return np.array([label[name] for name in ends if name in label], dtype=np.intp)
 
 
-def _without(model: Model, gone: set[str], inputs: set[str], outputs: set[str]) -> Model:
+def _without(model: Mechanism, gone: set[str], inputs: set[str], outputs: set[str]) -> Mechanism:
     """The model without some bodies and their joints; what else mentions them is on ground, and stays."""
-    left = snapshot(model)
-    left._topology = None
-    left._bodies = {name: body for name, body in model.bodies.items() if name not in gone}
-    left._joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
-    left._couplers = {name: coupler for name, coupler in model._couplers.items()
-                      if all(term.rpartition(".")[0] in left._joints for term, _ in coupler.terms)}  # fmt: skip
-    left._loads = {name: load for name, load in model.loads.items() if load.body not in gone}
+    bodies = {name: body for name, body in model.bodies.items() if name not in gone}
+    joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
+    couplers = {name: coupler for name, coupler in model.couplers.items()
+                if all(term.rpartition(".")[0] in joints for term, _ in coupler.terms)}  # fmt: skip
+    loads = {name: load for name, load in model.loads.items() if load.body not in gone}
 
     def placed(part: Any) -> Any:
         if isinstance(part, (BaseMotion, ForceOutput)) or part.position is not None:
@@ -121,6 +120,6 @@ def _without(model: Model, gone: set[str], inputs: set[str], outputs: set[str]) 
         on = part.body if part.body in model.bodies else part.relative_to
         return replace(part, position=model.bodies[on].position)
 
-    left._inputs = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
-    left._outputs = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
-    return left
+    kept = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
+    seen = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
+    return model.with_parts(bodies=bodies, joints=joints, couplers=couplers, loads=loads, inputs=kept, outputs=seen)

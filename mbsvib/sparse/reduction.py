@@ -6,31 +6,33 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.api.system import Provenance, System
+from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import product
 from mbsvib.sparse.subspace import strains
 
 if TYPE_CHECKING:
-    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array
+    from mbsvib.sparse.equations import SparseEquations
 
 
-def reduced(system: SparseSystem, z: Array, rigid: int) -> System:
+def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations] = Equations) -> Equations:
     """Return the system in the amplitudes of some shapes.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The whole system.
     z : array, shape (size, n)
         Displacements and coordinates of the shapes, one column each.
     rigid : int
         Number of the first shapes that meet no spring.
+    form : type
+        The class of the small dense equations.
 
     Returns
     -------
-    System
+    Equations
         Equations of motion in the coordinates mode1, mode2, ...
     """
     n = z.shape[1]
@@ -43,7 +45,7 @@ def reduced(system: SparseSystem, z: Array, rigid: int) -> System:
     motion[body, direction] = z[system.layout.displacement[body, direction]]
     cq, cv, ca = (np.asarray(rows @ z) for rows in system.output_rows)
     names = tuple(f"mode{i + 1}" for i in range(n))
-    return System(
+    return form(
         name=system.name, coordinates=names, coordinate_units=("modal",) * n, inputs=system.inputs,
         input_units=system.input_units, outputs=system.outputs, output_units=system.output_units, bodies=system.bodies,
         M=factor.T @ factor, C=product(elastic, damping), K=product(elastic, stiffness),

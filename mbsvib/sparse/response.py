@@ -12,8 +12,8 @@ from mbsvib.errors import ResponseError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.layout import Layout
 
 
@@ -45,12 +45,12 @@ def forces(place: Layout, rows: Any) -> Array:
     return right
 
 
-def frequency_response(system: SparseSystem, omega: ArrayLike) -> Complex:
+def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
     """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s].
@@ -83,12 +83,12 @@ def frequency_response(system: SparseSystem, omega: ArrayLike) -> Complex:
     return result
 
 
-def static_compliance(system: SparseSystem) -> Array:
+def static_compliance(system: SparseEquations) -> Array:
     """Return Cq K^-1 B + D.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
 
     Returns
@@ -110,7 +110,7 @@ def static_compliance(system: SparseSystem) -> Array:
     return np.asarray(system.output_rows[0] @ answer + system.D, dtype=float)
 
 
-def _answer(system: SparseSystem, right: Array, s: complex, damped: bool) -> NDArray[Any] | None:
+def _answer(system: SparseEquations, right: Array, s: complex, damped: bool) -> NDArray[Any] | None:
     """Displacements and coordinates for unit inputs; None where the matrix is singular to rounding."""
     try:
         factor = system.tableau.factor(s=s) if damped and s else system.tableau.factor(square=-(s * s).real)

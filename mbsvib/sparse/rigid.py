@@ -11,8 +11,8 @@ from mbsvib.linalg.qr import pivoted_qr
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.sparse.equations import SparseEquations
 
 # As in the dense path: unit rows that depend on each other differ by rounding of the geometry, far below this.
 RANK = 1e-11
@@ -20,7 +20,7 @@ RANK = 1e-11
 PART = 600
 
 
-def far_rows(system: SparseSystem) -> NDArray[np.bool_]:
+def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
     """Tell which stiff rows act on displacements, as the path between their ends is long."""
     acts = np.zeros(system.layout.size, dtype=bool)
     acts[system.layout.displacement[system.layout.displacement >= 0]] = True
@@ -30,7 +30,7 @@ def far_rows(system: SparseSystem) -> NDArray[np.bool_]:
     return np.asarray(result & (system.stiffness != 0.0))
 
 
-def unsprung(system: SparseSystem) -> Index:
+def unsprung(system: SparseEquations) -> Index:
     """Return coordinates which, locked, leave no motion that meets none of the springs along short paths.
 
     Springs and loops tie coordinates into parts; within each part a pivoted QR of all its rows tells which coordinates
@@ -38,7 +38,7 @@ def unsprung(system: SparseSystem) -> Index:
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
 
     Returns
@@ -75,7 +75,7 @@ def unsprung(system: SparseSystem) -> Index:
     return np.array(sorted(free), dtype=np.intp)
 
 
-def _entries(system: SparseSystem) -> tuple[Index, Index, Array]:
+def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
     """Entries of springs along short paths and of all loops over the joint coordinates."""
     near = system.elastic_rows[(system.stiffness != 0.0) & ~far_rows(system)].tocoo()
     place = np.full(system.layout.size, -1)
@@ -101,12 +101,12 @@ def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, 
     return [(row[part], column[part], value[part]) for part in np.split(order, cuts)]
 
 
-def without_far(system: SparseSystem, lock: Index, modes: Array) -> tuple[Index, Array]:
+def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Index, Array]:
     """Return which locks are left, and the free motions, once springs along long paths hold what they hold.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     lock : array, shape (n,)
         Coordinates that the other springs leave free.

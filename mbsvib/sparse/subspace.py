@@ -10,8 +10,8 @@ import numpy as np
 from mbsvib.sparse.operator import NOISE, operator
 
 if TYPE_CHECKING:
-    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.common.arrays import Array
+    from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.operator import Operator
 
 # Residual of the Lanczos vectors: frequencies are off by its square.
@@ -52,12 +52,12 @@ class Subspace:
     centre: float
 
 
-def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
+def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     """Return vectors that span the k lowest modes, or the k nearest to a frequency, and some more.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     k : int
         Number of modes.
@@ -94,7 +94,7 @@ def subspace(system: SparseSystem, k: int, near: float) -> Subspace:
     return _solved(t, h, 1.0 / float(np.abs(theta).min()), missed, centre)
 
 
-def _placed(system: SparseSystem, near: float, k: int) -> tuple[Operator, float]:
+def _placed(system: SparseEquations, near: float, k: int) -> tuple[Operator, float]:
     """The operator around a frequency, and the angular frequency from which modes are nearest.
 
     Far above all modes that comes down to them, where they are told apart: which are nearest stays the same. On a mode
@@ -227,12 +227,12 @@ def _sorted(found: Subspace, total: int) -> Subspace:
                    noise=share @ found.noise)  # fmt: skip
 
 
-def strains(system: SparseSystem, z: Array, rigid: int) -> tuple[Array, Array]:
+def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array]:
     """Return the elastic displacements D z with exact zeros where there is nothing but rounding, and their terms.
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The equations of motion.
     z : array, shape (size, n)
         Displacements and coordinates.

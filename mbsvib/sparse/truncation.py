@@ -8,42 +8,46 @@ the compliance about the free motion, under loads that the inertia of the free m
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
 from mbsvib.modes.undamped import undamped
+from mbsvib.responses.basis import Basis
+from mbsvib.responses.frequency_response import frequency_response as dense_response
 from mbsvib.sparse.operator import operator
 from mbsvib.sparse.response import frequency_response
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.sparse_system import SparseSystem
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.sparse.equations import SparseEquations
 
 RTOL = 1e-13
 
+E = TypeVar("E", bound=Equations)
 
-def corrected(system: SparseSystem, small: System, count: int) -> System:
+
+def corrected(system: SparseEquations, small: E, count: int) -> E:
     """Return the system of the lowest modes with the static displacements of all others in its D.
 
     D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the modes kept, free motions left aside
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The whole system.
-    small : System
+    small : Equations
         That of its lowest modes.
     count : int
         Number of modes asked for, for messages.
 
     Returns
     -------
-    System
+    Equations
         The same but for D.
 
     Raises
@@ -74,16 +78,16 @@ def corrected(system: SparseSystem, small: System, count: int) -> System:
     return replace(small, D=small.D + (whole - kept))
 
 
-def truncation_error(system: SparseSystem, small: System, omega: ArrayLike) -> Array:
+def truncation_error(system: SparseEquations, small: Equations, omega: ArrayLike) -> Array:
     """Return how far the responses of a reduced system are off those of the whole.
 
     |G_small - G| / max over omega of |G|, for each output and input
 
     Parameters
     ----------
-    system : SparseSystem
+    system : SparseEquations
         The whole system.
-    small : System
+    small : Equations
         What was made of it.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s].
@@ -103,6 +107,6 @@ def truncation_error(system: SparseSystem, small: System, omega: ArrayLike) -> A
                             f"{', '.join(small.outputs)}; expected those of '{system.name}', {', '.join(system.inputs)}"
                             f" and {', '.join(system.outputs)}.")  # fmt: skip
     whole = frequency_response(system, omega)
-    off = np.abs(small.frequency_response(omega) - whole)
+    off = np.abs(dense_response(Basis(small), omega) - whole)
     size = np.abs(whole).max(axis=2, keepdims=True, initial=0.0)
     return np.asarray(off / np.where(size > 0.0, size, 1.0))

@@ -84,7 +84,7 @@ class Place:
         """Eigenvalues by track (modes, 2), and their derivatives (variables, modes, 2)."""
         modes = self.modes
         which = np.arange(len(modes)) if self.order is None else self.order
-        ends = np.stack((modes._starts[:-1], modes._starts[1:] - 1), axis=1)[which]
+        ends = np.stack((modes.starts[:-1], modes.starts[1:] - 1), axis=1)[which]
         if not self.rates:
             return modes.eigenvalues[ends], np.zeros((0, *ends.shape), dtype=complex)
         slope = self.system.eigenvalue_sensitivities(self.rates)
@@ -125,4 +125,4 @@ def check_variables(system: System, rates: Mapping[str, Mapping[str, float]]) ->
     from mbsvib.sensitivities.eigenvalues import planned
 
     resolved(system.parameters, rates)
-    planned(system, rates)
+    planned(system.sensitivity_basis, rates)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.settled import settled
 from mbsvib.common import arguments as check
-from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError, ModelError, counted
 from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from mbsvib.api.settled import settled
 from mbsvib.api.system import System
 from mbsvib.common import arguments as check
 from mbsvib.equations.batch_values import refused
-from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError
 from mbsvib.studies.question import follow
 

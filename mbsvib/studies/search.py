@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.api.settled import settled
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, reference, step
 from mbsvib.studies.evaluation import Place, check_variables, checked, station

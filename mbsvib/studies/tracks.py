@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.api.settled import settled
 from mbsvib.common.expected import mode_index
-from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, reference, step
 from mbsvib.studies.design import design

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.responses.frequency_response import _direct, _refined, conditions, trusted
+from mbsvib.responses.frequency_response import conditions, direct_solutions, refined_solutions, trusted
 from mbsvib.responses.time_response import _by_exponential
 from tests.responses.test_time_response import exact_time_response
 from tests.support.exact import Exact
@@ -153,8 +153,8 @@ def test_the_three_roads_agree(seed):
     system = sliding_chain(*data, (0, 5), [("displacement", 5)]).linearize()
     modal, omega = system._modal, np.geomspace(0.1, 1e4, 70)
     b = modal.shapes.T @ system.B
-    schur = _refined(system, modal, b, 1j * omega)
-    direct = _direct(modal, b, omega, np.arange(len(omega)))
+    schur = refined_solutions(system, modal, b, 1j * omega)
+    direct = direct_solutions(modal, b, omega, np.arange(len(omega)))
     size = np.abs(direct).max(axis=0)
     assert (np.abs(schur - direct) <= 1e-13 * size).all()
     through = np.einsum("om,min->oin", system.Cq @ modal.shapes, direct)

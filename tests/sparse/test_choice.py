@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.api.engine_choice import MANY
 from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
+from mbsvib.sparse.choice import MANY
 from tests.sparse import scenes
 
 

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.adjoint_fields import Field
     from mbsvib.sensitivities.balance.connection_changes import Links
@@ -310,14 +310,14 @@ def _put(found: Field, at: slice, part: Field) -> None:
     found[at] += part.reshape(at.stop - at.start, *found.shape[1:])
 
 
-def balanced(network: Network, system: System) -> Balanced:
+def balanced(network: Network, system: Equations) -> Balanced:
     """Return a network in balance.
 
     Parameters
     ----------
     network : Network
         Bodies and connections, with their forces.
-    system : System
+    system : Equations
         The equations of motion.
 
     Returns

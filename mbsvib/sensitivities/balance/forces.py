@@ -34,9 +34,9 @@ from mbsvib.sensitivities.balance.reference_pose import Displaced
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Joint, Spring
+    from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
 
 
@@ -309,14 +309,14 @@ class Forces:
 
 
 def forces(
-    system: System, bodies: Sequence[Body], joints: Sequence[Joint], springs: Sequence[Bushing | Spring],
+    system: Equations, bodies: Sequence[Body], joints: Sequence[Joint], springs: Sequence[Bushing | Spring],
     number: dict[str, int], point: Array,
 ) -> Forces:  # fmt: skip
     """Return the forces at the pose of a system.
 
     Parameters
     ----------
-    system : System
+    system : Equations
         The equations of motion of a loaded scene.
     bodies, joints, springs : sequence
         Its network.
@@ -370,7 +370,7 @@ def forces(
                   (j, len(springs), ground, len(loads)), gravity, every[~follows], every[follows])  # fmt: skip
 
 
-def _angles(system: System, bodies: Sequence[Body], joints: Sequence[Joint]) -> Array:
+def _angles(system: Equations, bodies: Sequence[Body], joints: Sequence[Joint]) -> Array:
     """The rotation vectors (joints, 3) by which joints turned on the way to the equilibrium, world axes there."""
     came, angle = system.provenance, np.zeros((len(joints), 3))
     if came.settled and came.origin is not None:

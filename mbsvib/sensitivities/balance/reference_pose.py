@@ -20,10 +20,10 @@ from mbsvib.sensitivities.balance.connection_changes import Terms
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint, Spring
     from mbsvib.elements.part import Part
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.balance.connection_changes import Links
     from mbsvib.sensitivities.balance.forces import Forces
@@ -55,7 +55,7 @@ class Described:
 class Displaced:
     """Where bodies went from where they are described."""
 
-    def __init__(self, origin: Model, there: Mapping[str, Any]) -> None:
+    def __init__(self, origin: Mechanism, there: Mapping[str, Any]) -> None:
         self._origin, self._there = origin.bodies, there
 
     def turn(self, body: str) -> Array:
@@ -71,12 +71,12 @@ class Displaced:
         return np.asarray(self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position))
 
 
-def turned(origin: Model, parts: Iterable[Part]) -> frozenset[str]:
+def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:
     """Return the bushings whose bodies turned against each other: what they do about axes changes in ways of its own.
 
     Parameters
     ----------
-    origin : Model
+    origin : Mechanism
         The model as described.
     parts : iterable of Part
         Its parts in the pose there.
@@ -98,7 +98,7 @@ def holds_turns(bushing: Bushing) -> bool:
     return any(value[3:].any() or (value.ndim == 2 and value[:, 3:].any()) for value in blocks)
 
 
-def described(network: Network, forces: Forces, links: Links, origin: Model) -> Described:
+def described(network: Network, forces: Forces, links: Links, origin: Mechanism) -> Described:
     """Return what parameters as described do in the pose there.
 
     Parameters
@@ -109,7 +109,7 @@ def described(network: Network, forces: Forces, links: Links, origin: Model) -> 
         The forces there.
     links : Links
         Places of parameters and forces.
-    origin : Model
+    origin : Mechanism
         The model as described.
 
     Returns

@@ -1,36 +1,45 @@
-"""The choice between the dense and the sparse equations of motion."""
+"""The choice between the dense and the sparse equations of motion, by what is asked for and by size."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.elements import Body, Maxwell
+from mbsvib.equations.assembly import linearized as dense_equations
+from mbsvib.equations.equations import Equations
+from mbsvib.equations.expansion import expanded
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.topology import FLOATS, span
+from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.model import Model
+    from mbsvib.mechanism.mechanism import Mechanism
+
+E = TypeVar("E", bound=Equations)
+S = TypeVar("S", bound=SparseEquations)
 
 METHODS = ("dense", "sparse")
 # Coordinates of the tree from which on the sparse equations are taken unless said otherwise. Linearized, with ten
 # modes, they are as quick as the dense ones at 150 to 300 coordinates (chains, ladders); dense equations answer more
 # questions (all modes, matrices), so they are kept up to where they cost ten times as much: some tenths of a second.
 MANY = 600
+# So few bodies and joints have fewer coordinates than the sparse equations are taken for.
+FEW = 100
 
 
 def wants_sparse(
-    model: Model, method: str | None, independent: Sequence[str] | None, cut: Sequence[str] | None,
-    values: Mapping[str, ArrayLike] | None,
+    model: Mechanism, method: str | None, independent: Sequence[str] | None, cut: Sequence[str] | None,
+    values: Mapping[str, ArrayLike] | None = None,
 ) -> bool:  # fmt: skip
     """Return whether a model is to be linearized by the sparse path.
 
     Parameters
     ----------
-    model : Model
+    model : Mechanism
         The mechanism.
     method : str or None
         "dense", "sparse", or None for a choice by size.
@@ -50,7 +59,7 @@ def wants_sparse(
     if method not in (None, *METHODS):
         raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
                          f"{nearest(str(method), METHODS)}", field="method")  # fmt: skip
-    heavy = frozenset() if model._pieces is None else model._pieces.nodes
+    heavy = frozenset() if model.pieces is None else model.pieces.nodes
     light = next((part.name for part in (*model.bodies.values(), *model.springs.values())
                   if isinstance(part, Maxwell) or (isinstance(part, Body) and part.mass == 0.0
                                                    and part.name not in heavy)), None)  # fmt: skip
@@ -59,9 +68,9 @@ def wants_sparse(
             raise ModelError(f"linearize: '{light}' is massless or has a massless node, which method='sparse' does not "
                              f"support yet; use method='dense'.", element=light, field="method")  # fmt: skip
         return False
-    if model._rotors:
+    if model.rotors:
         if method == "sparse":
-            rotor = next(iter(model._rotors))
+            rotor = next(iter(model.rotors))
             raise ModelError(f"linearize: rotor '{rotor}' spins, which method='sparse' does not support yet; use "
                              f"method='dense'.", element=rotor, field="method")  # fmt: skip
         return False
@@ -83,6 +92,43 @@ def wants_sparse(
     return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
 
 
-def _twisted(model: Model) -> str | None:
+def _twisted(model: Mechanism) -> str | None:
     """The name of a load that makes the stiffness unsymmetric, or None."""
     return next((load.name for load in model.loads.values() if load.follower or any(load.torque)), None)
+
+
+def linearized(
+    model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    method: str | None = None, dense: type[E] = Equations, sparse: type[S] = SparseEquations,  # type: ignore[assignment]
+) -> E | S:  # fmt: skip
+    """Return the equations of motion of a mechanism, dense or sparse.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    independent, cut : sequence of str, optional
+        Minimal coordinates and cut joints that are asked for.
+    method : str, optional
+        "dense" or "sparse"; default: by size.
+    dense, sparse : type
+        The classes of the equations.
+
+    Returns
+    -------
+    Equations or SparseEquations
+        The equations of motion.
+
+    Raises
+    ------
+    ModelError
+        If the method is unknown or cannot do what is asked for.
+    """
+    if method is not None or len(model.bodies) + len(model.joints) + len(model.composed) > FEW:
+        plain = expanded(model)
+        if wants_sparse(plain, method, independent, cut):
+            from mbsvib.sparse.assembly import linearized as sparse_equations
+
+            return sparse_equations(plain, cut, form=sparse)
+        return dense_equations(plain, independent, cut, dense, model)
+    return dense_equations(model, independent, cut, dense)

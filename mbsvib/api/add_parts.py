@@ -1,0 +1,229 @@
+"""The calls that add rigid bodies, joints and spring-dampers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.elements import body as _body
+from mbsvib.elements import bushing as _bushing
+from mbsvib.elements import joint as _joint
+from mbsvib.elements import maxwell as _maxwell
+from mbsvib.elements import spring as _spring
+from mbsvib.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
+
+
+class RigidMechanism(Mechanism):
+    """A mechanism of rigid bodies, joints and spring-dampers."""
+
+    def add_body(
+        self, name: str, mass: float, inertia: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0),
+        orientation: ArrayLike | None = None,
+    ) -> Body:  # fmt: skip
+        """Add a rigid body.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        mass : float
+            Mass [kg]; 0 for a massless node, which springs and dampers hold (its inertia then is zeros too).
+        inertia : array-like, shape (3,), (6,) or (3, 3)
+            Inertia about the centre of mass in body axes [kg m^2]: principal moments, the tensor's entries
+            xx yy zz xy xz yz (xy = -integral of x y dm), or the tensor.
+        position : array-like, shape (3,)
+            Centre of mass [m], world axes.
+        orientation : array-like, shape (3, 3) or (3,), optional
+            Body axes as columns, or a rotation vector [rad]; default: world axes.
+
+        Returns
+        -------
+        Body
+            The part, to be used wherever a body is asked for.
+
+        Raises
+        ------
+        ModelError
+            If the name is taken, the mass is negative, or no body can have this inertia.
+        """
+        self._check_name(name, "body")
+        part = _body.make(name, mass, inertia, position, orientation)
+        return self._keep(self._bodies, part)
+
+    def add_joint(
+        self, name: str, kind: str | None, first: str | Body, second: str | Body,
+        position: ArrayLike | None = None, orientation: ArrayLike | None = None,
+        axis: ArrayLike | None = None, axis2: ArrayLike | None = None,
+        pitch: float | None = None, free: Sequence[str] | None = None, end: ArrayLike | None = None,
+    ) -> Joint:  # fmt: skip
+        """Add an ideal joint; its coordinates are the free displacements of ``second`` relative to ``first``.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        kind : str or None
+            revolute, prismatic, cylindrical, screw, universal, spherical, planar, fixed or free (axis: local z);
+            homokinetic (a constant-velocity joint: rx and ry, the components of one rotation vector, are free; axis:
+            that of both shafts, or where they are at an angle the line that bisects it); point_on_line (axis: the line,
+            which ``first`` carries; the point is that of ``second``), point_on_plane (axis: its normal), distance (a
+            rod without mass from ``position`` on ``first`` to ``end`` on ``second``); None together with ``free``.
+        first, second : str or Body
+            The two bodies.
+        position : array-like, shape (3,)
+            The joint's point [m], world axes; not needed for prismatic and fixed joints.
+        orientation : array-like, shape (3, 3) or (3,), optional
+            Joint axes as columns, or a rotation vector [rad]; default: world axes.
+        axis : array-like, shape (3,), optional
+            Instead of ``orientation``: the joint's axis, world. Universal: the axis that stays in ``first``.
+        axis2 : array-like, shape (3,), optional
+            Universal only: the axis that stays in ``second``, world.
+        pitch : float, optional
+            Screw only: advance per radian [m/rad].
+        free : sequence of str, optional
+            For any other joint: the free directions out of x y z rx ry rz, in the joint's axes. Two free rotations are
+            those of a universal joint: the axis named first stays in ``first``, the other one in ``second``, so that
+            under load ("ry", "rx") is another joint than ("rx", "ry"). A homokinetic joint is a kind of its own.
+        end : array-like, shape (3,), optional
+            Distance only: the rod's point on ``second`` [m], world axes. The joint's z is the rod; its coordinates are
+            those of ``second`` at this point.
+
+        Returns
+        -------
+        Joint
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown or joined with itself, the kind is unknown, or an axis is zero.
+        """
+        self._check_name(name, "joint")
+        a = self._body_name(first, "joint", name, "first")
+        b = self._body_name(second, "joint", name, "second")
+        part = _joint.make(name, kind, a, b, position, orientation, axis, axis2, pitch, free, end)
+        return self._keep(self._joints, part)
+
+    def add_bushing(
+        self, name: str, first: str | Body, second: str | Body, position: ArrayLike,
+        stiffness: ArrayLike = _bushing.ZERO, damping: ArrayLike = _bushing.ZERO,
+        orientation: ArrayLike | None = None, preload: ArrayLike | None = None,
+    ) -> Bushing:  # fmt: skip
+        """Add a spatial spring-damper that acts at a point.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        first, second : str or Body
+            The two bodies.
+        position : array-like, shape (3,)
+            The point [m], world axes.
+        stiffness, damping : array-like, shape (6,) or (6, 6)
+            Along and about the bushing's axes, x y z rx ry rz: N/m and N m/rad; N s/m and N m s/rad.
+        orientation : array-like, shape (3, 3) or (3,), optional
+            Axes as columns, or a rotation vector [rad]; default: world axes.
+        preload : array-like, shape (6,), optional
+            Wrench on ``second`` in the given pose, in the bushing's axes [N, N m]; ``first`` takes its reaction.
+
+        Returns
+        -------
+        Bushing
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, the shape is wrong, or neither stiffness, damping nor preload is given.
+        """
+        self._check_name(name, "bushing")
+        a = self._body_name(first, "bushing", name, "first")
+        b = self._body_name(second, "bushing", name, "second")
+        part = _bushing.make(name, a, b, position, stiffness, damping, orientation, preload)
+        return self._keep(self._springs, part)
+
+    def add_spring(
+        self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike,
+        stiffness: float = 0.0, damping: float = 0.0, preload: float | None = None,
+        free_length: float | None = None,
+    ) -> Spring:  # fmt: skip
+        """Add a spring-damper along the line between two points.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        first, second : str or Body
+            The two bodies.
+        start, end : array-like, shape (3,)
+            The point on ``first`` and the one on ``second`` [m], world axes.
+        stiffness, damping : float
+            N/m and N s/m.
+        preload : float, optional
+            Tension in the given pose [N]; negative where it pushes.
+        free_length : float, optional
+            Instead of ``preload``: the length without load [m]; the tension is stiffness (length - free_length).
+
+        Returns
+        -------
+        Spring
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, the points coincide, or neither stiffness, damping nor preload is given.
+        """
+        self._check_name(name, "spring")
+        a = self._body_name(first, "spring", name, "first")
+        b = self._body_name(second, "spring", name, "second")
+        part = _spring.make(name, a, b, start, end, stiffness, damping, preload, free_length)
+        return self._keep(self._springs, part)
+
+    def add_maxwell(
+        self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike, stiffness: float,
+        damping: float, static_stiffness: float = 0.0,
+    ) -> Maxwell:  # fmt: skip
+        """Add a Maxwell (relaxation) element: a spring in series with a damper along the line between two points.
+
+        Its dynamic stiffness is k0 + k1 c s / (k1 + c s). The node between spring and damper has no mass, real or fake:
+        what the damper yields is the coordinate ``"NAME.z"``, which has one first-order state.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        first, second : str or Body
+            The two bodies.
+        start, end : array-like, shape (3,)
+            The point on ``first``, where the spring is, and the one on ``second``, where the damper is [m], world axes.
+        stiffness : float
+            Of the spring in series with the damper, k1 [N/m], positive.
+        damping : float
+            Of the damper, c [N s/m].
+        static_stiffness : float
+            Of a spring beside both, k0 [N/m].
+
+        Returns
+        -------
+        Maxwell
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, the points coincide, or a coefficient is refused.
+        """
+        self._check_name(name, "maxwell")
+        a = self._body_name(first, "maxwell", name, "first")
+        b = self._body_name(second, "maxwell", name, "second")
+        part = _maxwell.make(name, a, b, start, end, stiffness, damping, static_stiffness)
+        self._check_name(part.node, f"maxwell '{name}': node")
+        self._made[part.node] = part
+        return self._keep(self._springs, part)

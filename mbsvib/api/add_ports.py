@@ -1,0 +1,174 @@
+"""The calls that add inputs and outputs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.common import arguments as check
+from mbsvib.elements import Maxwell, Spring
+from mbsvib.elements import ports as _ports
+from mbsvib.errors import nearest
+from mbsvib.mechanism.mechanism import GROUND, Mechanism, check_name
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Output
+
+
+class PortedMechanism(Mechanism):
+    """A mechanism with named inputs and outputs."""
+
+    def add_input(
+        self, name: str, body: str | Body, direction: str | ArrayLike, position: ArrayLike | None = None,
+        relative_to: str | Body = GROUND,
+    ) -> Input:  # fmt: skip
+        """Add a force or torque input.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among inputs.
+        body : str or Body
+            The body it acts on.
+        direction : str or array-like, shape (3,) or (6,)
+            x y z (force, N), rx ry rz (torque, N m), or a vector that is applied as given, its length included;
+            world axes.
+        position : array-like, shape (3,), optional
+            The point it acts at [m], world axes; default: the body's centre of mass.
+        relative_to : str or Body
+            The body that takes the equal and opposite reaction, at the same point.
+
+        Returns
+        -------
+        Input
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body or the direction is unknown.
+        """
+        check_name(name, "input", self._inputs)
+        a = self._body_name(body, "input", name, "body")
+        b = self._body_name(relative_to, "input", name, "relative_to")
+        part = _ports.make_input(name, a, direction, position, b)
+        return self._keep(self._inputs, part)
+
+    def add_output(
+        self, name: str, body: str | Body, direction: str | ArrayLike, position: ArrayLike | None = None,
+        relative_to: str | Body = GROUND, quantity: str = "displacement", absolute: bool | None = None,
+    ) -> Output:  # fmt: skip
+        """Add a displacement, velocity or acceleration output.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among outputs.
+        body : str or Body
+            The body whose motion is measured.
+        direction : str or array-like, shape (3,) or (6,)
+            x y z (m, m/s, m/s^2), rx ry rz (rad, ...), or a vector that is applied as given, its length
+            included; world axes.
+        position : array-like, shape (3,), optional
+            The point on the body [m], world axes; default: its centre of mass.
+        relative_to : str or Body
+            The body against which it is measured, at the same point.
+        quantity : str
+            displacement, velocity or acceleration.
+        absolute : bool, optional
+            Matters only with base motion. True: against inertial space, as an accelerometer measures (the default
+            of accelerations relative to ground). False: against the ground as it moves (the default, and for
+            displacements and velocities the only choice: the input is an acceleration and is never integrated).
+
+        Returns
+        -------
+        Output
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body, the direction or the quantity is unknown.
+        """
+        check_name(name, "output", self._outputs)
+        a = self._body_name(body, "output", name, "body")
+        b = self._body_name(relative_to, "output", name, "relative_to")
+        part = _ports.make_output(name, a, direction, position, b, quantity, absolute)
+        return self._keep(self._outputs, part)
+
+    def add_base_motion(
+        self, name: str, direction: str | ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> BaseMotion:
+        """Add an acceleration of the ground as an input.
+
+        The coordinates are then relative to the moving ground, and every body feels the inertia force of
+        -1 times the acceleration.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among inputs.
+        direction : str or array-like, shape (3,) or (6,)
+            x y z (m/s^2), rx ry rz (rad/s^2), or a vector applied as given; world axes.
+        position : array-like, shape (3,)
+            The point [m] through which the axes of rotation go; default: the origin.
+
+        Returns
+        -------
+        BaseMotion
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If the name is taken or the direction unknown. Where the ground turns, linearize refuses gravity, loads
+            and rotors of other directions than its axis: they do not turn with it.
+        """
+        check_name(name, "input", self._inputs)
+        part = _ports.make_base_motion(name, direction, position)
+        return self._keep(self._inputs, part)
+
+    def add_force_output(
+        self, name: str, element: str | Joint | Bushing | Spring | Maxwell | Body, direction: str | ArrayLike = "z"
+    ) -> ForceOutput:
+        """Add the force or moment in a joint, bushing or spring as an output, or the sum of those on a body or ground.
+
+        Positive where it pulls the two bodies together. Sums are of all forces, also the reactions of inputs, as they
+        act on the body, world axes; moments about its centre of mass, on the ground about the origin. Outputs are
+        changes against the given pose.
+
+        Where constraints are redundant the model does not determine all forces in joints (``linearize`` warns of
+        outputs that depend on it). They are then those of least norm in each pose, see ``System.reactions``.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among outputs.
+        element : str, Joint, Bushing, Spring, Maxwell or Body
+            The element, or one of a beam (``"tube.e1"``: at its midpoint), or what all forces act on.
+        direction : str or array-like, shape (3,) or (6,)
+            x y z (N), rx ry rz (N m) in the bushing's axes, or in the joint's as its first body carries them, moments
+            about its point; a line spring has its line along z. What couplers transmit in a joint is part of it.
+
+        Returns
+        -------
+        ForceOutput
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If the element is unknown or has no such force.
+        """
+        check_name(name, "output", self._outputs)
+        who = f"force output '{name}'"
+        key = element if isinstance(element, str) else getattr(element, "name", repr(element))
+        part = self._springs.get(key) or self._elements.get(key)
+        if part is None and key not in self._joints and key not in self._bodies and key != GROUND:
+            hint = nearest(key, [*self._springs, *self._elements, *self._joints, *self._bodies, GROUND]).strip()
+            raise check.refuse(who, "element", key, "a joint, bushing, spring or body of this model", hint)
+        output = _ports.make_force_output(name, key, direction)
+        if isinstance(part, (Spring, Maxwell)) and any(w for i, w in enumerate(output.wrench) if i != 2):
+            raise check.refuse(who, "direction", direction, "'z', the line of a spring")
+        return self._keep(self._outputs, output)

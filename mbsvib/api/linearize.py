@@ -1,0 +1,97 @@
+"""From a model to its linear equations of motion: dense, sparse, or of many variants at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, overload
+
+from mbsvib.api.batch import Batch
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.api.system import System
+from mbsvib.common.expected import a_model
+from mbsvib.equations.self_stress import warn
+from mbsvib.sparse.choice import linearized, wants_sparse
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+@overload
+def linearize(
+    model: Mechanism, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ...,
+    method: Literal["dense"] | None = ...,
+) -> System: ...  # fmt: skip
+
+
+@overload
+def linearize(
+    model: Mechanism, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., values: None = ..., *,
+    method: Literal["sparse"],
+) -> SparseSystem: ...  # fmt: skip
+
+
+@overload
+def linearize(
+    model: Mechanism, independent: Sequence[str] | None = ..., cut: Sequence[str] | None = ..., *,
+    values: Mapping[str, ArrayLike], method: Literal["dense"] | None = ...,
+) -> Batch: ...  # fmt: skip
+
+
+def linearize(
+    model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,
+    values: Mapping[str, ArrayLike] | None = None, method: str | None = None,
+) -> System | Batch | SparseSystem:  # fmt: skip
+    """Return the minimal linear equations of motion about the model's pose.
+
+    M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    independent : sequence of str, optional
+        Joint coordinates (``"hip1.rx"``) that are to be among the minimal ones.
+    cut : sequence of str, optional
+        Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
+    values : mapping of str to array-like, shape (n,) or (), optional
+        Values of parameters, by name or pattern, for n variants in one pass.
+    method : str, optional
+        "dense" or "sparse"; default: dense up to some hundred coordinates, sparse beyond.
+
+    Returns
+    -------
+    System, Batch or SparseSystem
+        Matrices, names and the way back to the bodies; of all variants where ``values`` is given; sparse, under the
+        same names, where there are many bodies.
+
+    Raises
+    ------
+    ModelError
+        If a name is unknown, a cut leaves bodies hanging, a coordinate cannot be independent or has no inertia, or
+        a variant has a value that is refused.
+    SingularPoseError
+        If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
+
+    Warns
+    -----
+    UndeterminedForceWarning
+        If an output is a force in joints that redundant constraints leave open.
+
+    Source: Jiang, Chen & Luo (2011), sections 2 and 3.
+    """
+    model = a_model(model, "linearize")
+    result: System | Batch | SparseSystem
+    if values is not None:
+        from mbsvib.equations.batch_assembly import linearize_batch
+
+        if method is not None:
+            wants_sparse(model, method, independent, cut, values)  # refuses what is not dense
+        result = linearize_batch(model, values, independent, cut, System, Batch)
+        warn(model.name, result.nominal.provenance.undetermined)
+        return result
+    result = linearized(model, independent, cut, method, System, SparseSystem)
+    warn(model.name, result.undetermined if isinstance(result, SparseSystem) else result.provenance.undetermined)
+    return result

@@ -1,0 +1,39 @@
+"""Variants of a model in balance, with the classes that users know."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.api.system import System
+from mbsvib.equilibrium.at_equilibrium import settled as at_equilibrium
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.api.model import Model
+
+
+def settled(model: Model, independent: Sequence[str] | None = None) -> tuple[Model, System | SparseSystem]:
+    """Return a model in equilibrium with its system: the model as it is if it balances.
+
+    Parameters
+    ----------
+    model : Model
+        A model that has been in balance before its values changed.
+    independent : sequence of str, optional
+        Minimal coordinates that are asked for.
+
+    Returns
+    -------
+    Model
+        In its pose of equilibrium.
+    System or SparseSystem
+        Its equations.
+
+    Raises
+    ------
+    EquilibriumError
+        If no equilibrium can be reached.
+    """
+    return at_equilibrium(model, independent, dense=System, sparse=SparseSystem)

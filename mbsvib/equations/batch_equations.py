@@ -1,0 +1,182 @@
+"""Equations of many variants of one mechanism, all in the same minimal coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+
+from mbsvib.elements import Joint
+from mbsvib.equations.equations import MATRICES, Equations, Provenance
+from mbsvib.errors import ResponseError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.batch_values import Values
+
+FACTORS = ("inertia_factor", "elastic_rows", "stiffness", "damping", "body_motion")
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class BatchEquations:
+    """Equations M_i q'' + C_i q' + K_i q = B_i u of n variants, all in the minimal coordinates of ``nominal``.
+
+    Arrays are those of ``Equations`` with an axis of variants in front: ``M``, ``C``, ``K`` (n, m, m), ``B`` (n, m,
+    inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
+    single matrix where nothing varies. ``batch[i]`` are those of variant i, ``nominal`` those of the model as given;
+    ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
+    ``own`` is what each variant came from where they were linearized one by one.
+    """
+
+    kind: ClassVar[str] = "batch"
+
+    nominal: Equations
+    values: Values = field(repr=False)
+    closure: Array | None = field(repr=False)
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    inertia_factor: Array
+    elastic_rows: Array
+    stiffness: Array
+    damping: Array
+    row_owner: Index
+    body_motion: Array
+    own: tuple[Provenance, ...] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in (*MATRICES, *FACTORS, "row_owner"):
+            getattr(self, name).setflags(write=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.nominal.name
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom, m."""
+        return self.nominal.dof
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the minimal coordinates, those of the pose as given."""
+        return self.nominal.coordinates
+
+    @property
+    def coordinate_units(self) -> tuple[str, ...]:
+        """Units of the minimal coordinates."""
+        return self.nominal.coordinate_units
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return self.nominal.inputs
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+        return self.nominal.input_units
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return self.nominal.outputs
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+        return self.nominal.output_units
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return self.nominal.bodies
+
+    @property
+    def parameters(self) -> Mapping[str, Array]:
+        """Values (n,) of the parameters that vary, by name."""
+        return self.values.by_name
+
+    def displacements(self, q: ArrayLike) -> dict[str, Array]:
+        """Return the displacements of the bodies in all variants, x_i = B'_i B''_i q.
+
+        Parameters
+        ----------
+        q : array-like, shape (m,) or (n, m)
+            Minimal coordinates [m, rad], the same for all variants or one set for each.
+
+        Returns
+        -------
+        dict of str to array, shape (n, 6)
+            Translation of each body's centre of mass [m] and its rotation [rad], world axes.
+
+        Raises
+        ------
+        ResponseError
+            If ``q`` does not have one entry for each coordinate.
+        """
+        vector = np.asarray(q)
+        if vector.shape not in ((self.dof,), (len(self), self.dof)):
+            raise ResponseError(f"displacements: q has shape {vector.shape}; expected ({self.dof},), or "
+                                f"({len(self)}, {self.dof}) with one set for each variant.")  # fmt: skip
+        motion = (self.body_motion @ vector.reshape(len(vector) if vector.ndim > 1 else 1, 1, self.dof, 1))[..., 0]
+        return {name: motion[:, i] for i, name in enumerate(self.bodies)}
+
+    def __len__(self) -> int:
+        return self.values.count
+
+    def __iter__(self) -> Iterator[Equations]:
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, i: int) -> Equations:
+        k = range(len(self))[i]
+        used = (self.stiffness[k] != 0.0) | (self.damping[k] != 0.0)
+        used &= self.elastic_rows[k].any(axis=1)
+        arrays = {name: getattr(self, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
+        arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "stiffness", "damping")}
+        return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
+
+    def piece(self, start: int, stop: int) -> Self:
+        """Return some of the variants as a batch of their own, without copying anything.
+
+        Parameters
+        ----------
+        start, stop : int
+            The first variant, and the one behind the last.
+
+        Returns
+        -------
+        BatchEquations
+            Variants start .. stop - 1.
+        """
+        if (start, stop) == (0, len(self)):
+            return self
+        arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS)}
+        closure = None if self.closure is None else self.closure[start:stop]
+        own = None if self.own is None else self.own[start:stop]
+        return replace(self, values=self.values.slice(start, stop), closure=closure, own=own, **arrays)
+
+    def _provenance(self, k: int) -> Provenance:
+        """That of the pose as given, on which the choice of coordinates rests, with the variant's own numbers."""
+        if self.own is not None:
+            return self.own[k]
+        given, values = self.nominal.provenance, self.values
+        parts = tuple(values.part(part.name, k) if part.name in values.fields else part for part in given.parts)
+        topology, reduction = given.topology, given.reduction
+        if values.varies((Joint,)):
+            own = [part for part in parts if isinstance(part, Joint)]
+            topology = replace(topology, joints=tuple(own))
+        if self.closure is not None:
+            reduction = replace(reduction, matrix=self.closure[k])
+        return replace(given, topology=topology, reduction=reduction, parts=parts)

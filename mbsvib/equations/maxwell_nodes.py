@@ -1,0 +1,39 @@
+"""Mechanisms with the massless nodes of their Maxwell elements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from mbsvib.elements import Maxwell
+from mbsvib.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from mbsvib.elements.part import Part
+
+M = TypeVar("M", bound=Mechanism)
+
+
+def with_maxwell_nodes(model: M) -> M:
+    """Return a mechanism with the nodes of its Maxwell elements among its bodies, and what they slide on as joints.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+
+    Returns
+    -------
+    Mechanism
+        The same mechanism if it has no Maxwell element.
+    """
+    springs: Iterable[Part] = model.springs.values()
+    relaxing = [part for part in springs if isinstance(part, Maxwell)]
+    if not relaxing:
+        return model
+    from mbsvib.elements.maxwell_rows import node_body, slide
+
+    bodies: dict[str, Any] = dict(model.bodies) | {part.node: node_body(part) for part in relaxing}
+    joints: dict[str, Any] = dict(model.joints) | {part.name: slide(part) for part in relaxing}
+    return model.with_parts(bodies=bodies, joints=joints)

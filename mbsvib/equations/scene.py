@@ -1,0 +1,152 @@
+"""The scene: a mechanism in numbers, from which its matrices are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements.rows import Rows, table
+from mbsvib.equations import spring_rows as _elements
+from mbsvib.equations.inertia import spatial_inertia
+from mbsvib.equations.ports import Ports, ports
+from mbsvib.equations.wrenches import is_loaded
+from mbsvib.kinematics.loops import Cuts
+from mbsvib.kinematics.relative_motion import Triplets, Twists, relative_motion, twists
+from mbsvib.kinematics.shared_rows import shared_rows
+from mbsvib.mechanism.topology import span
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements import Body, Bushing, Spring
+    from mbsvib.elements.coupler import Coupling
+    from mbsvib.equations.inertia import SpatialInertia
+    from mbsvib.equations.second_order_rows import Felt
+    from mbsvib.equations.spring_rows import Elements
+    from mbsvib.equations.wrenches import Applied
+    from mbsvib.kinematics.shared_rows import Shared
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.mechanism.topology import Topology
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A mechanism in numbers, before anything is computed: what all its matrices are made of.
+
+    ``position`` (..., bodies, 3) are the centres of mass; arrays may have an axis of variants, see ``kinematics``.
+    """
+
+    topology: Topology
+    bodies: tuple[Body, ...]
+    elements: tuple[Bushing | Spring, ...]
+    position: Array
+    coordinates: Twists
+    cuts: Cuts | None
+    springs: Elements
+    port: Ports
+    inertia: SpatialInertia
+    shared: Shared | None = None
+    loads: tuple[Applied, Felt, dict[str, Any]] | None = None
+    couplers: tuple[Coupling, ...] = ()
+
+    @property
+    def locked(self) -> int:
+        """Number of locked rows of cut joints, which come first among the rows."""
+        return len(self.cuts.rows.first) if self.cuts else 0
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """Names of what owns elastic rows, in the order of their numbers."""
+        names = tuple([part.name for part in self.elements])
+        return names if self.shared is None else names + self.shared.names
+
+    def relative(self) -> Triplets:
+        """Return what cut joints lock, what springs feel, what ports see and what loads feel, in one pass."""
+        rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
+        if self.shared is not None:
+            rows += self.shared.base
+        elif self.loads is not None:
+            rows.append(self.loads[1].rows)
+        return relative_motion(self.coordinates, Rows.join(rows))
+
+    def closure(self, relative: Triplets) -> Array:
+        """Return Phi (..., locked rows, n): what cut joints lock, out of ``relative()``, and behind it the couplers."""
+        if self.cuts is None:
+            return np.empty((*relative.value.shape[:-1], 0, relative.shape[1]))
+        phi = relative.dense(0, self.locked)
+        if self.cuts.couplings is None:
+            return phi
+        coupled = self.cuts.couplings.dense(self.coordinates)
+        lead = max(phi.shape[:-2], coupled.shape[:-2], key=len)
+        return np.concatenate([np.broadcast_to(part, (*lead, *part.shape[-2:])) for part in (phi, coupled)], axis=-2)
+
+
+def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
+    """Return a mechanism in numbers.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism in plain parts.
+    cut : sequence of str, optional
+        Joints at which loops are to be cut.
+
+    Returns
+    -------
+    Scene
+        Everything that its matrices are made of.
+    """
+    topology = span(model, cut)
+    bodies = list(model.bodies.values())
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number["ground"] = len(bodies)
+    elements = tuple(model.springs.values())
+    coordinates, cuts = twists(topology, bodies), cut_rows(topology, bodies, number)
+    couplers = tuple(model.couplers.values())
+    if couplers:
+        from mbsvib.kinematics.couplers import with_couplers
+
+        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    return Scene(
+        topology, tuple(bodies), elements, table([body.position for body in bodies], 3), coordinates, cuts,
+        _elements.stack(elements, number), ports(model, bodies, number),
+        spatial_inertia(bodies), None if model.pieces is None else shared_rows(model.pieces, number, len(elements)),
+        model.derived(_loading) if is_loaded(model) else None, couplers,
+    )  # fmt: skip
+
+
+def _loading(model: Mechanism) -> tuple[Applied, Felt, dict[str, Any]]:
+    """What loads a mechanism, and what its forces feel."""
+    from mbsvib.equations.second_order_rows import felt
+    from mbsvib.equations.wrenches import applied
+
+    number = {name: i for i, name in enumerate((*model.bodies, "ground"))}
+    acting = applied(model, number)
+    coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
+    return acting, felt(acting, tuple(model.joints.values()), number, coupled), {}
+
+
+def cut_rows(topology: Topology, bodies: Sequence[Body], number: Mapping[str, int]) -> Cuts | None:
+    """Return the locked rows of the cut joints, or None where nothing is cut."""
+    if not topology.cut:
+        return None
+    tuples: list[tuple[float, ...]] = []
+    names: list[str] = []
+    owner: list[int] = []
+    start: list[int] = []
+    for count, k in enumerate(topology.cut):
+        joint = topology.joints[k]
+        a, b = number[joint.first], number[joint.second]
+        point = joint.point or bodies[min(a, b)].position
+        if joint.locked:
+            start.append(len(names))
+        for direction, six in joint.locked:
+            tuples.append((a, b, *point, *six))
+            names.append(f"{joint.name}.{direction}")
+            owner.append(count)
+    rows = Rows.stack(tuples)
+    return Cuts(rows, tuple(names), np.array(owner, dtype=np.intp), topology.cut_joints,
+                np.array(start, dtype=np.intp), np.asarray(rows.force.any(axis=0)))  # fmt: skip

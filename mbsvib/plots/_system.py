@@ -1,0 +1,85 @@
+"""What figures ask of a system: names and units, modes and responses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Provenance
+    from mbsvib.explain.energy_shares import StiffnessShares
+    from mbsvib.modes.result import Modes
+    from mbsvib.responses.basis import Basis
+
+
+class System(Protocol):
+    """Linear equations with names, and the questions that figures show the answers of; ``mbsvib.System`` is one."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom, m."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+
+    @property
+    def coordinate_units(self) -> tuple[str, ...]:
+        """Units of the coordinates."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints at which loops are cut."""
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of redundant constraint rows."""
+
+    @property
+    def provenance(self) -> Provenance:
+        """How the equations came about."""
+
+    @property
+    def basis(self) -> Basis:
+        """Modes and what is made of them."""
+
+    def modes(self) -> Modes:
+        """Return the modes."""
+
+    def poles(self) -> Complex:
+        """Return the poles [1/s]."""
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return the frequency response (outputs, inputs, n) at angular frequencies [rad/s]."""
+
+    def time_response(self, t: ArrayLike, u: ArrayLike, hold: str = "first") -> Array:
+        """Return the outputs (outputs, n) at times [s]."""
+
+    def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:
+        """Return the strain energy of modes, shared out to elements."""

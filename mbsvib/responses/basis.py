@@ -1,0 +1,127 @@
+"""What repeated questions to one system share: its modes and what is made of them, computed when first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+from mbsvib.common.expected import real
+from mbsvib.modes.result import RTOL, modes
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
+    from mbsvib.modes.damped import Damped
+    from mbsvib.modes.general import General
+    from mbsvib.modes.result import Modes
+    from mbsvib.responses.energy_schur import EnergySchur
+    from mbsvib.responses.modal_sum import ModalSum
+    from mbsvib.responses.rounding import Changes, Noise
+
+# Responses want the modes as accurate as they come without effort; what falls short is used nevertheless.
+RESPONSE_RTOL = 1e-13
+
+
+class Basis:
+    """Modes and bases of one set of equations, each kept once it is known.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equations of motion.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+
+    def assume(self, modal: Damped | General) -> None:
+        """Take a basis of the responses that is known already, such as one of a batch.
+
+        Parameters
+        ----------
+        modal : Damped or General
+            The basis.
+        """
+        self.__dict__["modal"] = modal
+
+    @property
+    def computed(self) -> frozenset[str]:
+        """Names of what is known already."""
+        return frozenset(self.__dict__) - {"equations"}
+
+    @cached_property
+    def modes(self) -> Modes:
+        """All modes at the default accuracy."""
+        return modes(self.equations, RTOL, clean=False)
+
+    def modes_within(self, rtol: float) -> Modes:
+        """Return all modes at an accuracy.
+
+        Parameters
+        ----------
+        rtol : float
+            Relative accuracy asked of every eigenvalue.
+
+        Returns
+        -------
+        Modes
+            The modes, those that are known if they are accurate enough.
+        """
+        rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
+        good = float(self.modes.errors.max(initial=0.0)) <= rtol
+        return self.modes if good else modes(self.equations, rtol, clean=False)
+
+    @cached_property
+    def response_modes(self) -> Modes:
+        """Modes as accurate as responses need them.
+
+        Near a resonance an error of a frequency counts 1 / (2 damping ratio) times, one of a shape at once.
+        """
+        known = self.modes
+        good = max(known.mixed, float(known.errors.max(initial=0.0))) <= RESPONSE_RTOL
+        return known if good else modes(self.equations, RESPONSE_RTOL)
+
+    @cached_property
+    def modal(self) -> Damped | General:
+        """The basis of the responses."""
+        return self.response_modes.damped
+
+    @property
+    def poles(self) -> Complex:
+        """All eigenvalues [1/s], as accurate as responses need them."""
+        return self.response_modes.eigenvalues
+
+    @cached_property
+    def modal_sum(self) -> ModalSum:
+        """Transfer functions as sums over modes."""
+        from mbsvib.responses.modal_sum import modal_sum
+
+        return modal_sum(self.equations, self.modal)
+
+    @cached_property
+    def schur(self) -> EnergySchur:
+        """The Schur form of the state matrix in energy coordinates."""
+        from mbsvib.responses.energy_schur import energy_schur
+
+        return energy_schur(cast("Damped", self.modal))
+
+    @cached_property
+    def strong_dampers(self) -> Array | None:
+        """Rows L with Gamma = L^T L where rounding in Gamma is felt, else None."""
+        from mbsvib.responses.strong_dampers import strong_dampers
+
+        return strong_dampers(self.equations, cast("Damped", self.modal))
+
+    @cached_property
+    def rounding(self) -> Noise:
+        """Bound of what rounding does to sums over modes."""
+        from mbsvib.responses.rounding import Noise
+
+        return Noise.of(self.equations, cast("Damped", self.modal))
+
+    @cached_property
+    def rounding_changes(self) -> tuple[Changes, Changes]:
+        """Bounds of what rounding of the equations themselves changes: quick, and exact."""
+        from mbsvib.responses.rounding import Changes
+
+        return Changes.of(self.equations, cast("Damped", self.modal))

@@ -1,0 +1,43 @@
+"""Dampers that are so strong that rounding in their products would be felt by motions that they lock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+    from mbsvib.modes.damped import Damped
+
+# Dampers are strong where rounding in Gamma exceeds that: eps |L|^T |L| in parts of omega_i + omega_j.
+STRONG = 200.0
+
+
+def strong_dampers(system: Equations, modal: Damped) -> Array | None:
+    """Return rows L (dampers, m) with Gamma = L^T L where rounding in Gamma is felt, else None.
+
+    Parameters
+    ----------
+    system : Equations
+        The equations of motion.
+    modal : Damped
+        Its modes.
+
+    Returns
+    -------
+    array or None
+        Rows in the basis.
+    """
+    used = system.damping != 0.0
+    if modal.vectors is None or (system.damping < 0.0).any():
+        return None
+    root = np.sqrt(system.damping[used])[:, None]
+    rows = system.elastic_rows[used]
+    dampers = (rows @ modal.shapes) * root
+    omega = np.sqrt(np.abs(modal.square))
+    together = omega[:, None] + omega
+    together[together == 0.0] = np.inf  # rigid-body modes do not share a damper: Gamma is diagonal there
+    spread = ((np.abs(rows) @ np.abs(modal.shapes)) * root).T @ np.abs(dampers)
+    return dampers if (spread > STRONG * together).any() else None

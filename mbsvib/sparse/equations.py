@@ -1,0 +1,84 @@
+"""Equations of motion of many bodies, as sparse rows over displacements and joint coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.controllable_part import Dropped
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.mechanism.topology import Topology
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tableau import Tableau
+    from mbsvib.sparse.tree import Tree
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class SparseEquations:
+    """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
+
+    Names and units are those of ``Equations``. ``joint_coordinates`` are all coordinates of the spanning tree, the
+    dependent ones of loops included. Nothing in here is larger than a constant times the number of bodies.
+
+    ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
+    W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
+    displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
+    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
+    ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
+    redundant constraints leave open of the forces in joints that are outputs.
+    """
+
+    kind: ClassVar[str] = "sparse system"
+
+    name: str
+    joint_coordinates: tuple[str, ...]
+    inputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    outputs: tuple[str, ...]
+    output_units: tuple[str, ...]
+    bodies: tuple[str, ...]
+    springs: tuple[str, ...]
+    topology: Topology = field(repr=False)
+    structure: Tree = field(repr=False)
+    constraints: Constraints = field(repr=False)
+    layout: Layout = field(repr=False)
+    tableau: Tableau = field(repr=False)
+    elastic_rows: csr_matrix
+    loop_rows: csr_matrix
+    inertia_factor: csr_matrix
+    stiffness: Array
+    damping: Array
+    row_owner: Index
+    input_rows: csr_matrix
+    output_rows: tuple[csr_matrix, csr_matrix, csr_matrix]
+    D: Array
+    model: Mechanism = field(repr=False)
+    dropped: Dropped | None = None
+    loading: tuple[str, ...] = ()
+    undetermined: tuple[Undetermined, ...] = ()
+
+    @property
+    def dof(self) -> int:
+        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops."""
+        return len(self.joint_coordinates) - len(self.layout.multiplier)
+
+    @property
+    def tree(self) -> tuple[str, ...]:
+        """Names of the joints of the spanning tree, from ground outwards."""
+        return self.topology.tree
+
+    @property
+    def cut_joints(self) -> tuple[str, ...]:
+        """Names of the joints at which loops are cut."""
+        return self.topology.cut_joints
+
+    @property
+    def redundant(self) -> tuple[str, ...]:
+        """Names of the constraint rows of cut joints that the others imply (``"pin4.rx"``)."""
+        return tuple(name for group in self.constraints.groups for name in group.redundant)
