@@ -21,11 +21,11 @@ from mbsvib.errors import (
 if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, studies
     from mbsvib.api.linearize import linearize
+    from mbsvib.api.modes import Modes
     from mbsvib.api.system import System
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
-    from mbsvib.modes import Modes
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.urdf import load_urdf
@@ -65,7 +65,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Modes": "mbsvib.modes",
+    "Modes": "mbsvib.api.modes",
     "StateSpace": "mbsvib.responses.state_space",
     "System": "mbsvib.api.system",
     "from_dh": "mbsvib.library",

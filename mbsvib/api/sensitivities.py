@@ -29,9 +29,10 @@ class Sensitive(Equations):
     @cached_property
     def basis(self) -> Basis:
         """What repeated questions share: modes and what is made of them, computed when first asked for."""
+        from mbsvib.api.modes import Modes
         from mbsvib.responses.basis import Basis
 
-        return Basis(self)
+        return Basis(self, Modes)
 
     @cached_property
     def sensitivity_basis(self) -> SensitivityBasis:

@@ -14,10 +14,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.modes import SomeModes
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib.sparse.modes import SomeModes
+
 
 
 _MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
@@ -62,6 +63,7 @@ class SparseSystem(SparseEquations):
         ResponseError
             If ``count`` is not given, not positive, or more than there are.
         """
+        from mbsvib.api.modes import SomeModes
         from mbsvib.sparse.modes import modes
 
         if count is None:
@@ -70,7 +72,7 @@ class SparseSystem(SparseEquations):
                 f"wanted, modes(10), or modes(10, near=f) around a frequency. For all of them: "
                 f"linearize(method='dense')."
             )
-        result = modes(self, count, near, System)
+        result = modes(self, count, near, System, SomeModes)
         if rtol is not None:
             result.check_accuracy(rtol)
         return result

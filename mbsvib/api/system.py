@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from mbsvib.api.sensitivities import Sensitive
 from mbsvib.equations.equations import Equations
@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.modes import Modes
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.explain.energy_shares import StiffnessShares
-    from mbsvib.modes import Modes
+    from mbsvib.modes import result
     from mbsvib.responses.state_space import StateSpace
 
 
@@ -56,7 +57,7 @@ class System(Sensitive, Equations):
             result = result.nearest(count, near)
         if rtol is not None:
             result.check_accuracy(rtol)
-        return result
+        return cast("Modes", result)
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
         """Return the frequency response of all inputs and outputs.
@@ -246,11 +247,11 @@ class System(Sensitive, Equations):
         ``explain()`` names them. Frame, order, names, cut and units make no difference, and flexible joints, all with
         stiffness k along and k L^2 about what they lock, would carry the same.
         """
-        from mbsvib.equations.statics import joint_wrenches
+        from mbsvib.equations.joint_wrenches import joint_wrenches
 
         return joint_wrenches(self)
 
-    def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:
+    def stiffness_shares(self, modes: result.Modes | None = None) -> StiffnessShares:
         """Return who holds the modes: shares of springs, preloads, loads and joint reactions in their strain energy.
 
         Parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from html import escape
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     Justify: TypeAlias = Literal["left", "center", "right"]
 
 SHOWN = 12  # names in one list
+_LOOKS = {"left": "text-align:left", "right": "text-align:right;font-variant-numeric:tabular-nums"}
 _RULES = " ── \n    \n ── \n    \n    \n ── \n    \n ── \n"
 _ASCII_RULES = _RULES.replace("─", "-")
 _ASCII_WORDS = {"→": "->", "−": "-", "·": ".", "°": " deg", "±": "+-", "×": "x", "…": "..."}
@@ -149,3 +151,35 @@ def _print(console: Console, title: str, table: Table, notes: Sequence[str]) -> 
 def listed(names: Sequence[str]) -> str:
     """Return names in a row, cut after the first dozen."""
     return ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")
+
+
+def html(
+    title: str, columns: Sequence[tuple[str, str]], rows: Iterable[Sequence[object]], notes: Sequence[str] = ()
+) -> str:
+    """Return a table as HTML; arguments as those of ``text``.
+
+    Parameters
+    ----------
+    title : str
+        A line above the table; empty for none.
+    columns : sequence of (str, str)
+        Header of each column, and ``left`` or ``right``.
+    rows : iterable of sequences
+        One entry a column.
+    notes : sequence of str
+        Lines below the table.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
+    looks = [_LOOKS.get(side, _LOOKS["left"]) for _, side in columns]
+    head = "".join(f'<th style="{look}">{escape(name)}</th>' for (name, _), look in zip(columns, looks, strict=True))
+    body = "".join(
+        "<tr>" + "".join(f'<td style="{look}">{escape(str(cell))}</td>' for cell, look in zip(row, looks, strict=True))
+        + "</tr>" for row in rows
+    )  # fmt: skip
+    words = "".join(f"<div>{escape(note)}</div>" for note in notes)
+    above = f"<b>{escape(title)}</b>" if title else ""
+    return f"<div>{above}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{words}</div>"

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.reactions import carriers, skew
+from mbsvib.equations.joint_carriers import carriers
+from mbsvib.equations.reactions import skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.reactions import Carriers
+    from mbsvib.equations.joint_carriers import Carriers
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrenches import Applied

@@ -15,6 +15,7 @@ from mbsvib.equations.batch_loops import Pivots, pivots, reduce_batch
 from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import MATRICES, Equations
 from mbsvib.equations.inertia import check_mass
+from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
 from mbsvib.equations.wrenches import is_loaded
@@ -134,7 +135,7 @@ def _matrices(
     phi = scene.closure(relative)
     if phi.ndim == 3:
         reduction = reduce_batch(scene, values, phi, chosen, first)
-    result = single.matrices(scene, relative, reduction)
+    result = matrices(scene, relative, reduction)
     result["closure"] = None if reduction is chosen.reduction else reduction.matrix
     _check_masses(result["M"], names, first)
     return result

@@ -13,7 +13,7 @@ from mbsvib.kinematics.couplers import couplings
 if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.couplers import Couplings
+    from mbsvib.kinematics.couplings import Couplings
 
 
 def varied_couplings(given: Couplings, scene: Scene, values: Values) -> Couplings:

@@ -81,8 +81,8 @@ def carried(model: Mechanism, beams: Sequence[Beam]) -> dict[str, Bushing]:
     dict of str to Bushing
         The elements by name, in the order of the beams.
     """
-    from mbsvib.equations.assembly import matrices
     from mbsvib.equations.loaded import load
+    from mbsvib.equations.matrices import matrices
     from mbsvib.equations.scene import scene
     from mbsvib.kinematics.loops import reduce
     from mbsvib.kinematics.relative_motion import arm

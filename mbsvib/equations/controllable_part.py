@@ -7,13 +7,13 @@ what is left, and nothing is decided by size.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mbsvib.common.expected import names
-from mbsvib.equations.equations import Equations
+from mbsvib.equations.equations import Dropped, Equations
 from mbsvib.errors import ResponseError, nearest
 
 if TYPE_CHECKING:
@@ -25,23 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
     Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True)
-class Dropped:
-    """What was left out: coordinates (or bodies, of a sparse system) that no asked input reaches, ``unreached``, and
-    others that no asked output sees, ``unseen``. ``inputs`` and ``outputs`` are those asked for.
-    """
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    unreached: tuple[str, ...]
-    unseen: tuple[str, ...]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All that was left out."""
-        return self.unreached + self.unseen
 
 
 E = TypeVar("E", bound=Equations)

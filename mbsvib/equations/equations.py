@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
-    from mbsvib.equations.controllable_part import Dropped
     from mbsvib.equations.massless_separation import Separation
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
@@ -27,6 +26,23 @@ if TYPE_CHECKING:
 
 
 MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """What was left out: coordinates (or bodies, of a sparse system) that no asked input reaches, ``unreached``, and
+    others that no asked output sees, ``unseen``. ``inputs`` and ``outputs`` are those asked for.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    unreached: tuple[str, ...]
+    unseen: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All that was left out."""
+        return self.unreached + self.unseen
 
 
 @dataclass(frozen=True, slots=True)

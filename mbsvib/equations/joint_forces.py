@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.reactions import carriers, reactions
+from mbsvib.equations.joint_carriers import carriers
+from mbsvib.equations.reactions import reactions
 from mbsvib.equations.shared_forces import shared_wrenches
 from mbsvib.equations.wrench_pairs import Pairs, spread
 from mbsvib.kinematics.mobility import crossed_product
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
-    from mbsvib.equations.reactions import Carriers, Reactions
+    from mbsvib.equations.joint_carriers import Carriers
+    from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress, Undetermined
     from mbsvib.equations.statics import Statics

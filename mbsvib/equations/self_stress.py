@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.reactions import Carriers
+    from mbsvib.equations.joint_carriers import Carriers
     from mbsvib.kinematics.loops import Cuts, Reduction
 
     Asked = Mapping[str, tuple[int, Array]]

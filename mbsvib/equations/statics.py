@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.self_stress import Undetermined
@@ -153,25 +152,6 @@ def check_balance(
         f"Find the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
         body=body, coordinate=names[worst], missing=float(-residual[worst]), unit=unit,
     )  # fmt: skip
-
-
-def joint_wrenches(system: Equations) -> dict[str, Array]:
-    """Return the wrench in each joint at the pose, on its second body, world axes.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    dict of str to array, shape (6,)
-        Force [N] and moment [N m] at the joint's point.
-    """
-    joints, statics = system.provenance.topology.joints, system.provenance.statics
-    if statics is None:
-        return {joint.name: np.zeros(6) for joint in joints}
-    return {joint.name: statics.joints[:, k].copy() for k, joint in enumerate(joints)}
 
 
 def who(joint: str, direction: str, topology: Topology) -> tuple[str, str]:

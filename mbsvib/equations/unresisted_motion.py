@@ -12,14 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas
 
-from mbsvib.linalg.products import product as weighted
 from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
 
 
 EPS = float(np.finfo(float).eps)
@@ -52,18 +50,6 @@ def free_motions(*parts: Array) -> Array:
     if 0 < rank < m:
         free[order[:rank]] = blas.dtrsm(-1.0, qr[:rank, :rank], qr[:rank, rank:])
     return column[:, None] * free
-
-
-def unbraked(system: Equations, rigid: Array) -> Array:
-    """Return those of rigid-body motions (m, r) that no damper resists, (m, f); beside dampers that push, those that
-    move neither a spring nor a damper.
-    """
-    if (system.stiffness >= 0.0).all() or (system.damping < 0.0).any():
-        free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
-        return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
-    # loads hold and push: only what they are in sum tells the motions, and so does what dampers are in them
-    moved, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
-    return rigid @ null_pair(weighted(moved, system.damping), weighted(most, system.damping))[0]
 
 
 def largest(rows: Array, motions: Array) -> Array:

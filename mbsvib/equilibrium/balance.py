@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.assembly import matrices
+from mbsvib.equations.matrices import matrices
 from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.errors import NearSingularWarning

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.kinematics.couplers import Couplings
+    from mbsvib.kinematics.couplings import Couplings
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 

@@ -8,11 +8,10 @@ from mbsvib.common.tables import SHOWN, listed
 from mbsvib.elements.part import Composed
 from mbsvib.errors import counted
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.mechanism.unit_warnings import doubts
+from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
-    from mbsvib.equations.controllable_part import Dropped
-    from mbsvib.equations.equations import Equations
+    from mbsvib.equations.equations import Dropped, Equations
     from mbsvib.responses.basis import Basis
 
 _ENOUGH = {
@@ -53,9 +52,9 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         lines += [text for forces in system.provenance.undetermined for text in forces.explained()]
     if system.gyroscopic is not None or system.circulatory is not None:
         lines += ["symmetry", *_unsymmetric(system)]
-    found = doubts(system)
-    if found:
-        lines += ["doubtful", *(f"  {text}" for text in found)]
+    doubtful = unit_warnings(system.provenance.parts)
+    if doubtful:
+        lines += ["doubtful", *(f"  {text}" for text in doubtful)]
     lines += ["skipped", *(f"  {text}" for text in skipped(system, basis))]
     return "\n".join(lines)
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.kinematics.couplers import Couplings
+    from mbsvib.kinematics.couplings import Couplings
 
     Mask = NDArray[np.bool_]
     Arms = Callable[[Iterable[str]], float]

@@ -6,7 +6,6 @@ Physical states put 1 and the squares of frequencies side by side in A. What tur
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.responses.state_space import StateSpace
 
     Exponents = NDArray[np.int64]
 
@@ -26,32 +24,32 @@ ROUNDS = 60
 PORTS = 2.0**-20
 
 
-def balanced(space: StateSpace) -> StateSpace:
-    """Return a state space with its states scaled by powers of two, every bit of its entries kept.
+def balanced(a: Array, b: Array, c: Array, transform: Array) -> tuple[Array, Array, Array, Array, Exponents]:
+    """Return first-order equations with their states scaled by powers of two, every bit of their entries kept.
 
     x = T z,  z' = T^-1 A T z + T^-1 B u,  y = C T z + D u,  T = diag(2^k)
 
     Parameters
     ----------
-    space : StateSpace
+    a, b, c : array, shape (n, n), (n, inputs), (outputs, n)
         First-order equations.
+    transform : array, shape (rows, n)
+        What leads from the states back to other coordinates.
 
     Returns
     -------
-    StateSpace
-        The same equations; the unit of a state says what one of it is (``"2^-13 rad"``), ``transform`` leads back.
+    tuple of array
+        A, B, C and the transform of the scaled states, and k (n,).
     """
-    power = exponents(space.A, space.B, space.C)
+    power = exponents(a, b, c)
     while True:
-        a, b = np.ldexp(space.A, power[None, :] - power[:, None]), np.ldexp(space.B, -power[:, None])
-        c, transform = np.ldexp(space.C, power), np.ldexp(space.transform, power)
-        back = (np.ldexp(a, power[:, None] - power[None, :]), np.ldexp(b, power[:, None]), np.ldexp(c, -power),
-                np.ldexp(transform, -power))  # fmt: skip
-        if all(map(np.array_equal, back, (space.A, space.B, space.C, space.transform))):
-            break
+        scaled = np.ldexp(a, power[None, :] - power[:, None]), np.ldexp(b, -power[:, None]), np.ldexp(c, power)
+        back = (np.ldexp(scaled[0], power[:, None] - power[None, :]), np.ldexp(scaled[1], power[:, None]),
+                np.ldexp(scaled[2], -power))  # fmt: skip
+        moved = np.ldexp(transform, power)
+        if all(map(np.array_equal, (*back, np.ldexp(moved, -power)), (a, b, c, transform))):
+            return *scaled, moved, power
         power = np.trunc(power / 2).astype(np.int64)  # what would leave the range of floating point is scaled less
-    units = tuple(f"2^{k} {unit}" if k else unit for k, unit in zip(power.tolist(), space.state_units, strict=True))
-    return replace(space, realization="balanced", A=a, B=b, C=c, transform=transform, state_units=units)
 
 
 def exponents(a: Array, b: Array, c: Array) -> Exponents:

@@ -192,18 +192,11 @@ class Mechanism:
             The changed mechanism, of the same class; this one stays as it is.
         """
         result = self.__copy__()
+        result.__setstate__({f"_{key}": dict(parts) for key, parts in groups.items()})
         if gravity is not _SAME:
             result.gravity = gravity
         if pieces is not _SAME:
-            result._pieces = pieces
-        for key, parts in groups.items():
-            setattr(result, f"_{key}", dict(parts))
-        if "composed" in groups:
-            result._nodes, result._elements = {}, {}
-            result._made = {name: part for name, part in self._made.items() if part.name not in self._composed}
-            for part in result._composed.values():
-                result._name_made(part)
-        result._derived = {}
+            result.__setstate__({"_pieces": pieces})
         return result
 
     def with_values(self, values: Mapping[str, float]) -> Self:
@@ -258,6 +251,17 @@ class Mechanism:
 
     def __getstate__(self) -> dict[str, Any]:
         return vars(self) | {"_derived": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take the parts of a state; what follows from them is found again when it is asked for."""
+        before = dict(self.__dict__.get("_composed", {}))
+        self.__dict__.update(state)
+        self._derived = {}
+        if "_composed" in state and "_made" not in state:
+            self._nodes, self._elements = {}, {}
+            self._made = {name: part for name, part in self._made.items() if part.name not in before}
+            for part in self._composed.values():
+                self._name_made(part)
 
     def _group(self, key: str) -> dict[str, Any]:
         group: dict[str, Any] = getattr(self, f"_{key}")

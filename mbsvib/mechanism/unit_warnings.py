@@ -9,26 +9,27 @@ from mbsvib.elements import Body
 from mbsvib.elements.body import principal
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Equations
+    from collections.abc import Sequence
+
+    from mbsvib.elements.part import Part
 
 # Radius of gyration over the size of the mechanism, beyond which inertia is likely to be in g mm^2 or kg cm^2
 FAR = 10.0
 
 
-def doubts(system: Equations) -> list[str]:
+def unit_warnings(parts: Sequence[Part]) -> list[str]:
     """Return what to look at again, one sentence each.
 
     Parameters
     ----------
-    system : Equations
-        The equations of motion.
+    parts : sequence of Part
+        All parts of a mechanism.
 
     Returns
     -------
     list of str
         Bodies whose radius of gyration is far larger than the whole mechanism.
     """
-    parts = system.provenance.parts
     points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]
     given = [point for point in points if point is not None]
     if not given:

@@ -127,9 +127,11 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL) -> BatchModes:
         turned = together * np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
         shapes = np.where(classical[:, None, None], result.shapes, turned)
     eigenvalues, errors = result.pairs.reshape(len(batch), -1), result.errors.reshape(len(batch), -1)
-    reasons, rigid, alone = list(result.classical), np.zeros(len(batch), dtype=np.intp), {}
+    reasons, rigid = list(result.classical), np.zeros(len(batch), dtype=np.intp)
+    alone: dict[int, Modes] = {}
     for i in np.flatnonzero(~result.settled).tolist():
-        one = alone[i] = modes(batch[i], rtol)
+        one: Modes = modes(batch[i], rtol)
+        alone[i] = one
         eigenvalues[i], errors[i], reasons[i], rigid[i] = one.eigenvalues, one.errors, one.classical, one.rigid
         if np.iscomplexobj(one.shapes) and not np.iscomplexobj(shapes):
             shapes = shapes.astype(complex)

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.unresisted_motion import completed, product, unbraked
+from mbsvib.equations.unresisted_motion import completed, product
 from mbsvib.linalg.products import product as weighted
+from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import forces, improved
 
 if TYPE_CHECKING:

@@ -27,11 +27,11 @@ from mbsvib.equations.unresisted_motion import (
     orthonormal,
     product,
     sizes,
-    unbraked,
 )
 from mbsvib.linalg.products import gram
 from mbsvib.linalg.products import product as weighted
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
 
 if TYPE_CHECKING:

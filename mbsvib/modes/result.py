@@ -5,10 +5,11 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common import tables
 from mbsvib.common.expected import real
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
 from mbsvib.modes.damped import Damped, damped, proportional
@@ -16,14 +17,11 @@ from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.undamped import undamped
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations, Provenance
-    from mbsvib.plots.animation import Animation
 
 
 # Accuracy that a caller who does not ask for one gets, at least: twelve digits, which cost no more than ten.
@@ -214,14 +212,10 @@ class Modes:
         return f"{dof} DOF" if len(self) == dof else f"{len(self)} of {dof}"
 
     def __str__(self) -> str:
-        from mbsvib.common import tables
-
         return tables.text(**self.table())
 
     def _repr_html_(self) -> str:
-        from mbsvib.plots import notebook
-
-        return notebook.table(**self.table())
+        return tables.html(**self.table())
 
     def __repr__(self) -> str:
         ends = [f"{f:.6g}" for f in self.frequencies[[0, -1] if len(self) > 1 else slice(None)]]
@@ -278,46 +272,6 @@ class Modes:
             energy += share * rows[6 * count :].sum(axis=0)
         return energy
 
-    def animate(
-        self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,
-        view: str | Sequence[float] = "3-D", frames: int = 30, rate: float = 20.0,
-    ) -> Animation:  # fmt: skip
-        """Return a mode in motion, which shows itself in Jupyter, and write it to a file if one is named.
-
-        Parameters
-        ----------
-        mode : int
-            Its number in the table, from 1.
-        path : str or path-like, optional
-            A file that ends in .gif, .mp4 (needs ffmpeg: ``pip install "mbsvib[video]"``) or .html.
-        amplitude : float
-            How far the farthest point goes, as a share of the mechanism's size.
-        view : str or sequence of 2 float
-            From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
-        frames : int
-            Pictures in one period.
-        rate : float
-            Pictures in a second [Hz].
-
-        Returns
-        -------
-        Animation
-            With ``figure`` for a single picture and ``save`` for a file.
-
-        Raises
-        ------
-        ResponseError
-            If there is no such mode or view, or nothing is known of what the mechanism looks like.
-        ExportError
-            If the file cannot be written.
-        """
-        from mbsvib.plots.animation import animation
-
-        result = animation(self, self._provenance, mode, amplitude, view, frames, rate)
-        if path is not None:
-            result.save(path)
-        return result
-
     def remarks(self) -> tuple[str, ...]:
         """Return what a reader of the table should know: rigid-body, creeping and diverging modes, accuracy.
 
@@ -345,12 +299,15 @@ class Modes:
         return tuple(result)
 
 
+Form = TypeVar("Form", bound=Modes)
+
+
 def growing(values: Complex, errors: Array) -> NDArray[np.bool_]:
     """Tell which eigenvalues have real parts that are positive by more than rounding, for their relative errors."""
     return np.asarray(values.real > np.minimum(errors, ROUNDED) * np.abs(values))
 
 
-def modes(system: Equations, rtol: float = RTOL, clean: bool = True) -> Modes:
+def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[Form] = Modes) -> Form:  # type: ignore[assignment]
     """Return all modes of a system, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
@@ -361,6 +318,8 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True) -> Modes:
         Relative accuracy asked of every eigenvalue.
     clean : bool
         Whether the shapes have to be as good as the eigenvalues, as responses ask for; eigenvalues need less.
+    form : type
+        The class of the modes.
 
     Returns
     -------
@@ -368,7 +327,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True) -> Modes:
         Eigenvalues, shapes and error estimates.
     """
     if is_general(system):
-        return _without_symmetry(system, rtol)
+        return _without_symmetry(system, rtol, form)
     basis = undamped(system, rtol, clean or not proportional(system))
     result = damped(system, basis, rtol)
     if basis.doubt > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
@@ -378,19 +337,19 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True) -> Modes:
     if result.vectors is not None:
         largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(system.dof)]
         shapes = shapes * (np.abs(largest) / largest)
-    return Modes(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
+    return form(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
                  shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result,
                  mixed=basis.mixed, rung=basis.method, _provenance=system.provenance)  # fmt: skip
 
 
-def _without_symmetry(system: Equations, rtol: float) -> Modes:
+def _without_symmetry(system: Equations, rtol: float, form: type[Form]) -> Form:
     found = general(system, rtol)
     columns = np.arange(found.shapes.shape[1])
     largest = found.shapes[np.argmax(np.abs(found.shapes), axis=0), columns] if system.dof else np.ones(0)
     moving = np.linalg.norm(system.inertia_factor @ found.shapes, axis=0)
     size = np.where(moving > MOVES * np.abs(largest) * np.linalg.norm(system.inertia_factor), moving, np.abs(largest))
     shapes = found.shapes * (np.abs(largest) / largest / size)
-    return Modes(system.name, system.coordinates, system.bodies, found.values, found.value_errors, shapes, "",
+    return form(system.name, system.coordinates, system.bodies, found.values, found.value_errors, shapes, "",
                  found.rigid, system.body_motion, system.inertia_factor, found,
                  found.single if found.single.any() else None, _provenance=system.provenance)  # fmt: skip
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING
 
+from mbsvib.common.tables import html
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from matplotlib.figure import Figure
 
@@ -17,39 +18,6 @@ if TYPE_CHECKING:
 
 MOST_BODIES = 200  # in a picture
 MOST_NAMES = 12
-LEFT, RIGHT = "text-align:left", "text-align:right;font-variant-numeric:tabular-nums"
-
-
-def table(
-    title: str, columns: Sequence[tuple[str, str]], rows: Iterable[Sequence[object]], notes: Sequence[str] = ()
-) -> str:
-    """Return a table as HTML; arguments as those of ``mbsvib.common.tables.text``.
-
-    Parameters
-    ----------
-    title : str
-        A line above the table; empty for none.
-    columns : sequence of (str, str)
-        Header of each column, and ``left`` or ``right``.
-    rows : iterable of sequences
-        One entry a column.
-    notes : sequence of str
-        Lines below the table.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
-    looks = [RIGHT if side == "right" else LEFT for _, side in columns]
-    head = "".join(f'<th style="{look}">{escape(name)}</th>' for (name, _), look in zip(columns, looks, strict=True))
-    body = "".join(
-        "<tr>" + "".join(f'<td style="{look}">{escape(str(cell))}</td>' for cell, look in zip(row, looks, strict=True))
-        + "</tr>" for row in rows
-    )  # fmt: skip
-    words = "".join(f"<div>{escape(note)}</div>" for note in notes)
-    above = f"<b>{escape(title)}</b>" if title else ""
-    return f"<div>{above}<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{words}</div>"
 
 
 def of_model(model: Mechanism) -> str:
@@ -68,7 +36,7 @@ def of_model(model: Mechanism) -> str:
     groups = [("bodies", model.bodies), ("joints", model.joints), ("springs", model.springs),
               ("inputs", model.inputs), ("outputs", model.outputs)]  # fmt: skip
     rows = [(what, len(found), _few([*found])) for what, found in groups if found]
-    text = table(model.name, (("", "left"), ("count", "right"), ("names", "left")), rows)
+    text = html(model.name, (("", "left"), ("count", "right"), ("names", "left")), rows)
     return _with_picture(model, len(model.bodies), text)
 
 
@@ -90,7 +58,7 @@ def of_system(system: System) -> str:
               ("outputs", _named(system.outputs, system.output_units)), ("cut joints", list(system.cut_joints)),
               ("redundant constraints", list(system.redundant))]  # fmt: skip
     rows = [(what, len(names), _few(names)) for what, names in groups if names]
-    text = table(f"{system.name}: {system.dof} DOF", (("", "left"), ("count", "right"), ("names", "left")), rows)
+    text = html(f"{system.name}: {system.dof} DOF", (("", "left"), ("count", "right"), ("names", "left")), rows)
     return _with_picture(system, len(system.bodies), text)
 
 

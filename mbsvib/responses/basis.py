@@ -6,14 +6,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 from mbsvib.common.expected import real
-from mbsvib.modes.result import RTOL, modes
+from mbsvib.modes.result import RTOL, Modes, modes
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.damped import Damped
     from mbsvib.modes.general import General
-    from mbsvib.modes.result import Modes
     from mbsvib.responses.energy_schur import EnergySchur
     from mbsvib.responses.modal_sum import ModalSum
     from mbsvib.responses.rounding import Changes, Noise
@@ -29,10 +28,13 @@ class Basis:
     ----------
     equations : Equations
         The equations of motion.
+    form : type
+        The class of their modes.
     """
 
-    def __init__(self, equations: Equations) -> None:
+    def __init__(self, equations: Equations, form: type[Modes] = Modes) -> None:
         self.equations = equations
+        self.form = form
 
     def assume(self, modal: Damped | General) -> None:
         """Take a basis of the responses that is known already, such as one of a batch.
@@ -47,12 +49,12 @@ class Basis:
     @property
     def computed(self) -> frozenset[str]:
         """Names of what is known already."""
-        return frozenset(self.__dict__) - {"equations"}
+        return frozenset(self.__dict__) - {"equations", "form"}
 
     @cached_property
     def modes(self) -> Modes:
         """All modes at the default accuracy."""
-        return modes(self.equations, RTOL, clean=False)
+        return modes(self.equations, RTOL, False, self.form)
 
     def modes_within(self, rtol: float) -> Modes:
         """Return all modes at an accuracy.
@@ -69,7 +71,7 @@ class Basis:
         """
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         good = float(self.modes.errors.max(initial=0.0)) <= rtol
-        return self.modes if good else modes(self.equations, rtol, clean=False)
+        return self.modes if good else modes(self.equations, rtol, False, self.form)
 
     @cached_property
     def response_modes(self) -> Modes:
@@ -79,7 +81,7 @@ class Basis:
         """
         known = self.modes
         good = max(known.mixed, float(known.errors.max(initial=0.0))) <= RESPONSE_RTOL
-        return known if good else modes(self.equations, RESPONSE_RTOL)
+        return known if good else modes(self.equations, RESPONSE_RTOL, True, self.form)
 
     @cached_property
     def modal(self) -> Damped | General:

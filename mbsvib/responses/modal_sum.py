@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.modes.damped import Damped
+from mbsvib.responses.general_terms import cleaned, highest_terms, terms
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -207,8 +208,6 @@ def general_sum(
     ModalSum
         Coefficients of all eigenvalues.
     """
-    from mbsvib.responses.general_responses import cleaned, highest_terms, terms
-
     accelerates = np.zeros(len(d), dtype=bool)
     accelerates[output[order == 2]] = True
     direct = np.where((order == 2)[:, None], d[output], 0.0)
@@ -312,3 +311,25 @@ def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:
     y = np.concatenate((modal.vectors[:, ~free].reshape(len(still), -1), still), axis=1)
     rigid = np.broadcast_to(1.0 / (s * s), (still.shape[1], len(s)))
     return y, np.concatenate((1.0 / ((s - value[:, None]) * slope[:, None]), rigid))
+
+
+def general_motions(modal: General, b: Array) -> ModalSum:
+    """Return the sum over modes of all motions in the basis to forces b (m, inputs) in it.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+    b : array, shape (m, inputs)
+        Forces in the basis.
+
+    Returns
+    -------
+    ModalSum
+        (s^2 M + s C + K)^-1 b in the basis.
+    """
+    state = modal.state
+    m = len(state.basis)
+    back = np.asarray(np.linalg.inv(state.basis), dtype=float)
+    order = np.zeros(m, dtype=np.intp)
+    return general_sum(modal, (back, np.eye(m)), order, np.arange(m), (back.T @ b, b), np.zeros(b.shape))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -88,9 +88,7 @@ def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
                             f"{nearest(str(realization), REALIZATIONS)}")  # fmt: skip
     if realization == "balanced":
-        from mbsvib.linalg.balancing import balanced
-
-        return balanced(state_space(basis, "physical"))
+        return _balanced(state_space(basis, "physical"))
     system = basis.equations
     if system.massless or (realization == "modal" and is_general(system)):
         return _massless(basis, realization)
@@ -102,6 +100,15 @@ def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
     d = system.D + system.Ca @ (rate @ b)
     return StateSpace(system.name, realization, a, b, c, d, transform, names, units, system.inputs, system.input_units,
                       system.outputs, system.output_units)  # fmt: skip
+
+
+def _balanced(space: StateSpace) -> StateSpace:
+    """The same equations in states of like size; the unit of a state says what one of it is (``"2^-13 rad"``)."""
+    from mbsvib.linalg.balancing import balanced
+
+    a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)
+    units = tuple(f"2^{k} {unit}" if k else unit for k, unit in zip(power.tolist(), space.state_units, strict=True))
+    return replace(space, realization="balanced", A=a, B=b, C=c, transform=transform, state_units=units)
 
 
 def _massless(basis: Basis, realization: str) -> StateSpace:

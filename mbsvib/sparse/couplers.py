@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from mbsvib.elements import Body
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.rows import Rows
-    from mbsvib.kinematics.couplers import Couplings, Moving
+    from mbsvib.kinematics.couplers import Moving
+    from mbsvib.kinematics.couplings import Couplings
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree

@@ -97,7 +97,7 @@ def coupled(
     limit = rigid + GROWTH * (k + 4)
     for _ in range(ROUNDS):
         small = reduced(t.system, basis, rigid, form)
-        result = dense_modes(small, RTOL)
+        result: Modes = dense_modes(small, RTOL)
         chosen = np.sort(np.argsort(np.abs(result.natural - 2.0 * np.pi * near), kind="stable")[:k])
         if whole:
             return small, result, np.repeat(found.noise, 2) * (result.eigenvalues != 0.0), chosen

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.equations.controllable_part import Dropped
+    from mbsvib.equations.equations import Dropped
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology

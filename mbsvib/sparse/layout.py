@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.sparse.rows import spread
+from mbsvib.linalg.groups import spread
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

@@ -15,8 +15,9 @@ import numpy as np
 
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.geometric_stiffness import SQUARES, SUMS, ZERO_FORM
-from mbsvib.equations.reactions import carrier_of, skew
-from mbsvib.equations.reactions import place as place_of
+from mbsvib.equations.joint_carriers import carrier_of
+from mbsvib.equations.joint_carriers import place as place_of
+from mbsvib.equations.reactions import skew
 from mbsvib.equations.second_order_rows import felt
 from mbsvib.equations.statics import BALANCE, LEAST, who
 from mbsvib.equations.wrench_pairs import Pairs

@@ -9,7 +9,7 @@ frequencies are many orders below those of a single body on its spring.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -50,8 +50,13 @@ class SomeModes(Modes):
     def _shown(self) -> str:
         return f"{len(self)} of {self.dof} DOF"
 
+M = TypeVar("M", bound=SomeModes)
 
-def modes(system: SparseEquations, k: int, near: float = 0.0, form: type[Equations] = Equations) -> SomeModes:
+
+def modes(
+    system: SparseEquations, k: int, near: float = 0.0, dense: type[Equations] = Equations,
+    form: type[M] = SomeModes,  # type: ignore[assignment]
+) -> M:  # fmt: skip
     """Return the k lowest modes, or the k nearest to a frequency.
 
     Parameters
@@ -62,8 +67,10 @@ def modes(system: SparseEquations, k: int, near: float = 0.0, form: type[Equatio
         Number of modes.
     near : float
         Frequency [Hz], 0 for the lowest.
-    form : type
+    dense : type
         The class of the small dense equations.
+    form : type
+        The class of the modes.
 
     Returns
     -------
@@ -83,17 +90,17 @@ def modes(system: SparseEquations, k: int, near: float = 0.0, form: type[Equatio
         wanted += max(4, k // 2)
         found = subspace(system, min(wanted, system.dof), near)
         basis, bound, rigid = _nearest(system, found, k)
-    small = reduced(system, basis, rigid, form)
-    result = dense_modes(small, RTOL)
+    small = reduced(system, basis, rigid, dense)
+    result: Modes = dense_modes(small, RTOL)
     if decoupled(found, result, basis):
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
         chosen = np.arange(k)
     else:
-        small, result, left, chosen = coupled(found, k, near, form)
+        small, result, left, chosen = coupled(found, k, near, dense)
         errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
     errors = np.minimum(errors, 1.0)
     pairs = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
-    return SomeModes(
+    return form(
         result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
         result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
         result.body_motion, result.inertia_factor, result.damped, reduced=small, dof=system.dof, missed=found.missed,

@@ -73,14 +73,14 @@ class Operator:
 
     def solve(self, h: NDArray[Any], refinements: int = 0) -> NDArray[Any]:
         """Return displacements and coordinates (size, n) under the loads W^T h, h (rows, n) or (rows,)."""
-        h = self._without(h)
+        h = self.without_rigid(h)
         return self.factor.solve(self.right(self.wt @ h), refinements)
 
     def apply(self, h: NDArray[Any]) -> NDArray[Any]:
         """Return T h."""
-        return self._without(self.w @ self.solve(h))
+        return self.without_rigid(self.w @ self.solve(h))
 
-    def _without(self, h: NDArray[Any]) -> NDArray[Any]:
+    def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
         return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
 
     def diverging(self) -> int:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.elements.ports import BaseMotion, ForceOutput
-from mbsvib.equations.controllable_part import Dropped, chosen
+from mbsvib.equations.controllable_part import chosen
+from mbsvib.equations.equations import Dropped
 from mbsvib.errors import ResponseError
 from mbsvib.sparse.assembly import linearized
 from mbsvib.sparse.equations import SparseEquations

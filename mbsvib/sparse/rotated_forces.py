@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array
-    from mbsvib.sparse.forces import Motion
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.tree import Tree
+    from mbsvib.sparse.virtual_motions import Motion
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.kinematics.relative_motion import clear_rounding
+from mbsvib.linalg.groups import spread
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -187,7 +188,3 @@ def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
     return csr_matrix((entries[2][kept], (entries[0][kept], entries[1][kept])), shape=(len(rows.first), layout.size))
 
 
-def spread(count: Index) -> tuple[Index, Index]:
-    """Return for every item of groups of ``count`` items its group and its number in the group."""
-    group = np.repeat(np.arange(len(count)), count)
-    return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)

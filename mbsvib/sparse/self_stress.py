@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from mbsvib.common.tables import listed
-from mbsvib.equations.reactions import place as place_of
+from mbsvib.equations.joint_carriers import place as place_of
 from mbsvib.equations.reactions import skew
 from mbsvib.equations.self_stress import DETERMINED, Undetermined, self_stress
 from mbsvib.errors import ModelError

@@ -162,7 +162,7 @@ def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
 def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: float) -> Subspace:
     """One more solve from the Lanczos vectors, refined, with what it tells of their errors."""
     rough = t.solve(h)
-    right = t.right(t.wt @ t._without(h))
+    right = t.right(t.wt @ t.without_rigid(h))
     scale = t.factor.row_scale[:, None], t.factor.column_scale[:, None]
     rest = right * scale[0] - t.factor.matrix @ (rough / scale[1])
     correction = t.factor.lu.solve(rest) * scale[1]

@@ -1,0 +1,62 @@
+"""Modes as users get them: data with tables, and animations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.modes import result
+from mbsvib.sparse import modes as sparse
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+
+    from mbsvib.plots.animation import Animation
+
+
+class Modes(result.Modes):
+    __doc__ = result.Modes.__doc__
+
+    def animate(
+        self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,
+        view: str | Sequence[float] = "3-D", frames: int = 30, rate: float = 20.0,
+    ) -> Animation:  # fmt: skip
+        """Return a mode in motion, which shows itself in Jupyter, and write it to a file if one is named.
+
+        Parameters
+        ----------
+        mode : int
+            Its number in the table, from 1.
+        path : str or path-like, optional
+            A file that ends in .gif, .mp4 (needs ffmpeg: ``pip install "mbsvib[video]"``) or .html.
+        amplitude : float
+            How far the farthest point goes, as a share of the mechanism's size.
+        view : str or sequence of 2 float
+            From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
+        frames : int
+            Pictures in one period.
+        rate : float
+            Pictures in a second [Hz].
+
+        Returns
+        -------
+        Animation
+            With ``figure`` for a single picture and ``save`` for a file.
+
+        Raises
+        ------
+        ResponseError
+            If there is no such mode or view, or nothing is known of what the mechanism looks like.
+        ExportError
+            If the file cannot be written.
+        """
+        from mbsvib.plots.animation import animation
+
+        result = animation(self, self._provenance, mode, amplitude, view, frames, rate)
+        if path is not None:
+            result.save(path)
+        return result
+
+
+class SomeModes(Modes, sparse.SomeModes):
+    __doc__ = sparse.SomeModes.__doc__

@@ -1,0 +1,70 @@
+"""Matrices of a mechanism and their factors, from its rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.equations.ports import port_matrices
+from mbsvib.kinematics.relative_motion import body_motion
+from mbsvib.linalg.products import gram, product
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Triplets
+
+
+def matrices(
+    scene: Scene, relative: Triplets, reduction: Reduction, acting: NDArray[np.bool_] | None = None
+) -> dict[str, Any]:
+    """Return the matrices of a mechanism and their factors, by the names that a system has for them.
+
+    Parameters
+    ----------
+    scene : Scene
+        The mechanism in numbers.
+    relative : Triplets
+        Its relative displacements.
+    reduction : Reduction
+        Its minimal coordinates.
+    acting : array, shape (elastic rows,), optional
+        Elastic rows that are to be kept, less those that loops hold still; default: all, whether they move or not.
+
+    Returns
+    -------
+    dict of str to array
+        M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
+    """
+    springs, locked, felt = scene.springs, scene.locked, len(scene.springs.owner)
+    motion = reduction.apply_to_bodies(body_motion(scene.coordinates, scene.position))
+    factor = scene.inertia.factor(motion)
+    # elastic rows, those of ports and, where more than two bodies share mass or springs, the base rows of these
+    end = felt + len(scene.port.rows.first) if scene.shared is None else relative.shape[0] - locked
+    keep = None
+    if acting is not None:
+        keep, felt = np.empty(end, dtype=bool), int(np.count_nonzero(acting))
+        keep[: len(acting)], keep[len(acting) :] = acting, True
+    every = reduction.apply_exactly(relative.dense(locked, locked + end, keep), felt)
+    ports_end = felt + len(scene.port.rows.first)
+    elastic, seen = every[..., :felt, :], every[..., felt:ports_end, :]
+    if acting is not None:
+        kept = acting.nonzero()[0]
+        if reduction.matrix is not None:
+            moves = np.asarray(elastic.any(axis=1)).nonzero()[0]
+            kept, elastic = kept.take(moves), elastic.take(moves, axis=0)
+        springs = springs.only(kept)
+    rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
+    if scene.shared is not None:
+        base = every[..., ports_end:, :]
+        factor = scene.shared.inertia_rows(factor, base)
+        rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
+    return {
+        "M": gram(factor), "C": product(rows, c), "K": product(rows, k),
+        **port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position, scene.shared),
+        "inertia_factor": factor, "elastic_rows": rows, "stiffness": k, "damping": c, "row_owner": owner,
+        "body_motion": motion,
+    }  # fmt: skip

@@ -1,0 +1,92 @@
+"""The terms of all couplers in numbers, and their rows over the joint coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics.relative_motion import relative_motion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mbsvib.common.arrays import Array, Bools, Index
+    from mbsvib.elements.rows import Rows
+    from mbsvib.kinematics.relative_motion import Twists
+
+    Moving = Callable[[Index, Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Couplings:
+    """The terms of all couplers, one after the other: ``row`` (t,) numbers the coupler, ``value`` (..., t) is the
+    coefficient, ``turns`` (t,) tells angles from distances.
+
+    ``column`` (t,) is the coordinate of a joint in the tree, or -1 where the term is one of ``measured``, what cut
+    joints do, in their order; ``skew`` lists those among these that are one of two successive angles: (number among
+    ``measured``, axis in first, axis in second, 0 or 1). ``touched`` (couplers, n) tells the coordinates involved.
+    """
+
+    row: Index
+    value: Array
+    turns: Bools
+    column: Index
+    measured: Rows
+    skew: tuple[tuple[int, Array, Array, int], ...]
+    touched: Bools
+
+    def dense(self, coordinates: Twists) -> Array:
+        """Return the rows (..., couplers, n) over the joint coordinates.
+
+        Parameters
+        ----------
+        coordinates : Twists
+            The joint coordinates of the tree.
+
+        Returns
+        -------
+        array
+            Coefficients of the joint coordinates.
+        """
+        moved = relative_motion(coordinates, self.measured).dense(0, len(self.measured.first))
+        lead = np.broadcast_shapes(moved.shape[:-2], self.value.shape[:-1])
+        result = np.zeros((*lead, *self.touched.shape))
+        number = 0
+        for k, (row, column) in enumerate(zip(self.row.tolist(), self.column.tolist(), strict=True)):
+            if column >= 0:
+                result[..., row, column] += self.value[..., k]
+            else:
+                result[..., row, :] += self.value[..., k, None] * moved[..., number, :]
+                number += 1
+        return result
+
+    def row_scale(self, length: float) -> Array:
+        """Return what brings each row to the size of one, where distances are measured in ``length`` [m]."""
+        size = np.abs(self.value) * np.where(self.turns, 1.0, length)
+        largest = np.zeros((*size.shape[:-1], len(self.touched)))
+        for k, row in enumerate(self.row.tolist()):
+            largest[..., row] = np.maximum(largest[..., row], size[..., k])
+        result: Array = 1.0 / largest
+        return result
+
+    def nearby(self, turn: Moving, shift: Moving) -> Couplings:
+        """Return the same in a pose nearby: ``turn`` and ``shift`` move directions and points along with bodies."""
+        rows = self.measured
+        if not len(rows.first):
+            return self
+        force, moment = turn(rows.first, rows.force), 0.5 * (turn(rows.first, rows.moment) +
+                                                             turn(rows.second, rows.moment))  # fmt: skip
+        for k, first, second, which in self.skew:
+            at = slice(k, k + 1)
+            moment[..., at] = dual(turn(rows.first[at], first), turn(rows.second[at], second), which)
+        moved = replace(rows, point=shift(rows.second, rows.point), force=force, moment=moment)
+        return replace(self, measured=moved)
+
+
+def dual(a: Array, b: Array, which: int) -> Array:
+    """Return the covector of q_a (0) or q_b (1) in theta = q_a a + q_b b, vectors (3, ...)."""
+    n = np.cross(a, b, axis=0)
+    result: Array = np.cross(*((b, n) if which == 0 else (n, a)), axis=0) / (n * n).sum(axis=0)
+    return result

@@ -1,0 +1,100 @@
+"""Terms of sums over modes of systems without symmetry, and what they add up to far above all eigenvalues."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.modes.energy_state import EnergyState
+    from mbsvib.modes.general import General
+
+EPS = float(np.finfo(float).eps)
+CANCELLED = 32.0  # products that must cancel do so to this many roundings of their terms
+
+
+def highest_terms(state: EnergyState) -> tuple[Array, Array]:
+    """Return E1 and E2 of E1 / s + E2 / s^2, high above all eigenvalues, in the basis (m, m).
+
+    Parameters
+    ----------
+    state : EnergyState
+        The equations in energy coordinates.
+
+    Returns
+    -------
+    tuple of array
+        Both; without massless motions 0 and 1.
+    """
+    m = len(state.basis)
+    if not state.massless:
+        return np.zeros((m, m)), np.eye(m)
+    p = len(state.scale)
+    early, late = np.zeros((m, m)), np.zeros((m, m))
+    early[p:, p:] = np.linalg.inv(state.damping[p:, p:])
+    late[:p, :p] = np.eye(p)
+    late[:p, p:] = -state.damping[:p, p:] @ early[p:, p:]
+    late[p:, p:] = -early[p:, p:] @ state.coupling[p:, p:] @ early[p:, p:]
+    return early, late
+
+
+def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> Array:
+    """Return c middle b (+ direct), 0 where terms cancel to rounding.
+
+    Parameters
+    ----------
+    c, middle, b : array
+        Factors.
+    direct : array, optional
+        What is added.
+
+    Returns
+    -------
+    array, shape (rows of c, columns of b)
+        The sum.
+    """
+    result = c @ middle @ b
+    size = np.abs(c) @ np.abs(middle) @ np.abs(b)
+    if direct is not None:
+        result, size = result + direct, size + np.abs(direct)
+    result[np.abs(result) <= CANCELLED * EPS * size] = 0.0
+    return np.asarray(result)
+
+
+def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Array, Array, Index]:
+    """Return what a sum over modes consists of: pairs, real eigenvalues, their coefficients and mode numbers.
+
+    Parameters
+    ----------
+    modal : General
+        Modes.
+    c : array, shape (rows, m)
+        Outputs of the motions.
+    b : array, shape (m, inputs)
+        Inputs.
+
+    Returns
+    -------
+    tuple of array
+        Pairs (p, 2) and real eigenvalues (q,); sums of lambda R and of R of the pairs (rows inputs, p), R of the real
+        ones (rows inputs, q); numbers of the modes (p + q,).
+    """
+    found, state = modal.spectrum, modal.state
+    turns = found.turns
+    size = len(c) * b.shape[1]
+    value = found.values
+    residue = np.einsum("rk,ki->rik", c @ found.right, (found.left.T @ b) / found.slopes[:, None])
+    residue = residue.reshape(size, len(value))
+    gamma, alpha = 2.0 * (residue * value)[:, turns].real, 2.0 * residue[:, turns].real
+    pairs = np.stack((value[turns], value[turns].conj()), axis=1)
+    number = np.concatenate((modal.mode[turns], modal.mode[~turns]))
+    if state.right.shape[1]:
+        seen, driven = c @ state.show @ state.right, state.left.T @ state.force @ b
+        still = (seen @ driven).reshape(size, 1)
+        drift = (seen @ state.nilpotent @ driven).reshape(size, 1)
+        pairs = np.concatenate((np.zeros((1, 2)), pairs))
+        alpha, gamma = np.concatenate((still, alpha), axis=1), np.concatenate((drift, gamma), axis=1)
+        number = np.concatenate(([0], number))
+    return pairs, value[~turns].real, gamma, alpha, residue[:, ~turns].real, number
