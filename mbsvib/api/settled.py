@@ -14,15 +14,17 @@ if TYPE_CHECKING:
     from mbsvib.api.model import Model
 
 
-def settled(model: Model, independent: Sequence[str] | None = None) -> tuple[Model, System | SparseSystem]:
+def settled(
+    model: Model, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None
+) -> tuple[Model, System | SparseSystem]:
     """Return a model in equilibrium with its system: the model as it is if it balances.
 
     Parameters
     ----------
     model : Model
         A model that has been in balance before its values changed.
-    independent : sequence of str, optional
-        Minimal coordinates that are asked for.
+    independent, cut : sequence of str, optional
+        Minimal coordinates and cut joints that are asked for.
 
     Returns
     -------
@@ -36,4 +38,4 @@ def settled(model: Model, independent: Sequence[str] | None = None) -> tuple[Mod
     EquilibriumError
         If no equilibrium can be reached.
     """
-    return at_equilibrium(model, independent, dense=System, sparse=SparseSystem)
+    return at_equilibrium(model, independent, cut, dense=System, sparse=SparseSystem)

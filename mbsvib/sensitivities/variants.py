@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.assembly import linearized
-from mbsvib.equations.equations import MATRICES
+from mbsvib.equations.equations import MATRICES, Equations
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.equations import Equations
     from mbsvib.equations.statics import Statics
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.variables import Direction

@@ -124,11 +124,10 @@ def linearized(
     ModelError
         If the method is unknown or cannot do what is asked for.
     """
-    if method is not None or len(model.bodies) + len(model.joints) + len(model.composed) > FEW:
-        plain = expanded(model)
-        if wants_sparse(plain, method, independent, cut):
-            from mbsvib.sparse.assembly import linearized as sparse_equations
+    plain = expanded(model)
+    large = method is not None or len(plain.bodies) + len(plain.joints) > FEW
+    if large and wants_sparse(plain, method, independent, cut):
+        from mbsvib.sparse.assembly import linearized as sparse_equations
 
-            return sparse_equations(plain, cut, form=sparse)
-        return dense_equations(plain, independent, cut, dense, model)
-    return dense_equations(model, independent, cut, dense)
+        return sparse_equations(plain, cut, form=sparse)
+    return dense_equations(plain, independent, cut, dense, model)

@@ -206,4 +206,4 @@ def test_sparse():
             ask()
     asked = {"modes", "reduced", "state_space", "time_response", "frequency_response", "static_compliance", "reachable",
              "explain"}  # fmt: skip
-    assert verbs(SparseSystem) == asked | {"truncation_error", "without_rows"}
+    assert verbs(SparseSystem) == asked | {"truncation_error"}

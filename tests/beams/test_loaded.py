@@ -10,6 +10,7 @@ from scipy.special import jv
 import mbsvib as mv
 from mbsvib.beams import Material, Rectangle
 from mbsvib.equations.beam_prestress import spread
+from mbsvib.equations.expansion import expanded
 from tests.beams.reference import assembled, matrices
 
 ALLOY = Material(E=7e10, nu=0.3, rho=2700.0)
@@ -123,7 +124,7 @@ def test_beam_held_at_both_ends_shares_the_load_by_stiffness():
     model = mv.Model("shared")
     model.add_beam("c", "ground", "ground", BAR, ALLOY, start=(0, 0, 0), end=(0, 0, 1), elements=4)
     model.add_load("P", "c.1", (0, 0, -1000.0))
-    springs = model._expanded().springs
+    springs = expanded(model).springs
     carried = [springs[f"c.e{i}"].preload[0] for i in (1, 2, 3, 4)]
     assert carried == pytest.approx([750.0, -250.0, -250.0, -250.0], rel=1e-12)
     assert (model.linearize().modes().frequencies > 0.0).all()
@@ -133,7 +134,7 @@ def test_elements_carry_the_bending_moment_of_their_weight():
     n, g = 10, 9.81
     model = mv.Model("shelf", gravity=(0, 0, -g))
     model.add_beam("c", "ground", None, BAR, ALLOY, start=(0, 0, 0), end=(LENGTH, 0, 0), elements=n)
-    springs = model._expanded().springs
+    springs = expanded(model).springs
     line, h = ALLOY.rho * P.A * g, LENGTH / n
     rest = LENGTH - h * (np.arange(n) + 0.5)
     assert [springs[f"c.e{i + 1}"].preload[2] for i in range(n)] == pytest.approx(line * rest, rel=1e-12)

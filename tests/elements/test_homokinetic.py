@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import plots
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.api.settled import settled
 from tests.equilibrium.test_moved import check_pose, pose_of
 from tests.loads.test_against_lagrangian import off
 from tests.loads.test_joint_forces import SIX, in_axes, with_all_joint_forces
@@ -161,7 +161,7 @@ def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_describe
     """Axes of coordinates turn with the square root of the rotation, which a bend of 1.5 rad tells from its half."""
     model = bent(loop=loop)
     _, system = settled(model, cut=cut)
-    assert system._network.balanced is not None
+    assert system.sensitivity_basis.network.balanced is not None
     names = ["a.mass", "u.orientation.ry", "v.position.y"]
     found = system.matrix_derivatives(names)
     for k, name in enumerate(names):

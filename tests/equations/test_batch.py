@@ -249,7 +249,7 @@ def test_stiffness_needs_no_kinematics_of_the_variants(monkeypatch):
         shapes.append(coordinates.point.ndim)
         return mbsvib.kinematics.relative_motion.body_motion(coordinates, position)
 
-    monkeypatch.setattr(mbsvib.equations.assembly, "body_motion", counted)
+    monkeypatch.setattr(mbsvib.equations.matrices, "body_motion", counted)
     model = library.stewart()
     model.linearize(values={"leg*.k.stiffness": np.linspace(1e7, 3e7, 1000)})
     assert shapes == [2, 2]

@@ -52,7 +52,7 @@ def single(kind, seed=0, swap=False):
         if kind != "custom" or len(model.joints["joint"].free) not in (0, 6):
             break
         model = single("fixed", seed + 1)
-        del model._joints["joint"]
+        model = model.with_parts(joints={k: part for k, part in model.joints.items() if k != "joint"})
     model.add_joint("weld", "fixed", "near", "far")
     return model
 
@@ -100,8 +100,7 @@ def test_random_trees_against_the_exact_constraints(seed):
 
 
 def without_springs(model):
-    model._springs.clear()
-    return model
+    return model.with_parts(springs={})
 
 
 @pytest.mark.parametrize("seed", few(range(8), 4))

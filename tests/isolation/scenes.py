@@ -46,7 +46,7 @@ def relaxing_hexapod():
     """The cubic hexapod with Maxwell elements as legs."""
     model = library.cubic_hexapod(damping=0.0)
     legs = list(model.springs.values())
-    model._springs.clear()
+    model = model.with_parts(springs={})
     for leg in legs:
         model.add_maxwell(leg.name, leg.first, leg.second, leg.start, leg.end, 3e6, 2000.0, 1e6)
     return model

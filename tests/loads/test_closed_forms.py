@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.api.model import ADDERS
 from tests.support.lagrangian import projected
 
 G = 9.81
@@ -162,9 +163,9 @@ def four_bar():
 def balanced(model, name):
     """The model with the tension in one of its springs that holds it."""
     free = mv.Model(model.name)
-    for adder, group in model._groups():
+    for group in model.groups().values():
         for part in group.values():
-            getattr(free, adder or "add_spring")(**part.words())
+            getattr(free, ADDERS[type(part)])(**part.words())
     motion = free.linearize().body_motion
     weight = sum(b.mass * np.array(model.gravity) @ motion[i, :3] for i, b in enumerate(model.bodies.values()))
     system = free.linearize()

@@ -67,8 +67,8 @@ def test_responses_get_clean_shapes():
     system = mv.library.chain(150, line=(0, 1, 0)).linearize()
     first = system.modes()
     assert first.mixed > 1e-11
-    assert system._clean_modes.mixed <= 1e-13
-    shapes = system._clean_modes.shapes
+    assert system.basis.response_modes.mixed <= 1e-13
+    shapes = system.basis.response_modes.shapes
     w = system.inertia_factor @ shapes
     assert_allclose(w.T @ w, np.eye(system.dof), atol=1e-12)
     e = system.elastic_rows @ shapes * np.sqrt(system.stiffness)[:, None]
@@ -78,7 +78,7 @@ def test_responses_get_clean_shapes():
 
 def test_short_chains_are_clean_from_the_start():
     system = mv.library.chain(4, line=(0, 1, 0)).linearize()
-    assert system._clean_modes is system._modes
+    assert system.basis.response_modes is system.basis.modes
 
 
 def test_damping_that_couples_modes_asks_for_clean_shapes():

@@ -25,7 +25,7 @@ def test_frequency_response(family):
     exact = reference.frequency_response(system, omega)
     error = np.abs(system.frequency_response(omega) - exact) / np.abs(exact)
     assert error.max() <= 1e-11
-    direct = solved(system, system._modal.state, 1j * omega)
+    direct = solved(system, system.basis.modal.state, 1j * omega)
     assert (np.abs(direct - exact) <= 1e-9 * np.abs(exact)).all()
 
 
@@ -92,7 +92,7 @@ def test_nearly_defective():
         omega = np.linspace(0.1, 3.0, 30)
         exact = reference.frequency_response(system, omega)
         np.testing.assert_allclose(system.frequency_response(omega), exact, rtol=1e-11)
-        trusted(system._modal, np.eye(2), omega)
+        trusted(system.basis.modal, np.eye(2), omega)
         t = np.linspace(0.0, 20.0, 40)
         u = np.cos(np.arange(80.0)).reshape(2, 40)
         exact = reference.time_response(system, t, u, "first", np.zeros((2, 2)))

@@ -40,7 +40,7 @@ def test_ten_digits_at_resonances_of_two_hundred_modes(classical):
     assert error[:, :, :6].max() < 2e-11
     assert error[:, :, 6:].max() < 1e-12
     if not classical:
-        assert trusted(system._modal, system._modal.shapes.T @ system.B, omega)
+        assert trusted(system.basis.modal, system.basis.modal.shapes.T @ system.B, omega)
 
 
 @pytest.mark.parametrize("classical", [True, False])
@@ -138,7 +138,7 @@ def test_nearly_dependent_eigenvectors(detune):
 
 
 def test_the_residual_tells_when_eigenvectors_are_not_trusted():
-    modal = [defective(detune).linearize()._modal for detune in (0.1, 1e-5)]
+    modal = [defective(detune).linearize().basis.modal for detune in (0.1, 1e-5)]
     assert conditions(modal[0]).max() < 3 < 300 < conditions(modal[1]).max()
     omega = np.linspace(1, 20, 50)
     assert [trusted(each, each.shapes.T, omega) for each in modal] == [True, False]
@@ -151,9 +151,9 @@ def test_the_three_roads_agree(seed):
     rng = np.random.default_rng(seed)
     data = 10.0 ** rng.uniform(-1, 1, n), 10.0 ** rng.uniform(2, 6, n), 10.0 ** rng.uniform(-1, 2, n)
     system = sliding_chain(*data, (0, 5), [("displacement", 5)]).linearize()
-    modal, omega = system._modal, np.geomspace(0.1, 1e4, 70)
+    modal, omega = system.basis.modal, np.geomspace(0.1, 1e4, 70)
     b = modal.shapes.T @ system.B
-    schur = refined_solutions(system, modal, b, 1j * omega)
+    schur = refined_solutions(system.basis, modal, b, 1j * omega)
     direct = direct_solutions(modal, b, omega, np.arange(len(omega)))
     size = np.abs(direct).max(axis=0)
     assert (np.abs(schur - direct) <= 1e-13 * size).all()
@@ -178,7 +178,7 @@ def test_strong_dampers(seed):
     inputs = (0, last // 2, last)
     outputs = [("displacement", 0), ("velocity", last // 2), ("acceleration", last)]
     system = sliding_chain(*data, inputs, outputs).linearize()
-    assert system._strong_dampers is not None
+    assert system.basis.strong_dampers is not None
     natural = 2 * np.pi * system.modes().frequencies
     omega = np.concatenate((natural, np.geomspace(natural[0] / 100, natural[-1] * 100, 40)))
     expected = np.stack([chain_response(*data, 1j * w, inputs, outputs) for w in omega], axis=-1)
@@ -221,7 +221,7 @@ def test_records_longer_than_a_chunk(c, hold, free, monkeypatch):
     even = system.time_response(t, u, hold=hold, initial=initial)
     more = np.concatenate((t, [t[-1] + 0.003]))
     uneven = system.time_response(more, np.c_[u, [0, 0]], hold=hold, initial=initial)[:, :-1]
-    modal = system._modal
+    modal = system.basis.modal
     if modal.vectors is not None:
         start = modal.shapes.T @ system.M @ initial.T
         whole = _by_exponential(system, modal, (t, u, start, hold == "first"))
@@ -244,7 +244,7 @@ def test_two_hundred_coupled_modes_in_time():
     system = sliding_chain(*data, (0, 100), [("displacement", 199), ("acceleration", 0)]).linearize()
     t = np.linspace(0, 4, 201)
     u = np.random.default_rng(1).normal(size=(2, 201))
-    whole = _by_exponential(system, system._modal, (t, u, np.zeros((200, 2)), True))
+    whole = _by_exponential(system, system.basis.modal, (t, u, np.zeros((200, 2)), True))
     found = system.time_response(t, u)
     assert (np.abs(found - whole) <= 1e-11 * np.abs(whole).max(axis=1, keepdims=True)).all()
 

@@ -40,9 +40,9 @@ def compared(model):
 
 def wrong(system, omega, found, expected):
     """Largest relative error of what is no sum that cancels to less than 1e-7 of its terms, and no zero."""
-    modal = system._modal
+    modal = system.basis.modal
     forward = tiny_outputs._forward(
-        system, modal, omega, lambda w: module._solver(system, modal, w, modal.vectors is None)
+        system, modal, omega, lambda w: module._solver(system.basis, modal, w, modal.vectors is None)
     )
     clear = np.abs(expected) > np.maximum(1e-7 * forward.size, 1e4 * forward.floor + 1e-60)
     return float((np.abs(found - expected)[clear] / np.abs(expected)[clear]).max())

@@ -5,7 +5,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import studies as st
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.api.settled import settled
 
 
 def crank():

@@ -64,7 +64,7 @@ def test_nodes_are_bodies_for_joints_and_ports():
         model.add_base_motion("shake", "y")
         model.add_base_motion("roll", "rx", position=(1, 1, 1))
         model.add_output("a", node, "y", quantity="acceleration")
-        assert hung in model._composed
+        assert hung in model.composed
         models.append(model.linearize())
     omega = 2 * np.pi * np.array([1.0, 30.0, 200.0, 700.0])
     one, other = (system.frequency_response(omega) for system in models)

@@ -21,7 +21,7 @@ def length_of(model):
 
 def joint_wrenches(model, applied):
     """Wrenches (joints, 6) on second bodies for wrenches ``applied`` (bodies, 6) at the centres of mass."""
-    joints, couplers = list(model.joints.values()), list(model._couplers.values())
+    joints, couplers = list(model.joints.values()), list(model.couplers.values())
     number = {name: i for i, name in enumerate(model.bodies)}
     unknowns = 6 * len(joints) + len(couplers)
     balance = np.zeros((6 * len(number), unknowns))

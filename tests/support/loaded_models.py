@@ -18,11 +18,10 @@ def wrench_needed(model):
 def spatial_twin(model):
     """The same mechanism without its loads."""
     twin = type(model)(model.name)
-    for adder, group in model._groups():
-        for part in group.values():
+    for key, group in model.groups().items():
+        for part in group.values() if key != "loads" else ():
             words = {word: value for word, value in part.words().items() if word not in ("preload", "free_length")}
-            if adder != "add_load":
-                getattr(twin, adder or ADDERS[type(part)])(**words)
+            getattr(twin, ADDERS[type(part)])(**words)
     return twin
 
 

@@ -16,7 +16,7 @@ def restated(model, by=AS_IS, shift=(0.0, 0.0, 0.0), order=None, rename=str):
     gravity = None if model.gravity is None else by @ np.array(model.gravity)
     result = mv.Model(model.name, gravity=gravity)
     rng = np.random.default_rng(order)
-    for _, group in model._groups():
+    for group in model.groups().values():
         parts = list(group.values())
         for k in range(len(parts)) if order is None else rng.permutation(len(parts)):
             adder = ADDERS[type(parts[k])]

@@ -41,7 +41,7 @@ def with_ports(model, rng):
 def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     """Forces answer motions by the geometric stiffness, and those along coordinates change by -K as the pose moves."""
     _, system = balanced(seed)
-    network = system._network
+    network = system.sensitivity_basis.network
     found = network.balanced
     assert found is not None
     motion = network.displacements.reshape(len(network.bodies), 6, system.dof)

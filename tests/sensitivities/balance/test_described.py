@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from scipy.optimize import brentq
 
 import mbsvib as mv
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.api.settled import settled
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded
@@ -57,7 +57,7 @@ def test_differences_of_equilibria_found_for_every_variant(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0 and system.provenance.settled)
-    assert system._network.balanced is not None
+    assert system.sensitivity_basis.network.balanced is not None
     rng = np.random.default_rng(seed)
     fields = (".mass", ".position.", ".orientation.", ".start.", ".end.", ".stiffness", ".damping.", ".pitch",
               "gravity.")  # fmt: skip
