@@ -84,6 +84,11 @@ def numbers(value: Any, sizes: tuple[int, ...], who: str, field: str, expected: 
 
 def vector(value: Any, who: str, field: str, expected: str = "three finite numbers (x, y, z)") -> Vector:
     """Return ``value`` as three finite floats."""
+    if type(value) is tuple and len(value) == 3:
+        x, y, z = value
+        # most calls give floats already; a sum that is not finite goes the long way, which tells why
+        if type(x) is type(y) is type(z) is float and isfinite(x + y + z):
+            return value
     return numbers(value, (3,), who, field, expected)  # type: ignore[return-value]
 
 
@@ -105,7 +110,9 @@ def square(value: Any, size: int, who: str, field: str, expected: str) -> tuple[
     items = listed(value, who, field, expected)
     if len(items) != size:
         raise refuse(who, field, value, expected)
-    return tuple(numbers(row, (size,), who, field, expected) for row in items)
+    if size == 3:
+        return tuple([vector(row, who, field, expected) for row in items])
+    return tuple([numbers(row, (size,), who, field, expected) for row in items])
 
 
 def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:

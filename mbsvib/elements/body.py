@@ -14,6 +14,8 @@ from mbsvib.errors import ModelError
 # Inertia tensors come from CAD print-outs with six or seven digits, in which a thin plate misses
 # Ixx + Iyy = Izz by that much.
 TRIANGLE_SLACK = 1e-6
+# Minors of E over those of a ball of the same trace, above which no rounding makes a tensor one that no body has
+CLEAR = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +52,8 @@ def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, f
     else:
         entries = check.numbers(items, (3, 6), who, "inertia", expected)
         xx, yy, zz, xy, xz, yz = entries if len(entries) == 6 else (*entries, 0.0, 0.0, 0.0)
+    if _is_plain(xx, yy, zz, xy, xz, yz):
+        return (xx, yy, zz, xy, xz, yz)
     low, middle, high = sorted((xx, yy, zz)) if not (xy or xz or yz) else principal(xx, yy, zz, xy, xz, yz)
     slack = TRIANGLE_SLACK * max(high, -low)
     if low < 0.0 and (low < -slack or not (xy or xz or yz)):
@@ -63,6 +67,18 @@ def _inertia(value: Any, who: str) -> tuple[float, float, float, float, float, f
             element=who, field="inertia",
         )  # fmt: skip
     return (xx, yy, zz, xy, xz, yz)
+
+
+def _is_plain(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> bool:
+    """Tell whether a tensor J is one of a body beyond doubt: E = tr(J) / 2 - J, whose eigenvalues are those of the mass
+    distribution, has positive leading minors, clearly above rounding.
+    """
+    half = 0.5 * (xx + yy + zz)
+    a, b, c = half - xx, half - yy, half - zz
+    least = CLEAR * half
+    minor = a * b - xy * xy
+    return a > least and minor > least * half and (
+        c * minor - a * yz * yz - b * xz * xz - 2.0 * xy * xz * yz > least * half * half)
 
 
 def principal(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> tuple[float, float, float]:
