@@ -10,7 +10,7 @@ opposite on the first body a, arms r from the centres of mass, and (d, delta) wh
    Two rotations about the axes e, e' that are successive (``parts.joint``) add 1/2 tau . (e x e') q q'.
 3. Line springs and rods of tension F and length L add F / (2 L) times the square of what their ends move across them.
 
-A product p q is 1/4 (s p + q/s)^2 - 1/4 (s p - q/s)^2, with s such that both parts have one size.
+The rows and their weights are the same for dense and for sparse equations.
 """
 
 from __future__ import annotations
@@ -19,13 +19,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.contribution import Contribution, Weights, turns
+from mbsvib.elements.rows import Rows
+from mbsvib.equations.reactions import skew
 from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.applied_forces import Acting
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrench_pairs import Pairs
+    from mbsvib.equations.wrenches import Applied
 
 # Values of a body's form below this share of the forces that make it are rounding.
 ZERO_FORM = 16.0 * EPS
@@ -62,115 +65,81 @@ def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
     return result[0], result[1]
 
 
-def body_rows(acting: Acting, force: Array, motion: Array) -> tuple[Array, Array]:
-    """Return the forms of the bodies as signed squares of six rotations: about x, y, z, and the sums of two of these.
+def geometric(pairs: Pairs, applied: Applied, felt: Felt, position: Array) -> Contribution:
+    """Return the geometric stiffness of all forces at the pose.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        All forces: the applied ones, then those in joints.
+    applied : Applied
+        What loads the mechanism.
+    felt : Felt
+        The relative displacements that forces feel.
+    position : array, shape (3, bodies + 1)
+        Centres of mass [m].
+
+    Returns
+    -------
+    Contribution
+        Rows and their weights; owners are numbers of pairs, and behind them of bodies.
+    """
+    parts = [_of_bodies(pairs, applied, position), _turning(pairs, felt, position.shape[1] - 1)]
+    if len(felt.line_owner):
+        parts.append(_across_lines(pairs, felt, position.shape[1] - 1))
+    return Contribution.join(parts)
+
+
+def _of_bodies(pairs: Pairs, applied: Applied, position: Array) -> Contribution:
+    """The forms of bodies as weighted squares of six rotations: about x, y, z, and the sums of two of these.
 
     With H = tr(S) 1 - sym S, theta . H theta = sum of H_xy (theta_x + theta_y)^2 and of the rest times theta_x^2.
-
-    Parameters
-    ----------
-    acting : Acting
-        All forces that stay fixed in the world or turn as the rows of joints say.
-    force : array, shape (3, pairs)
-        Their forces [N].
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
-
-    Returns
-    -------
-    rows : array, shape (6 bodies, m)
-        Rotations in minimal coordinates, body by body.
-    stiffness : array, shape (6 bodies,)
-        Signed values [N m], 0 where nothing but rounding is left.
+    Follower loads are left out: ``load_stiffness`` has them.
     """
-    outer = (force[:, None, None] * acting.arms.reshape(3, 2, -1)).reshape(9, -1)
-    values = SQUARES.dot(outer.dot(acting.place))
-    values *= np.abs(values) > ZERO_FORM * np.maximum.reduce(np.abs(outer)).dot(acting.touched)
-    return (SUMS @ motion[:, 3:]).reshape(6 * len(motion), motion.shape[2]), values.T.reshape(-1)
+    ground = position.shape[1] - 1
+    fixed = np.ones(len(pairs.first))
+    fixed[: applied.loads][applied.follower] = 0.0
+    sums, bound = np.zeros((2, ground + 1, 9))
+    for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-fixed, fixed), strict=True):
+        outer = (sign * pairs.force[:, None] * arm).reshape(9, -1).T
+        np.add.at(sums, body, outer)
+        np.add.at(bound, body, np.abs(outer))
+    values = sums[:ground] @ SQUARES.T
+    values[np.abs(values) <= ZERO_FORM * bound[:ground].max(axis=1)[:, None]] = 0.0
+    body, which = np.nonzero(values)
+    number = np.arange(len(body))
+    weights = Weights(number, number, values[body, which], len(pairs.first) + body)
+    return Contribution.of(turns(body, SUMS[which].T, ground), stiffness=weights)
 
 
-def turning_rows(felt: Felt, acting: Acting, wrench: Array, moved: Array, motion: Array) -> tuple[Array, Array]:
-    """Return what forces add that turn with their first body, as rows and signed stiffness.
-
-    Parameters
-    ----------
-    felt : Felt
-        What they feel.
-    acting : Acting
-        The geometry of the forces.
-    wrench : array, shape (6, pairs)
-        Wrenches on the second bodies [N, N m].
-    moved : array, shape (felt rows, m)
-        The felt rows in minimal coordinates.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
-
-    Returns
-    -------
-    rows : array, shape (2 p, m)
-        Rows in minimal coordinates, two for each product of ``acting``.
-    stiffness : array, shape (2 p,)
-        Signed values.
-    """
-    count, owner = len(acting.turned), acting.turner
-    lever = acting.levers @ wrench.take(owner[:count], axis=1).T[:, :, None]
-    other = (lever.swapaxes(1, 2) @ motion.take(acting.turned, axis=0)[:, 3:])[:, 0]
+def _turning(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
+    """What forces add that turn with their first body, and joints with two successive rotations: products of rows."""
+    free = len(felt.owner)
+    used = np.flatnonzero(felt.carrier < ground)
+    twist, owner = felt.twist[:, used], felt.owner[used]
+    both = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1)
+    lever = np.einsum("ijk,jk->ik", both, np.concatenate((pairs.force, pairs.torque))[:, owner])
+    rows = Rows.join([_rows(felt.rows, slice(0, free)), turns(felt.carrier[used], lever, ground)])
+    first, second, value = used, free + np.arange(len(used)), np.ones(len(used))
     if felt.two.size:
-        half = np.add.reduce(wrench[3:].take(owner[count:], axis=1) * felt.cross)
-        half *= 0.5
-        other = np.concatenate((other, half[:, None] * moved.take(felt.two[2], axis=0)))
-    return products(moved.take(acting.one, axis=0), other)
+        who, one, other = felt.two
+        half = 0.5 * np.einsum("cn,cn->n", pairs.torque[:, who], felt.cross)
+        first, second = np.concatenate((first, one)), np.concatenate((second, other))
+        value, owner = np.concatenate((value, half)), np.concatenate((owner, who))
+    return Contribution.of(rows, stiffness=Weights(first, second, value, owner))
 
 
-def line_rows(felt: Felt, force: Array, moved: Array, motion: Array) -> tuple[Array, Array]:
-    """Return the rows across line springs and rods, and their signed stiffness F / L.
-
-    Parameters
-    ----------
-    felt : Felt
-        What they feel.
-    force : array, shape (3, pairs)
-        Forces on the second bodies [N].
-    moved : array, shape (felt rows, m)
-        The felt rows in minimal coordinates.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
-
-    Returns
-    -------
-    rows : array, shape (rows, m)
-        What the end moves across the line against the start [m].
-    stiffness : array, shape (rows,)
-        Signed values [N/m].
-    """
-    rows = moved[len(felt.owner) :]
-    swings = (felt.line_carrier < len(motion)).nonzero()[0]
-    if len(swings):
-        turns = motion.take(felt.line_carrier.take(swings), axis=0)[:, 3:]
-        rows = rows.copy()
-        rows[swings] += (felt.swing.take(swings, axis=1).T[:, None] @ turns)[:, 0]
-    return rows, np.add.reduce(force.take(felt.line_owner, axis=1) * felt.line) / -felt.length
+def _across_lines(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
+    """What line springs and rods add: the squares of what their ends move across them, with F / L."""
+    across = _rows(felt.rows, slice(len(felt.owner), None))
+    swings = np.flatnonzero(felt.line_carrier < ground)
+    rows = Rows.join([across, turns(felt.line_carrier[swings], felt.swing[:, swings], ground)])
+    number = np.arange(len(felt.line_owner))
+    tension = -(pairs.force[:, felt.line_owner] * felt.line).sum(axis=0) / felt.length
+    weights = Weights(number, number, tension, felt.line_owner)
+    return Contribution.of(rows, stiffness=weights, row=np.concatenate((number, swings)))
 
 
-def products(one: Array, other: Array) -> tuple[Array, Array]:
-    """Return rows and signed stiffness whose energy is the sum of the products of two stacks of rows.
-
-    Parameters
-    ----------
-    one, other : array, shape (n, m)
-        Factors of each product.
-
-    Returns
-    -------
-    rows : array, shape (2 n, m)
-        Sums, then differences.
-    stiffness : array, shape (2 n,)
-        1/2, then -1/2; 0 for a product that is zero.
-    """
-    first, second = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
-    none = first * second == 0.0
-    if np.count_nonzero(none):
-        first[none] = second[none] = 1.0
-    scale = np.sqrt(np.sqrt(second / first))[:, None]
-    a, b, half = scale * one, other / scale, np.where(none, 0.0, 0.5)
-    return np.concatenate((a + b, a - b)), np.concatenate((half, -half))
+def _rows(rows: Rows, which: slice) -> Rows:
+    return Rows(rows.first[which], rows.second[which], rows.point[:, which], rows.force[:, which],
+                rows.moment[:, which])  # fmt: skip

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.contribution import Contribution
 from mbsvib.equations.applied_forces import acting
-from mbsvib.equations.geometric_stiffness import body_rows, line_rows, turning_rows
+from mbsvib.equations.geometric_stiffness import geometric
 from mbsvib.equations.reactions import reactions
+from mbsvib.equations.statement import antisymmetric, minimal_rows, signed_squares
 from mbsvib.equations.statics import ROUNDING, Statics, balance, check_balance
-from mbsvib.equations.unsymmetric_stiffness import circulatory, follower_rows
+from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import Pairs
-from mbsvib.kinematics.relative_motion import relative_motion
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
@@ -58,7 +59,7 @@ def load(
     """
     assert scene.loads is not None
     applied, felt, memory = scene.loads
-    known = acting(applied, felt, scene, memory)
+    known = acting(applied, scene, memory)
     motion = found["body_motion"]
     reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
     residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion, reach)
@@ -74,57 +75,22 @@ def load(
         applied, carried, pairs, known.ways.position, felt, residual, size, known.owners,
         tuple([stress.undetermined(names, {}) for stress in to_joints.stress]),
     )
-    if scene.shared is not None:
-        relative = relative_motion(scene.coordinates, felt.rows)
-    moved = reduction.apply_exactly(relative.dense(relative.shape[0] - len(felt.rows.first), relative.shape[0]))
-    add_rows(found, *geometric_rows(statics, known, moved, motion, len(scene.owners)))
-    found["circulatory"] = circulatory(applied, known.ways.position, motion) if applied.loads else None
-    if found["circulatory"] is not None:
-        found["K"] = found["K"] + found["circulatory"]
-    return statics
-
-
-def geometric_rows(
-    statics: Statics, known: Acting, moved: Array, motion: Array, springs: int
-) -> tuple[Array, Array, Index]:
-    """Return all rows of geometric stiffness with their signed values and owners.
-
-    Parameters
-    ----------
-    statics : Statics
-        The forces.
-    known : Acting
-        Their geometry.
-    moved : array, shape (felt rows, m)
-        What they feel, in minimal coordinates.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
-    springs : int
-        Number of spring-dampers, which come first among the owners; ``statics.owners`` come behind.
-
-    Returns
-    -------
-    rows : array, shape (rows, m)
-        Rows in minimal coordinates.
-    stiffness, owner : array, shape (rows,)
-        Signed values, and whose they are.
-    """
-    felt, pairs = statics.felt, statics.pairs
-    wrench = np.concatenate((pairs.force, pairs.torque))
-    owner = known.owner
-    stacks = [body_rows(known, pairs.force, motion), turning_rows(felt, known, wrench, moved, motion)]
-    if len(felt.line_owner):
-        stacks.append(line_rows(felt, pairs.force, moved, motion))
-    if np.count_nonzero(statics.applied.follower):
-        *more, loads = follower_rows(statics.applied, motion)
-        stacks.append((more[0], more[1]))
-        owner = np.concatenate((owner, loads))
-    rows, stiffness = (np.concatenate(parts) for parts in zip(*stacks, strict=True))
+    parts = [geometric(pairs, applied, felt, known.ways.position)]
+    unsymmetric = load_stiffness(applied, known.ways.position)
+    if unsymmetric is not None:
+        parts.append(unsymmetric)
+    every = Contribution.join(parts)
+    moved = minimal_rows(every, scene.coordinates, reduction)
+    rows, stiffness, owner = signed_squares(every.stiffness, moved)
     idle = _without_effect(rows, stiffness, known, pairs, motion)
     if np.count_nonzero(idle):
         rows[:, idle] = 0.0
     used = (stiffness * rows.any(axis=1)).nonzero()[0]
-    return rows.take(used, axis=0), stiffness.take(used), springs + owner.take(used)
+    add_rows(found, rows.take(used, axis=0), stiffness.take(used), len(scene.owners) + owner.take(used))
+    found["circulatory"] = antisymmetric(every.circulatory, moved) if unsymmetric is not None else None
+    if found["circulatory"] is not None:
+        found["K"] = found["K"] + found["circulatory"]
+    return statics
 
 
 def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, motion: Array) -> Mask:
@@ -133,10 +99,10 @@ def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, 
     What is no stiffness must not be a little of either sign: a wheel that turns freely would swing, or grow.
     """
     lengths = np.sqrt(np.square(motion[:, 3:]).sum(axis=1))
-    force = np.sqrt(np.square(pairs.force).sum(axis=0))
-    each = known.sizes[0, :-1] + np.concatenate((force, force)).dot(known.touched)
+    force, bodies = np.sqrt(np.square(pairs.force).sum(axis=0)), len(motion) + 1
+    each = known.sizes[0] + np.bincount(pairs.first, force, bodies) + np.bincount(pairs.second, force, bodies)
     reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
-    rounding = ROUNDING * reach * (lengths * each[:, None]).T.dot(lengths)
+    rounding = ROUNDING * reach * (lengths * each[:-1, None]).T.dot(lengths)
     result: Mask = (np.abs((rows * stiffness[:, None]).T.dot(rows)) <= rounding).all(axis=1)
     return result
 

@@ -64,12 +64,10 @@ class Scene:
         return names if self.shared is None else names + self.shared.names
 
     def relative(self) -> Triplets:
-        """Return what cut joints lock, what springs feel, what ports see and what loads feel, in one pass."""
+        """Return what cut joints lock, what springs feel and what ports see, in one pass."""
         rows = [*([self.cuts.rows] if self.cuts else []), self.springs.rows, self.port.rows]
         if self.shared is not None:
             rows += self.shared.base
-        elif self.loads is not None:
-            rows.append(self.loads[1].rows)
         return relative_motion(self.coordinates, Rows.join(rows))
 
     def closure(self, relative: Triplets) -> Array:

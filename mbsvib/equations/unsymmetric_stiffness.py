@@ -2,7 +2,7 @@
 
 In coordinates (u, theta) of the exponential map a force f and a torque t about the centre of mass, that turn with the
 body, have the tangent [[0, [f]x], [0, 1/2 [t]x]]; a torque that stays fixed in the world has -1/2 [t]x. The symmetric
-part of f gives signed rows, 1/2 u . (f x theta); the antisymmetric rest is the circulatory matrix N.
+part of f is a product of rows, 1/2 u . (f x theta); the antisymmetric rest is the circulatory matrix N.
 """
 
 from __future__ import annotations
@@ -11,55 +11,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.geometric_stiffness import products
+from mbsvib.elements.contribution import Contribution, Weights, shifts, turns
+from mbsvib.elements.rows import Rows
 from mbsvib.equations.second_order_rows import normals
-from mbsvib.kinematics.loops import EPS
 from mbsvib.kinematics.mobility import crossed_product
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.wrenches import Applied
 
-# Entries of N below this share of the products that make them are rounding.
-ZERO_ENTRY = 16.0 * EPS
+_AXES = np.eye(3)
+# The pairs (i, j) of directions and their signs in v_i [f]x_ij w_j
+_PAIRS = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 0, 2, 1.0), (1, 2, 0, -1.0), (2, 0, 1, -1.0), (2, 1, 0, 1.0))
 
 
-def follower_rows(applied: Applied, motion: Array) -> tuple[Array, Array, Index]:
-    """Return the symmetric part of follower forces as rows, signed stiffness and the loads that own them.
-
-    Parameters
-    ----------
-    applied : Applied
-        What loads the mechanism.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies in minimal coordinates.
-
-    Returns
-    -------
-    rows : array, shape (rows, m)
-        Rows in minimal coordinates.
-    stiffness : array, shape (rows,)
-        Signed values.
-    owner : array, shape (rows,)
-        Numbers of the loads.
-    """
-    one, other, owner = [], [], []
-    for k in np.flatnonzero(applied.follower).tolist():
-        force, body = applied.pairs.force[:, k], motion[applied.pairs.second[k]]
-        size = float(np.linalg.norm(force))
-        if size == 0.0:
-            continue
-        a, b = normals(force / size)
-        one += [b @ body[:3], -a @ body[:3]]
-        other += [0.5 * size * (a @ body[3:]), 0.5 * size * (b @ body[3:])]
-        owner += [k, k]
-    shape = (len(owner), motion.shape[-1])
-    rows, stiffness = products(np.array(one).reshape(shape), np.array(other).reshape(shape))
-    return rows, stiffness, np.array(owner + owner, dtype=np.intp)
-
-
-def circulatory(applied: Applied, position: Array, motion: Array) -> Array | None:
-    """Return the antisymmetric part N of the stiffness that loads add, or None where there is none.
+def load_stiffness(applied: Applied, position: Array) -> Contribution | None:
+    """Return what follower loads and torques add, or None where there is neither.
 
     Parameters
     ----------
@@ -67,41 +34,39 @@ def circulatory(applied: Applied, position: Array, motion: Array) -> Array | Non
         What loads the mechanism.
     position : array, shape (3, bodies + 1)
         Centres of mass [m].
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies in minimal coordinates.
 
     Returns
     -------
-    array, shape (m, m), or None
-        N = -N^T.
+    Contribution or None
+        Rows and their weights; owners are numbers of the loads.
     """
-    pairs, m = applied.pairs, motion.shape[-1]
-    result, size = np.zeros((m, m)), np.zeros((m, m))
-    for k in range(applied.loads):
-        follows = bool(applied.follower[k])
-        torque, body = pairs.torque[:, k], motion[pairs.second[k]]
-        if not follows and not torque.any():
-            continue
-        u, theta = body[:3], body[3:]
-        if follows:
-            arm = pairs.end[:, k] - position[:, pairs.second[k]]
-            torque = torque + crossed_product(arm, pairs.force[:, k])
-            part = u.T @ _crossing(pairs.force[:, k], theta)
-            result += 0.5 * (part - part.T)
-            part = np.abs(u).T @ _sized(pairs.force[:, k], theta)
-            size += part + part.T
-        part = (0.25 if follows else -0.25) * theta.T @ _crossing(torque, theta)
-        result += part - part.T
-        size += np.abs(theta).T @ _sized(torque, theta)
-    result[np.abs(result) <= ZERO_ENTRY * size] = 0.0
-    return result if result.any() else None
+    parts = [_of_load(applied, position, k) for k in range(applied.loads)
+             if applied.follower[k] or applied.pairs.torque[:, k].any()]  # fmt: skip
+    return Contribution.join(parts) if parts else None
 
 
-def _crossing(vector: Array, columns: Array) -> Array:
-    return crossed_product(np.repeat(vector[:, None], columns.shape[1], axis=1), columns)
+def _of_load(applied: Applied, position: Array, k: int) -> Contribution:
+    """Rows u, theta of its body along the world axes (6), and for a follower force across its line (4)."""
+    ground, body, follows = position.shape[1] - 1, int(applied.pairs.second[k]), bool(applied.follower[k])
+    force, torque, at = applied.pairs.force[:, k], applied.pairs.torque[:, k], position[:, [body]]
+    along, size = _AXES, float(np.linalg.norm(force)) if follows else 0.0
+    if size > 0.0:
+        along = np.concatenate((_AXES, np.stack(normals(force / size), axis=1)), axis=1)
+    count = along.shape[1]  # rows: u along x, y, z and the two normals of the force, then theta likewise
+    entries: list[tuple[int, int, float]] = []
+    products: list[tuple[int, int, float]] = []
+    if size > 0.0:
+        torque = torque + crossed_product(applied.pairs.end[:, k] - at[:, 0], force)
+        entries += [(i, count + j, 0.5 * sign * force[c]) for i, j, c, sign in _PAIRS]
+        products += [(4, count + 3, 0.5 * size), (3, count + 4, -0.5 * size)]
+    sense = 0.5 if follows else -0.5
+    entries += [(count + i, count + j, sense * sign * torque[c]) for i, j, c, sign in _PAIRS if i < j]
+    bodies = np.full(count, body)
+    rows = Rows.join([shifts(bodies, along, np.repeat(at, count, axis=1), ground), turns(bodies, along, ground)])
+    return Contribution.of(rows, stiffness=_weights(products, k), circulatory=_weights(entries, k))
 
 
-def _sized(vector: Array, columns: Array) -> Array:
-    """The same with all signs positive: how large the products are that make a cross product."""
-    (x, y, z), (a, b, c) = np.abs(vector), np.abs(columns)
-    return np.array((y * c + z * b, z * a + x * c, x * b + y * a))
+def _weights(entries: list[tuple[int, int, float]], owner: int) -> Weights:
+    used = [entry for entry in entries if entry[2] != 0.0]
+    first, second = (np.array([entry[i] for entry in used], dtype=np.intp) for i in (0, 1))
+    return Weights(first, second, np.array([entry[2] for entry in used]), np.full(len(used), owner, dtype=np.intp))

@@ -1,0 +1,106 @@
+"""What elements add to the equations: relative displacements, and weights of their squares and products."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements.rows import Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array, Index
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """Weights of products of rows d: ``first``, ``second`` (n,) number the rows, ``value`` (n,) weighs their product.
+
+    As a symmetric form each entry adds value d_i d_i^T to a matrix, or value (d_i d_j^T + d_j d_i^T) for two different
+    rows; as an antisymmetric one value (d_i d_j^T - d_j d_i^T). ``owner`` (n,) numbers the parts that they belong to.
+    """
+
+    first: Index
+    second: Index
+    value: Array
+    owner: Index
+
+    @staticmethod
+    def none() -> Weights:
+        """Return no weights."""
+        empty = np.zeros(0, dtype=np.intp)
+        return Weights(empty, empty, np.zeros(0), empty)
+
+    def shifted(self, by: int) -> Weights:
+        """Return the same weights of rows that stand behind ``by`` others."""
+        return Weights(self.first + by, self.second + by, self.value, self.owner)
+
+
+@dataclass(frozen=True, slots=True)
+class Contribution:
+    """What some elements add to the equations of motion, as sums over relative displacements.
+
+    Row r is the sum of the relative displacements in ``rows`` whose ``row`` (n,) is r; there are ``count`` rows.
+    ``stiffness`` is a symmetric form of them, ``circulatory`` (part of K) and ``gyroscopic`` (part of C) are
+    antisymmetric ones.
+    """
+
+    rows: Rows
+    row: Index
+    count: int
+    stiffness: Weights
+    circulatory: Weights
+    gyroscopic: Weights
+
+    @staticmethod
+    def of(
+        rows: Rows, *, stiffness: Weights | None = None, circulatory: Weights | None = None,
+        gyroscopic: Weights | None = None, row: Index | None = None,
+    ) -> Contribution:  # fmt: skip
+        """Return a contribution whose rows are single relative displacements unless ``row`` adds some of them up."""
+        row = np.arange(len(rows.first)) if row is None else row
+        none = Weights.none()
+        return Contribution(rows, row, int(row.max(initial=-1)) + 1, stiffness or none, circulatory or none,
+                            gyroscopic or none)  # fmt: skip
+
+    @staticmethod
+    def join(parts: Sequence[Contribution]) -> Contribution:
+        """Return all contributions as one."""
+        start = np.cumsum([0, *(part.count for part in parts)]).tolist()
+
+        def weights(key: str) -> Weights:
+            each = [getattr(part, key).shifted(at) for part, at in zip(parts, start, strict=False)]
+            return Weights(*(np.concatenate([getattr(one, name) for one in each]) for name in Weights.__slots__))
+
+        row = np.concatenate([part.row + at for part, at in zip(parts, start, strict=False)])
+        return Contribution(Rows.join([part.rows for part in parts]), row, start[-1], weights("stiffness"),
+                            weights("circulatory"), weights("gyroscopic"))  # fmt: skip
+
+
+def turns(body: Index, along: Array, ground: int) -> Rows:
+    """Return components of the rotations of bodies, along . theta.
+
+    Parameters
+    ----------
+    body : array, shape (n,)
+        Numbers of the bodies.
+    along : array, shape (3, n)
+        Vectors, world axes.
+    ground : int
+        Number of the ground.
+
+    Returns
+    -------
+    Rows
+        Relative displacements against the ground, taken at the origin.
+    """
+    none = np.zeros(along.shape)
+    return Rows(np.full(len(body), ground), body, none, none, along)
+
+
+def shifts(body: Index, along: Array, point: Array, ground: int) -> Rows:
+    """Return components of the displacements of points (3, n) of bodies (n,) along vectors (3, n)."""
+    return Rows(np.full(len(body), ground), body, point, along, np.zeros(along.shape))

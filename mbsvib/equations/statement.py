@@ -1,0 +1,122 @@
+"""The sum of all contributions over minimal coordinates: rows, signed squares and antisymmetric matrices.
+
+A product p q is 1/4 (s p + q/s)^2 - 1/4 (s p - q/s)^2, with s such that both parts have one size: so a symmetric form
+stays a sum of weighted squares, of which no digit is lost in modes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.kinematics.loops import EPS
+from mbsvib.kinematics.relative_motion import relative_motion
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.contribution import Contribution, Weights
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Twists
+
+# Entries of an antisymmetric matrix below this share of the products that make them are rounding.
+ZERO_ENTRY = 32.0 * EPS
+
+
+def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction) -> Array:
+    """Return the rows of a contribution in minimal coordinates.
+
+    Parameters
+    ----------
+    part : Contribution
+        Relative displacements.
+    coordinates : Twists
+        The joint coordinates of the tree.
+    reduction : Reduction
+        The minimal ones.
+
+    Returns
+    -------
+    array, shape (count, m)
+        Rows, with exact zeros where loops hold them still.
+    """
+    base = reduction.apply_exactly(relative_motion(coordinates, part.rows).dense(0, len(part.rows.first)))
+    if part.count == len(base):
+        return base
+    result = np.zeros((part.count, base.shape[1]))
+    np.add.at(result, part.row, base)
+    return result
+
+
+def signed_squares(weights: Weights, rows: Array) -> tuple[Array, Array, Index]:
+    """Return a symmetric form of rows as weighted squares.
+
+    Parameters
+    ----------
+    weights : Weights
+        Weights of squares and products.
+    rows : array, shape (count, m)
+        The rows.
+
+    Returns
+    -------
+    squares : array, shape (n, m)
+        Rows of which the form is the sum of weighted squares.
+    value, owner : array, shape (n,)
+        Signed weights, and whose they are.
+    """
+    same = weights.first == weights.second
+    pairs = np.flatnonzero(~same)
+    own = np.flatnonzero(same)
+    one, other = rows[weights.first[pairs]], weights.value[pairs, None] * rows[weights.second[pairs]]
+    squares, half = products(one, other)
+    return (np.concatenate((rows[weights.first[own]], squares)), np.concatenate((weights.value[own], half)),
+            np.concatenate((weights.owner[own], weights.owner[pairs], weights.owner[pairs])))  # fmt: skip
+
+
+def products(one: Array, other: Array) -> tuple[Array, Array]:
+    """Return rows and signed weights whose energy is the sum of the products of two stacks of rows.
+
+    Parameters
+    ----------
+    one, other : array, shape (n, m)
+        Factors of each product.
+
+    Returns
+    -------
+    rows : array, shape (2 n, m)
+        Sums, then differences.
+    value : array, shape (2 n,)
+        1/2, then -1/2; 0 for a product that is zero.
+    """
+    first, second = np.einsum("nm,nm->n", one, one), np.einsum("nm,nm->n", other, other)
+    none = first * second == 0.0
+    if np.count_nonzero(none):
+        first[none] = second[none] = 1.0
+    scale = np.sqrt(np.sqrt(second / first))[:, None]
+    a, b, half = scale * one, other / scale, np.where(none, 0.0, 0.5)
+    return np.concatenate((a + b, a - b)), np.concatenate((half, -half))
+
+
+def antisymmetric(weights: Weights, rows: Array) -> Array | None:
+    """Return an antisymmetric form of rows as a matrix.
+
+    sum of value (d_i d_j^T - d_j d_i^T), where what is rounding of its products is zero
+
+    Parameters
+    ----------
+    weights : Weights
+        Weights of products.
+    rows : array, shape (count, m)
+        The rows.
+
+    Returns
+    -------
+    array, shape (m, m), or None
+        The matrix; None where it is zero.
+    """
+    one, other = rows[weights.first], weights.value[:, None] * rows[weights.second]
+    part, size = one.T @ other, np.abs(one).T @ np.abs(other)
+    result = part - part.T
+    result[np.abs(result) <= ZERO_ENTRY * (size + size.T)] = 0.0
+    return result if result.any() else None
