@@ -17,6 +17,7 @@ from mbsvib.errors import (
     SingularPoseError,
     UndeterminedForceWarning,
 )
+from mbsvib.version import __version__
 
 if TYPE_CHECKING:
     from mbsvib import isolation, library, plots, studies
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.urdf import load_urdf
-
-__version__ = "0.1.0"
 
 __all__ = [
     "AccuracyWarning",

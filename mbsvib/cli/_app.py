@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from mbsvib import __version__
 from mbsvib.cli import _checking as checking
 from mbsvib.cli import _cosimulating as cosimulating
 from mbsvib.cli import _demo as demo
@@ -15,6 +14,7 @@ from mbsvib.cli import _exporting as exporting
 from mbsvib.cli import _looking as looking
 from mbsvib.cli import _reporting as reporting
 from mbsvib.cli import _shell as shell
+from mbsvib.version import __version__
 
 app = typer.Typer(
     cls=shell.Group, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,

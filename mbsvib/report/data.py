@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import mbsvib
 from mbsvib.explain.dense import skipped
 from mbsvib.plots import _scene
 from mbsvib.plots import _tree_layout as layout
@@ -16,6 +15,7 @@ from mbsvib.plots._choice import pick
 from mbsvib.plots._curves import curves
 from mbsvib.plots.energy import largest, shares
 from mbsvib.responses.frequency_grid import placed, roots, span
+from mbsvib.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,7 +51,7 @@ def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict
     topology = system.provenance.topology
     return {
         "name": system.name,
-        "version": mbsvib.__version__,
+        "version": __version__,
         "facts": _facts(system),
         "scene": _picture(system),
         "modes": _modes(system, modes),
