@@ -1,5 +1,5 @@
 """Models from MuJoCo's files (MJCF): bodies, joints, springs, tendons, actuators and closed loops, in any pose."""
 
-from mbsvib.mjcf.scene import load_mjcf
+from mbsvib.mjcf.loading import load_mjcf
 
 __all__ = ["load_mjcf"]

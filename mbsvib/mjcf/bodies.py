@@ -12,6 +12,7 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mjcf.compiled import BALL, FREE, HINGE, SLIDE, Compiled, known
 from mbsvib.mjcf.scene import Link, Scene
+from mbsvib.mjcf.wheels import add_wheel
 from mbsvib.urdf.groups import Group
 from mbsvib.urdf.reading import Link as Mass
 
@@ -90,7 +91,7 @@ def add_springs(scene: Scene, stiffness: Any, damping: Any) -> None:
         name = file.name("joint", i)
         k, force = _file_stiffness(scene, i)
         start = int(m.jnt_dofadr[i])
-        scene.felt[start : start + len(force)] += force
+        scene.joint_forces[start : start + len(force)] += force
         c = 0.0 if file.off("DAMPER", "PASSIVE") else float(m.dof_damping[start]) + added(file, "joint", i, "damping")
         if link.own is None:
             _add_wide(scene, i, k, c, force)
@@ -205,8 +206,6 @@ def added(file: Compiled, target: str, i: int, what: str) -> float:
 
 def add_armature(scene: Scene) -> None:
     """Add the reflected inertia of joints, which moves with the joint alone."""
-    from mbsvib.mjcf.wheels import add_wheel
-
     m = scene.file.m
     for i, link in scene.links.items():
         inertia = float(m.dof_armature[int(m.jnt_dofadr[i])]) + added(scene.file, "joint", i, "armature")

@@ -61,7 +61,7 @@ def compare(scene: Scene) -> None:
     file, d = scene.file, scene.file.d
     # either of the two has what lifts weight, which loads of the model's own gravity do
     found = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
-    ours = scene.felt
+    ours = scene.joint_forces
     size = max(np.abs(each).max(initial=0.0) for each in (found, ours, d.qfrc_gravcomp))
     off = np.abs(found - ours)
     if off.size and off.max() > SAME * size:

@@ -127,11 +127,11 @@ def attach(scene: Scene, name: str, path: Path, gear: float, k: float, c: float,
     if path.ends:
         (a, start), (b, end) = path.ends
         if scene.bodies[a] != scene.bodies[b]:
-            scene.felt += force * _line_rates(scene, path)
+            scene.joint_forces += force * _line_rates(scene, path)
             scene.model.add_spring(name, scene.bodies[a], scene.bodies[b], start, end, k, c, -force if force else None)
         return
     for joint, value in path.terms:
-        scene.felt[int(scene.file.m.jnt_dofadr[joint])] += force * value
+        scene.joint_forces[int(scene.file.m.jnt_dofadr[joint])] += force * value
     link, six = scene.links[path.terms[0][0]], np.zeros(6)
     if len(path.terms) == 1:
         first, second, six[link.own] = link.first, link.second, path.terms[0][1]
