@@ -16,7 +16,7 @@ from mbsvib_export.fmu_.description_2 import description_2
 from mbsvib_export.fmu_.description_3 import description_3
 from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
-from mbsvib_export.fmu_.plant import plant_of
+from mbsvib_export.fmu_.sources import plant_of
 from mbsvib_export.fmu_.variables import variables_of
 from mbsvib_export.whole_file import write_whole
 

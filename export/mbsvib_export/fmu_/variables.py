@@ -9,6 +9,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mbsvib_export.fmu_.names import base_unit, unique_names
+from mbsvib_export.fmu_.tunable import patterns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -118,12 +119,7 @@ def _dependencies(plant: Plant) -> Iterator[tuple[int, list[int]]]:
     inputs, states = np.arange(1, 1 + m), np.arange(1 + m + p, 1 + m + p + n)
     # tunable parameters have to be among them: importers take wrong Jacobians otherwise, and do not say so
     parameters = list(range(1 + m + p + 2 * n, 1 + m + p + 2 * n + len(plant.tunable)))
-    if plant.tunable:
-        from mbsvib_export.fmu_.tunable import patterns
-
-        filled = patterns(plant)
-    else:
-        filled = {label: getattr(plant, label) != 0 for label in "ABCD"}
+    filled = patterns(plant) if plant.tunable else {label: getattr(plant, label) != 0 for label in "ABCD"}
     for first, of_states, of_inputs in ((1 + m, "C", "D"), (1 + m + p + n, "A", "B")):
         for i, (x, u) in enumerate(zip(filled[of_states], filled[of_inputs], strict=True)):
             yield first + i, [*inputs[u].tolist(), *states[x].tolist(), *parameters]
