@@ -27,7 +27,6 @@ from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import Isolation, study
 from mbsvib.isolation.margins import Margins
 from mbsvib.isolation.maxwell_parts import unfolded
-from mbsvib.isolation.noise import BaseNoise, Shaped, Table, shaped, table, white
 from mbsvib.isolation.octaves import vc_curve
 from mbsvib.isolation.pareto import Front
 from mbsvib.isolation.passive import Passive, passive
@@ -37,6 +36,7 @@ from mbsvib.isolation.sampled import SampledLoop
 from mbsvib.isolation.struts import Struts, ring, struts
 from mbsvib.isolation.synthesis import hinf, lqg
 from mbsvib.isolation.vibration import Vibration
+from mbsvib.responses.power_spectra import BaseNoise, Shaped, Table, shaped, table, white
 
 __all__ = [
     "Active", "BaseNoise", "ClosedLoop", "Collocation", "Controller", "Design", "Front", "Isolation", "Margins", "Pair",

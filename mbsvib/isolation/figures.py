@@ -206,8 +206,8 @@ class Isolation:
         ResponseError
             If a spectrum is refused, or the vibration grows without bound.
         """
-        from mbsvib.isolation.noise import base_noise
         from mbsvib.isolation.vibration import vibration
+        from mbsvib.responses.power_spectra import base_noise
 
         return vibration(self, base_noise(spectra, self.scene.moved, correlation), band)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.closed_loop import ClosedLoop
-    from mbsvib.isolation.noise import BaseNoise, Shaped
+    from mbsvib.responses.power_spectra import BaseNoise, Shaped
 
     Linear: TypeAlias = System | ClosedLoop
 

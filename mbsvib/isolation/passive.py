@@ -14,10 +14,10 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design
 from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures
-from mbsvib.isolation.noise import base_noise
 from mbsvib.isolation.study_scene import DIRECTIONS, Scene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.responses.power_spectra import base_noise
 from mbsvib.studies import Constraint, Quantity, optimize
 from mbsvib.studies.quantities import Leaf
 from mbsvib.studies.responses import Peak, band_of
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
-    from mbsvib.isolation.noise import BaseNoise
     from mbsvib.isolation.pareto import Front
+    from mbsvib.responses.power_spectra import BaseNoise
     from mbsvib.studies import Constraint
 
     Bounds = Mapping[str, tuple[float | None, float | None] | None]

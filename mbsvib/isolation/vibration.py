@@ -12,7 +12,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.isolation import octaves
 from mbsvib.isolation.figures import ACCELERATIONS, checked
 from mbsvib.isolation.mean_square import integrals, moments, panels
-from mbsvib.isolation.noise import BaseNoise, Shaped
+from mbsvib.responses.power_spectra import BaseNoise, Shaped
 
 if TYPE_CHECKING:
     import os

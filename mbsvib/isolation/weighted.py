@@ -9,14 +9,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from mbsvib.isolation.integrand import DENSE, response, solved
-from mbsvib.studies.responses import Ports, _nodes
+from mbsvib.studies.responses import Ports, quadrature
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.noise import BaseNoise
+    from mbsvib.responses.power_spectra import BaseNoise
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Dual
@@ -162,7 +162,7 @@ class MeanSquares:
         return place.dual(self._last[2][rows], self._last[3][rows])
 
     def _computed(self, place: Place) -> tuple[Array, Array]:
-        f, weight = _nodes(place.system, Ports(self.outputs, self.inputs), self.noise, self.band)
+        f, weight = quadrature(place.system, Ports(self.outputs, self.inputs), self.noise, self.band)
         g, slope = _by_laws(place, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
         # (G S) of each output, conjugated: the other half of the square
         half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()

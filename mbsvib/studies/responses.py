@@ -11,13 +11,14 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses import extrema
 from mbsvib.responses.frequency_grid import span
+from mbsvib.responses.power_spectra import base_noise
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.quantities import Dual, Leaf
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.noise import BaseNoise
+    from mbsvib.responses.power_spectra import BaseNoise
     from mbsvib.studies.evaluation import Place
     from mbsvib.studies.quantities import Quantity
 
@@ -130,8 +131,6 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
     ResponseError
         If a spectrum is refused or the band does not ascend.
     """
-    from mbsvib.isolation.noise import base_noise
-
     if not isinstance(spectra, Mapping) or not spectra:
         raise ResponseError(f"rms: spectra = {check.shown(spectra)}; expected a density for each input, such as "
                             f"{{'floor.x': 1e-6}}.")  # fmt: skip
@@ -161,7 +160,7 @@ def band_of(band: Any, lowest: float | None = None) -> Band | None:
 def _rms(place: Place, ports: Ports, noise: BaseNoise, band: Band | None) -> Dual:
     system = place.system
     outputs, inputs = ports.of(system)
-    f, weight = _nodes(system, ports, noise, band)
+    f, weight = quadrature(system, ports, noise, band)
     spectrum = dict(zip(ports.inputs or (), noise.spectra, strict=True))
     density = np.array([spectrum[name].at(f) for name in inputs]) * weight
     g, slope = place.response(2.0 * np.pi * f, inputs, outputs)
@@ -171,8 +170,30 @@ def _rms(place: Place, ports: Ports, noise: BaseNoise, band: Band | None) -> Dua
     return place.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
 
 
-def _nodes(system: System, ports: Ports, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
-    """Frequencies [Hz] and weights [Hz] of an integral over the band, exact to rounding."""
+def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:
+    """Return nodes and weights of the integral of responses to noise over a band, exact to rounding.
+
+    Parameters
+    ----------
+    system : System
+        The equations of motion.
+    ports : Ports
+        Where noise enters, and what is asked for.
+    noise : BaseNoise
+        Its densities.
+    band : (float, float) or None
+        First and last frequency [Hz]; None: all.
+
+    Returns
+    -------
+    frequencies, weights : array, shape (n,)
+        Both in Hz.
+
+    Raises
+    ------
+    ResponseError
+        If the integral has no bound: the system is not stable, or noise excites what is not damped.
+    """
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
         raise ResponseError(f"rms: '{system.name}' is not stable, so that its vibration grows without bound.")

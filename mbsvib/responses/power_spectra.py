@@ -1,6 +1,6 @@
-"""Vibration of the base: power spectral densities of its accelerations, as tables, white, or shaped by a filter.
+"""Power spectral densities of noise: tables, white noise, white noise through a filter, and several of these at once.
 
-All are one-sided and over Hz, as floors are measured: the mean square is their integral from 0 to infinity.
+All are one-sided and over Hz, as vibration of floors is measured: the mean square is their integral from 0 to infinity.
 """
 
 from __future__ import annotations
