@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.power_spectra import BaseNoise
     from mbsvib.sensitivities.matrices import MatrixDerivatives
+    from mbsvib.studies.dual import Dual
     from mbsvib.studies.evaluation import Place
-    from mbsvib.studies.quantities import Dual
 
     Law = tuple[str, str, str]
 

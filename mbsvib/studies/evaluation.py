@@ -13,16 +13,15 @@ from mbsvib.api.system import System
 from mbsvib.errors import ModelError
 from mbsvib.linalg.matching import Station, upper
 from mbsvib.sensitivities.variables import variables as resolved
-from mbsvib.studies.quantities import Dual
+from mbsvib.studies.dual import Dual
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Hashable, Iterable, Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
-    from mbsvib.studies.extremes import Largest
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Place:
     rates: Mapping[str, Mapping[str, float]]
     values: Mapping[str, float]
     scale: Array
-    levels: Mapping[Largest, float]
+    levels: Mapping[Hashable, float]
     order: Index | None = None
 
     @classmethod
@@ -49,7 +48,7 @@ class Place:
         values = {name: known[known.matching(name)[0]] for name in names}
         return cls(system, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {})
 
-    def with_levels(self, levels: Mapping[Largest, float]) -> Place:
+    def with_levels(self, levels: Mapping[Hashable, float]) -> Place:
         """Return the same place with numbers that stand for the largest of many; what is known of it is kept."""
         result = replace(self, levels=levels)
         result.__dict__.update((name, self.__dict__[name]) for name in ("modes", "pairs") if name in self.__dict__)
@@ -60,7 +59,7 @@ class Place:
         """Number of unknowns."""
         return len(self.scale) + len(self.levels)
 
-    def level(self, largest: Largest) -> Dual | None:
+    def level(self, largest: Hashable) -> Dual | None:
         """Return the number that stands for the largest of many; None where there is none."""
         if largest not in self.levels:
             return None

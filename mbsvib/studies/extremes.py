@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.studies.quantities import Dual, Quantity, quantity, stacked
+from mbsvib.studies.dual import Dual, stacked
+from mbsvib.studies.quantities import Quantity, quantity
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

@@ -10,8 +10,9 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import ModelError, nearest
+from mbsvib.studies.dual import Dual
 from mbsvib.studies.modal import Modal
-from mbsvib.studies.quantities import Dual, Leaf, Quantity
+from mbsvib.studies.quantities import Leaf, Quantity
 from mbsvib.studies.responses import Peak, Ports, band_of
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import ModelError, counted
-from mbsvib.studies.quantities import Dual, Leaf
+from mbsvib.studies.dual import Dual
+from mbsvib.studies.quantities import Leaf
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System

@@ -9,34 +9,14 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
+from mbsvib.studies.dual import Dual
+from mbsvib.studies.evaluation import Place
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.evaluation import Place
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Dual:
-    """Numbers ``value`` (k,) with their derivatives ``slope`` (k, n)."""
-
-    value: Array
-    slope: Array
-
-    def __add__(self, other: Dual) -> Dual:
-        return Dual(self.value + other.value, self.slope + other.slope)
-
-    def __mul__(self, other: Dual) -> Dual:
-        slope = self.value[:, None] * other.slope + other.value[:, None] * self.slope
-        return Dual(self.value * other.value, slope)
-
-    def through(self, function: Callable[[Array], Array], rate: Callable[[Array], Array]) -> Dual:
-        """Return a function of each number, by its derivative."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # what is not finite is refused by who asked
-            return Dual(function(self.value), rate(self.value)[:, None] * self.slope)
-
 
 class Quantity:
     """A number, or several, that a system has, with exact derivatives to whatever variables are asked for.
@@ -66,7 +46,7 @@ class Quantity:
         return self._rule(*[part.at(place) for part in self.parts])
 
     def __call__(self, system: System) -> Any:
-        value = self.at(_place(system, ())).value
+        value = self.at(Place.of(system, ())).value
         return value if len(value) != 1 else float(value[0])
 
     def gradient(self, system: System, variables: Any) -> Array:
@@ -84,7 +64,7 @@ class Quantity:
         array, shape (numbers, variables)
             Derivatives [per unit of the variable].
         """
-        return self.at(_place(system, variables)).slope
+        return self.at(Place.of(system, variables)).slope
 
     def inner(self) -> Iterator[Quantity]:
         """Go through this quantity and all that it is made of."""
@@ -253,13 +233,6 @@ def quantity(value: Any) -> Quantity:
     return Quantity(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
 
 
-def stacked(duals: Sequence[Dual]) -> Dual:
-    """Return all numbers behind each other; constants have derivatives (k, 1), whatever the others have."""
-    width = next((dual.slope.shape[1] for dual in duals if dual.slope.shape[1] != 1), 1)
-    slopes = [np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]
-    return Dual(np.concatenate([dual.value for dual in duals]), np.concatenate(slopes))
-
-
 def _joined(sign: str, one: Quantity, other: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:
     left, right = (one.label, other.label) if sign == "+" else (_bracketed(one), _bracketed(other))
     return Quantity(f"{left} {sign} {right}", (one, other), rule)
@@ -279,9 +252,3 @@ def _between(one: Quantity, low: Any, high: Any) -> Constraint:
     if least is not None and most is not None and least > most:
         raise check.refuse(one.label, "low", least, f"no more than high = {most:g}")
     return Constraint(one, least, most)
-
-
-def _place(system: System, variables: Any) -> Place:
-    from mbsvib.studies.evaluation import Place
-
-    return Place.of(system, variables)

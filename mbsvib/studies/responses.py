@@ -12,8 +12,9 @@ from mbsvib.errors import ResponseError, nearest
 from mbsvib.responses import extrema
 from mbsvib.responses.frequency_grid import span
 from mbsvib.responses.power_spectra import base_noise
+from mbsvib.studies.dual import Dual
 from mbsvib.studies.extremes import Largest
-from mbsvib.studies.quantities import Dual, Leaf
+from mbsvib.studies.quantities import Leaf
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System

@@ -15,13 +15,14 @@ import numpy as np
 from mbsvib.api.settled import settled
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, reference, step
+from mbsvib.studies.dual import Dual, stacked
 from mbsvib.studies.evaluation import Place, check_variables, checked, station
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
-from mbsvib.studies.quantities import Constraint, Dual, Quantity, stacked
+from mbsvib.studies.quantities import Constraint, Quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Hashable, Mapping
 
     from mbsvib.api.model import Model
     from mbsvib.api.system import System
@@ -104,7 +105,9 @@ class Search:
         if self._value is not None and np.array_equal(self._value.z, z):
             return self._value
         n = len(self.scales.start)
-        levels = {each: float(level) * self.unit[each] for each, level in zip(self.largest, z[n:], strict=True)}
+        levels: dict[Hashable, float] = {
+            each: float(level) * self.unit[each] for each, level in zip(self.largest, z[n:], strict=True)
+        }
         place = self.place(z[:n]).with_levels(levels)
         try:
             f = self._one(self.objective.at(place))
