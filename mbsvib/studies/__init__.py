@@ -5,11 +5,12 @@ question          what is asked: results by name, functions
 running           in batches, or one by one, in processes
 record            answers in a file as they come
 sweeps, results   ``sweep`` and what it returns
+figures           what is drawn of all of these
 tracks            ``track``: modes that keep their names over a sweep
 scatter, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
-quantities, extremes   numbers of a system with their gradients, and what is made of them
+dual, evaluation, quantities, extremes   numbers of a system with their gradients, and what is made of them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
-evaluation, scales, search, solvers, optimizing   ``optimize`` and what it returns
+scales, search, solvers, optimizing   ``optimize`` and what it returns
 """
 
 from mbsvib.studies.extremes import largest, smallest

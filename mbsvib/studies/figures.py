@@ -1,4 +1,4 @@
-"""Figures of studies."""
+"""Figures of studies, drawn from plain arrays: sweeps, root loci, tolerances."""
 
 from __future__ import annotations
 
@@ -6,68 +6,73 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.errors import ModelError
 from mbsvib.plots import _style as style
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from mbsvib.studies.results import Sweep
-    from mbsvib.studies.scatter import Tolerances
-    from mbsvib.studies.tracks import Tracks
+    from mbsvib.common.arrays import Array, Complex
 
 MOST_LINES = 12
 BINS = 60
 
 
-def sweep(data: Sweep, label: str | None = None) -> Figure:
-    """Draw one result of a sweep.
+def over_variables(
+    values: NDArray[Any], label: str, columns: Mapping[str, Array], axes_values: Mapping[str, Array], *, grid: bool,
+    units: Mapping[str, str], name: str, entries: Sequence[str] = (),
+) -> Figure:  # fmt: skip
+    """Draw real numbers over the variables of a sweep.
 
     Parameters
     ----------
-    data : Sweep
-        The sweep.
-    label : str, optional
-        The result; default: the first of real numbers.
+    values : array, shape (n,) or (n, ...)
+        What is drawn.
+    label : str
+        Its name.
+    columns : mapping of str to array, shape (n,)
+        Variables by point.
+    axes_values : mapping of str to array
+        Values of each variable.
+    grid : bool
+        Whether points are all combinations of these.
+    units : mapping of str to str
+        Of variables and results, as far as known.
+    name : str
+        The model's name.
+    entries : sequence of str
+        Names of the entries of a vector; default: their numbers.
 
     Returns
     -------
     matplotlib.figure.Figure
         Lines over one variable, a map over two (of the first entry of a vector), histograms over more.
-
-    Raises
-    ------
-    ModelError
-        If there is no result of real numbers to draw.
     """
-    real = (key for key, found in data.results.items() if found.dtype.kind in "biuf")
-    name = next(real, next(iter(data.results), "")) if label is None else label
-    values = data[name]
-    if values.dtype.kind not in "biuf":
-        raise ModelError(f"plot of '{data.name}': '{name}' is not of real numbers; draw results of real numbers.",
-                         element=name, field="label")  # fmt: skip
-    varied = [variable for variable, axis in data.axes.items() if len(np.unique(axis)) > 1]
-    flat = values.reshape(len(data), -1).astype(float)
+    varied = [variable for variable, axis in axes_values.items() if len(np.unique(axis)) > 1]
+    flat = values.reshape(len(values), -1).astype(float)
+    words = _with_unit(label, units)
     with style.context():
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
         if len(varied) == 1:
-            _lines(axes, data.parameters[varied[0]], flat, getattr(data, "modes", ()))
-            axes.set_xlabel(_said(varied[0], data))
-            axes.set_ylabel(_said(name, data))
-        elif len(varied) == 2 and len(data.shape) > 1:
-            said = _said(name, data)
-            _map(figure, axes, data, varied, flat[:, 0], said if flat.shape[1] == 1 else f"entry 1 of {said}")
+            _lines(axes, columns[varied[0]], flat, entries)
+            axes.set_xlabel(_with_unit(varied[0], units))
+            axes.set_ylabel(words)
+        elif len(varied) == 2 and grid:
+            shape = [len(axis) for axis in axes_values.values()]
+            _map(figure, axes, [axes_values[variable] for variable in varied], flat[:, 0].reshape(shape).squeeze(),
+                 words if flat.shape[1] == 1 else f"entry 1 of {words}")  # fmt: skip
+            axes.set_xlabel(_with_unit(varied[1], units))
+            axes.set_ylabel(_with_unit(varied[0], units))
         else:
             histograms(axes, flat)
-            axes.set_xlabel(_said(name, data))
+            axes.set_xlabel(words)
             axes.set_ylabel("points [-]")
         over = ", ".join(varied[:3]) + (", ..." if len(varied) > 3 else "")
-        title(axes, f"{name} over {over or 'nothing'}", data.name)
+        title(axes, f"{label} over {over or 'nothing'}", name)
     return figure
 
 
@@ -87,28 +92,36 @@ def title(axes: Axes, words: str, name: str) -> None:
         axes.set_title(name, loc="right", color=style.MARK, fontsize=8.5)
 
 
-def root_locus(data: Tracks) -> Figure:
-    """Draw the eigenvalues of tracked modes.
+def root_locus(
+    eigenvalues: Complex, modes: Sequence[str], variables: Iterable[str], name: str, *, samples: bool
+) -> Figure:
+    """Draw the eigenvalues of modes over the points of a sweep.
 
     Parameters
     ----------
-    data : Tracks
-        The modes.
+    eigenvalues : array, shape (n, modes)
+        Those without negative imaginary parts [1/s].
+    modes : sequence of str
+        Names of the modes.
+    variables : iterable of str
+        Names of what varies.
+    name : str
+        The model's name.
+    samples : bool
+        Whether neighbours in the array are no neighbours in the variables, so that no line joins them.
 
     Returns
     -------
     matplotlib.figure.Figure
         The upper half of the complex plane, a line for each mode.
     """
-    values = data["eigenvalues"]
-    samples = len(data.shape) > 1
     with style.context():
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
-        for i, (name, track) in enumerate(zip(data.modes, values.T[:MOST_LINES], strict=False)):
+        for i, (mode, track) in enumerate(zip(modes, eigenvalues.T[:MOST_LINES], strict=False)):
             look = style.line(i)
             dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
-            axes.plot(track.real, track.imag, label=name, **(look | dots))
+            axes.plot(track.real, track.imag, label=mode, **(look | dots))
             if not samples:
                 good = np.flatnonzero(np.isfinite(track))
                 for at, marker in ((good[0], "o"), (good[-1], "s")):
@@ -118,49 +131,51 @@ def root_locus(data: Tracks) -> Figure:
         axes.set_xlabel("real part [1/s]")
         axes.set_ylabel("imaginary part [rad/s]")
         axes.legend(title="mode")
-        title(axes, f"Eigenvalues over {', '.join(data.parameters)}", data.name)
+        title(axes, f"Eigenvalues over {', '.join(variables)}", name)
     return figure
 
 
-def tolerances(data: Tolerances, label: str | None = None) -> Figure:
+def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Array, name: str) -> Figure:
     """Draw histograms of a tolerance analysis.
 
     Parameters
     ----------
-    data : Tolerances
-        The analysis.
-    label : str, optional
-        Which number; default: the first twelve.
+    labels : sequence of str
+        The k numbers.
+    sampled, linear : array, shape (n, k)
+        Numbers of the samples, and what first order says of them.
+    nominal : array, shape (k,)
+        Numbers of the model as it is.
+    name : str
+        The model's name.
 
     Returns
     -------
     matplotlib.figure.Figure
         Samples as areas, what first order says of them as lines, the nominal value as a dashed one.
     """
-    which = list(range(min(len(data.labels), MOST_LINES))) if label is None else [data.index(label)]
-    columns = min(3, len(which))
+    count = len(labels)
+    columns = min(3, count)
     with style.context():
-        rows = -(-len(which) // columns)
-        figure = style.new_figure(*((6.4, 4.2) if len(which) == 1 else (3.2 * columns, 2.2 * rows)))
+        rows = -(-count // columns)
+        figure = style.new_figure(*((6.4, 4.2) if count == 1 else (3.2 * columns, 2.2 * rows)))
         panels = figure.subplots(rows, columns, squeeze=False)
-        for axes in panels.flat[len(which) :]:
+        for axes in panels.flat[count:]:
             axes.set_visible(False)
-        for axes, i in zip(panels.flat, which, strict=False):
-            sampled = data.sampled[np.isfinite(data.sampled[:, i]), i]
-            linear = data.linear[np.isfinite(data.linear[:, i]), i]
-            both = np.concatenate((sampled, linear))
-            low, high = np.quantile(both, (0.0005, 0.9995))
+        for i, (axes, label) in enumerate(zip(panels.flat, labels, strict=False)):
+            shown, first = (table[np.isfinite(table[:, i]), i] for table in (sampled, linear))
+            low, high = np.quantile(np.concatenate((shown, first)), (0.0005, 0.9995))
             edges = np.linspace(low, high, BINS + 1)
-            axes.hist(sampled, bins=edges, color=style.COLOURS[5], label="samples")
-            if len(linear):
-                axes.hist(linear, bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
-            axes.axvline(data.nominal[i], color=style.INK, linewidth=0.9, linestyle="--", label="nominal")
-            name, _, unit = data.labels[i].partition(" [")
-            axes.set_xlabel(f"{name} [{unit or '-]'}")
+            axes.hist(shown, bins=edges, color=style.COLOURS[5], label="samples")
+            if len(first):
+                axes.hist(first, bins=edges, histtype="step", color=style.COLOURS[1], label="first order")
+            axes.axvline(nominal[i], color=style.INK, linewidth=0.9, linestyle="--", label="nominal")
+            quantity, _, unit = label.partition(" [")
+            axes.set_xlabel(f"{quantity} [{unit or '-]'}")
             axes.set_ylabel("samples [-]")
             axes.locator_params(axis="x", nbins=4)
         panels.flat[0].legend(fontsize=7.0)
-        figure.suptitle(f"Tolerances of {data.name}", x=0.02, ha="left", fontsize=10.5)
+        figure.suptitle(f"Tolerances of {name}", x=0.02, ha="left", fontsize=10.5)
     return figure
 
 
@@ -174,18 +189,15 @@ def _lines(axes: Axes, x: NDArray[Any], flat: NDArray[Any], names: Sequence[str]
         axes.legend(title="mode" if names else "entry", ncols=2)
 
 
-def _map(figure: Figure, axes: Axes, data: Sweep, varied: list[str], values: NDArray[Any], words: str) -> None:
-    shape = [len(axis) for axis in data.axes.values()]
-    table = values.reshape(shape).squeeze()
-    first, second = (data.axes[name] for name in varied)
+def _map(figure: Figure, axes: Axes, grid: Sequence[Array], values: Array, words: str) -> None:
+    """Colours of values (rows, columns) over the two axes of a grid, whose values may be in any order."""
+    first, second = grid
     rows, columns = np.argsort(first), np.argsort(second)
-    image = axes.pcolormesh(second[columns], first[rows], table[np.ix_(rows, columns)], shading="nearest",
+    image = axes.pcolormesh(second[columns], first[rows], values[np.ix_(rows, columns)], shading="nearest",
                             cmap="viridis", rasterized=True)  # fmt: skip
     axes.grid(False)
     figure.colorbar(image, ax=axes, label=words)
-    axes.set_xlabel(_said(varied[1], data))
-    axes.set_ylabel(_said(varied[0], data))
 
 
-def _said(name: str, data: Sweep) -> str:
-    return f"{name} [{data.units.get(name, '-')}]"
+def _with_unit(name: str, units: Mapping[str, str]) -> str:
+    return f"{name} [{units.get(name, '-')}]"

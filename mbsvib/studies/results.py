@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.studies.figures import over_variables
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -63,6 +64,11 @@ class Sweep:
         result = np.zeros(len(self), dtype=bool)
         result[list(self.errors)] = True
         return result
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Names of the entries of each result; none where they have no names."""
+        return ()
 
     def grid(self, label: str) -> NDArray[Any]:
         """Return a result over the grid.
@@ -160,10 +166,20 @@ class Sweep:
         -------
         matplotlib.figure.Figure
             Lines over one variable, a map over the grid of two, and histograms of samples of more.
-        """
-        from mbsvib.studies.figures import sweep
 
-        return sweep(self, label)
+        Raises
+        ------
+        ModelError
+            If there is no result of real numbers to draw.
+        """
+        real = (key for key, found in self.results.items() if found.dtype.kind in "biuf")
+        name = next(real, next(iter(self.results), "")) if label is None else label
+        values = self[name]
+        if values.dtype.kind not in "biuf":
+            raise ModelError(f"plot of '{self.name}': '{name}' is not of real numbers; draw results of real numbers.",
+                             element=name, field="label")  # fmt: skip
+        return over_variables(values, name, self.parameters, self.axes, grid=len(self.shape) > 1, units=self.units,
+                              name=self.name, entries=self.entries)  # fmt: skip
 
     def __str__(self) -> str:
         from mbsvib.common import tables

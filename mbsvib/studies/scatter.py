@@ -12,6 +12,7 @@ import numpy as np
 from mbsvib.api.batch import Batch
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, counted, nearest
+from mbsvib.studies import figures
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import Place, checked
 from mbsvib.studies.first_order import first_order, no_order
@@ -166,9 +167,9 @@ class Tolerances:
         matplotlib.figure.Figure
             A histogram of samples for each number, first order as a line.
         """
-        from mbsvib.studies.figures import tolerances
-
-        return tolerances(self, label)
+        which = slice(figures.MOST_LINES) if label is None else slice(self.index(label), self.index(label) + 1)
+        return figures.tolerances(self.labels[which], self.sampled[:, which], self.linear[:, which],
+                                  self.nominal[which], self.name)  # fmt: skip
 
     def __str__(self) -> str:
         from mbsvib.common import tables

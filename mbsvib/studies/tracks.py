@@ -13,6 +13,7 @@ from mbsvib.errors import MbsvibError, ModelError, nearest
 from mbsvib.linalg.matching import Reference, Station, reference, step
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import station
+from mbsvib.studies.figures import root_locus
 from mbsvib.studies.results import Sweep
 from mbsvib.studies.sweeps import sweep
 
@@ -40,6 +41,11 @@ class Tracks(Sweep):
     """
 
     modes: tuple[str, ...] = field(default=())
+
+    @property
+    def entries(self) -> tuple[str, ...]:
+        """Names of the modes, which are the entries of each result."""
+        return self.modes
 
     def mode(self, name: str, result: str = "frequencies") -> NDArray[Any]:
         """Return a result of one mode.
@@ -85,9 +91,7 @@ class Tracks(Sweep):
         matplotlib.figure.Figure
             A line for each mode, from a circle at the first point to a square at the last.
         """
-        from mbsvib.studies.figures import root_locus
-
-        return root_locus(self)
+        return root_locus(self["eigenvalues"], self.modes, self.parameters, self.name, samples=len(self.shape) > 1)
 
 
 def track(
