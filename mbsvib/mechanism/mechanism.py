@@ -262,6 +262,9 @@ class Mechanism:
             self._made = {name: part for name, part in self._made.items() if part.name not in before}
             for part in self._composed.values():
                 self._name_made(part)
+        if "_springs" in state and "_made" not in state:
+            self._made = {name: part for name, part in self._made.items()
+                          if part.name in self._composed or part.name in self._springs}  # fmt: skip
 
     def _group(self, key: str) -> dict[str, Any]:
         group: dict[str, Any] = getattr(self, f"_{key}")
