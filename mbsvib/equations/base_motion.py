@@ -41,7 +41,7 @@ def check_turning(model: Mechanism, source: BaseMotion) -> None:
     axis = source.wrench[3:]
     if not any(axis):
         return
-    for what, direction, hint in _fixed_in_world(model):
+    for what, direction, hint in fixed_in_world(model):
         cross = (axis[1] * direction[2] - axis[2] * direction[1], axis[2] * direction[0] - axis[0] * direction[2],
                  axis[0] * direction[1] - axis[1] * direction[0])  # fmt: skip
         if hypot(*cross) > PARALLEL * hypot(*axis) * hypot(*direction):
@@ -53,8 +53,8 @@ def check_turning(model: Mechanism, source: BaseMotion) -> None:
             )  # fmt: skip
 
 
-def _fixed_in_world(model: Mechanism) -> Iterator[tuple[str, Vector, str]]:
-    """What it is, its direction, and what to do without it."""
+def fixed_in_world(model: Mechanism) -> Iterator[tuple[str, Vector, str]]:
+    """Return what does not turn with the ground: what it is, its direction, and what to do without it."""
     if model.gravity is not None and any(model.gravity):
         yield f"gravity acts along {model.gravity}", model.gravity, "Turn about that direction only, leave gravity out"
     for load in model.loads.values():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,7 +10,10 @@ from mbsvib.elements import Maxwell
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.api.model import Model
+    from mbsvib.elements import Bushing, Spring
 
 
 def unfolded(model: Model) -> Model:
@@ -35,15 +38,14 @@ def unfolded(model: Model) -> Model:
     ModelError
         If an input, output or other part names a Maxwell element.
     """
-    relaxing: list[Any] = [part for part in model.springs.values() if isinstance(part, Maxwell)]
-    result = model.with_values({})
-    for part in relaxing:
+    springs: Mapping[str, Bushing | Spring | Maxwell] = model.springs
+    result = model.with_parts(springs={name: part for name, part in springs.items() if not isinstance(part, Maxwell)})
+    for part in [part for part in springs.values() if isinstance(part, Maxwell)]:
         asked = [port.name for port in (*model.inputs.values(), *model.outputs.values())
                  if part.name in port.words().values()]  # fmt: skip
         if asked:
             raise ModelError(f"unfolded: '{asked[0]}' names the Maxwell element '{part.name}', which becomes several "
                              f"parts; leave this port out.", element=asked[0])  # fmt: skip
-        del result._springs[part.name]
         start, end = np.array(part.start), np.array(part.end)
         middle = 0.5 * (start + end)
         node = f"{part.name}.node"

@@ -14,6 +14,7 @@ from mbsvib.common.expected import a_model, names
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.superelement import Superelement
+from mbsvib.equations.base_motion import fixed_in_world
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -122,7 +123,7 @@ def scene(
     if size <= 0.0:
         hint = "A body of no extent has no length of its own: give one." if length is None else ""
         raise check.refuse(who, "length", length, "a positive length [m]", hint)
-    copy = _without_ports(model) if base == GROUND else _welded(model, base)
+    copy = model.with_parts(inputs={}, outputs={}) if base == GROUND else _welded(model, base)
     moved, notes = _moved(copy, directions)
     for direction in moved:
         copy.add_base_motion(f"base.{direction}", direction, at)
@@ -139,13 +140,6 @@ def scene(
 def _size(body: Body) -> float:
     """Root mean square distance of a body's mass from its centre."""
     return sqrt(0.5 * sum(body.inertia[:3]) / body.mass) if body.mass > 0.0 else 0.0
-
-
-def _without_ports(model: Model) -> Model:
-    copy = model.with_values({})
-    copy._inputs.clear()
-    copy._outputs.clear()
-    return copy
 
 
 def _welded(model: Model, base: str) -> Model:
@@ -184,9 +178,7 @@ def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, .
         if not asked:
             raise check.refuse("isolation", "directions", directions, "some of x y z rx ry rz")
         return tuple([d for d in DIRECTIONS if d in asked]), ()
-    from mbsvib.equations.base_motion import _fixed_in_world
-
-    fixed = next(_fixed_in_world(model), None)
+    fixed = next(fixed_in_world(model), None)
     if fixed is None:
         return DIRECTIONS, ()
     return DIRECTIONS[:3], (f"The base is shaken along x, y, z only: {fixed[0]} and does not turn with it.",)
