@@ -7,11 +7,13 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
 from mbsvib.plots.energy import energy
+from mbsvib.plots.front import front
 from mbsvib.plots.grid import time_grid
-from mbsvib.plots.isolation import front, isolation, root_locus
+from mbsvib.plots.isolation import isolation
 from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
+from mbsvib.plots.root_locus import root_locus
 from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
 from mbsvib.plots.topology import topology

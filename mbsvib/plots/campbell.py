@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,10 +12,51 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
-    from mbsvib.studies.campbell import Campbell
+    from mbsvib.common.arrays import Array
 
 LINES: dict[str, Any] = {"forward": "-", "backward": (0, (5, 1.5)), "": (0, (1.5, 1))}
+
+
+class CriticalSpeed(Protocol):
+    """A speed at which rotors excite a mode."""
+
+    @property
+    def speed(self) -> float:
+        """Speed [rad/s]."""
+
+    @property
+    def frequency(self) -> float:
+        """Damped frequency [Hz] of the mode there."""
+
+
+class Campbell(Protocol):
+    """What is drawn of modes over the speed of rotors; ``mbsvib.studies.campbell.campbell`` returns one."""
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+
+    @property
+    def speeds(self) -> Array:
+        """Ascending speeds [rad/s], shape (n,)."""
+
+    @property
+    def frequencies(self) -> Array:
+        """Damped frequencies [Hz], shape (n, modes)."""
+
+    @property
+    def directions(self) -> NDArray[np.str_]:
+        """"forward", "backward" or "" for each, shape (n, modes)."""
+
+    @property
+    def growing(self) -> NDArray[np.bool_]:
+        """Whether each mode grows at each speed, shape (n, modes)."""
+
+    @property
+    def critical(self) -> Sequence[CriticalSpeed]:
+        """Critical speeds."""
 
 
 def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
@@ -39,7 +80,7 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
     with style.context():
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
-        for mode in range(data.whirl.shape[1]):
+        for mode in range(data.frequencies.shape[1]):
             frequency = data.frequencies[:, mode]
             colour = style.COLOURS[mode % len(style.COLOURS)]
             for direction, dash in LINES.items():

@@ -1,0 +1,73 @@
+"""Pareto fronts of designs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from mbsvib.plots import _style as style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+class Design(Protocol):
+    """What is told of one design."""
+
+    @property
+    def model(self) -> Mechanism:
+        """The mechanism."""
+
+    @property
+    def success(self) -> bool:
+        """Whether it is optimal."""
+
+
+class Front(Protocol):
+    """What is drawn of a Pareto front; ``mbsvib.isolation.Passive.front`` returns one."""
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """The objective and its price, in words."""
+
+    @property
+    def objective(self) -> Array:
+        """Objective of each design, shape (n,)."""
+
+    @property
+    def price(self) -> Array:
+        """What is paid for it, shape (n,)."""
+
+    @property
+    def designs(self) -> Sequence[Design]:
+        """The n designs."""
+
+
+def front(data: Front) -> Figure:
+    """Draw a Pareto front.
+
+    Parameters
+    ----------
+    data : Front
+        What ``Passive.front`` returned.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The objective over its price; hollow points are not optimal.
+    """
+    with style.context():
+        figure = style.new_figure(5.2, 3.8)
+        axes = figure.subplots()
+        axes.loglog(data.price, data.objective, color=style.COLOURS[0], linewidth=0.8)
+        for price, value, design in zip(data.price, data.objective, data.designs, strict=True):
+            axes.plot([price], [value], "o", color=style.COLOURS[0], mfc=None if design.success else "white")
+        axes.set_xlabel(data.labels[1])
+        axes.set_ylabel(data.labels[0])
+        axes.set_title("Pareto front")
+        axes.set_title(data.designs[0].model.name, loc="right", color=style.MARK, fontsize=8.5)
+    return figure
