@@ -15,16 +15,10 @@ platform          radius, height, spread and angle of both rings of ends as vari
 from mbsvib.isolation.actuated import Active, actuated
 from mbsvib.isolation.closed_loop import ClosedLoop
 from mbsvib.isolation.collocation import Collocation, Pair, collocation
-from mbsvib.isolation.controller import (
-    Controller,
-    controller,
-    force_feedback,
-    force_feedback_optimum,
-    skyhook,
-    velocity_feedback,
-)
+from mbsvib.isolation.controller import Controller, controller
 from mbsvib.isolation.design import Design
-from mbsvib.isolation.figures import Isolation, study
+from mbsvib.isolation.feedback_laws import force_feedback, force_feedback_optimum, skyhook, velocity_feedback
+from mbsvib.isolation.isolation_study import Isolation, study
 from mbsvib.isolation.margins import Margins
 from mbsvib.isolation.maxwell_parts import unfolded
 from mbsvib.isolation.octaves import vc_curve

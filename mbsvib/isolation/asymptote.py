@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from mbsvib.common.arrays import Array
-    from mbsvib.isolation.mean_square import Linear
+    from mbsvib.isolation.linear import Linear
 
 # A Markov parameter below this share of the terms that it is the sum of is rounding: sums over a hundred motions lose
 # two or three of sixteen digits.
@@ -83,13 +83,11 @@ def direct(linear: Linear) -> Array:
     array, shape (outputs, inputs)
         D of the first-order equations.
     """
-    if isinstance(linear, System):
-        value, terms = _direct(linear)
-    else:
-        plant, (y, u) = direct(linear.plant.system), linear.ports
-        back = np.linalg.inv(np.eye(len(u)) - linear.law.D @ plant[np.ix_(y, u)]) @ linear.law.D
-        value = plant + plant[:, u] @ back @ plant[y]
-        terms = np.abs(plant) + np.abs(plant[:, u]) @ np.abs(back) @ np.abs(plant[y])
+    return without_rounding(*_direct(linear)) if isinstance(linear, System) else linear.direct()
+
+
+def without_rounding(value: Array, terms: Array) -> Array:
+    """Return a sum, with zeros where it is rounding of its terms, whose sizes add up to ``terms``."""
     return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
 
 
@@ -138,7 +136,7 @@ def _second_order(system: System, into: list[int], out: list[int], unit: float) 
             parts = [part.get(count, none) for part in reversed(motions)]
             value = np.sum([row @ part[0] for row, part in zip(rows, parts, strict=True)], axis=0)
             error = np.sum([np.abs(row) @ part[1] for row, part in zip(rows, parts, strict=True)], axis=0)
-            total += np.where(np.abs(value) > ROUNDING * error, value, 0.0)
+            total += without_rounding(value, error)
         yield total
         motions = motions[1:]
 
@@ -153,5 +151,5 @@ def _first_order(linear: Linear, into: list[int], out: list[int], unit: float) -
     yield direct(linear)[np.ix_(out, into)]
     while True:
         found, size = c @ power, np.linalg.norm(c, axis=1)[:, None] * np.linalg.norm(power, axis=0)
-        yield np.where(np.abs(found) > ROUNDING * size, found, 0.0)
+        yield without_rounding(found, size)
         power = a @ power

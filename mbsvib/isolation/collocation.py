@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.actuated import Active
+    from mbsvib.isolation.plant import Plant
 
 
 PARALLEL = 1e-9
@@ -76,12 +76,12 @@ class Collocation:
         return tables.text(**self.table())
 
 
-def collocation(plant: Active, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
+def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) -> Collocation:
     """Return a report on pairs of actuators and sensors.
 
     Parameters
     ----------
-    plant : Active
+    plant : Plant
         The mechanism.
     pairs : iterable of (str, str), optional
         Names of an actuator and a sensor each; default: tension, rate and acceleration of each leg with its actuator.
@@ -108,7 +108,7 @@ def collocation(plant: Active, pairs: Iterable[tuple[str, str]] | None = None) -
     return Collocation(system.name, tuple([_pair(plant, still, *pair) for pair in chosen]))
 
 
-def _pair(plant: Active, undamped: System | None, actuator: str, sensor: str) -> Pair:
+def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> Pair:
     system = plant.system
     i, j = numbers(system, "input", actuator)[0], numbers(system, "output", sensor)[0]
     rows = [m[j] for m in (system.Cq, system.Cv, system.Ca)]
@@ -130,7 +130,7 @@ def _pair(plant: Active, undamped: System | None, actuator: str, sensor: str) ->
     return Pair(actuator, sensor, dual, interlaced, passive, poles, zeros, minimum)
 
 
-def removable(plant: Active, legs: Sequence[str]) -> bool:
+def removable(plant: Plant, legs: Sequence[str]) -> bool:
     """Return whether legs are plain springs without preload, so that without tension they play no part."""
     system, springs = plant.system, plant.scene.model.springs
     rows = np.bincount(system.row_owner, minlength=len(system.provenance.springs))

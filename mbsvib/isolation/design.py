@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.api.model import Model
-    from mbsvib.isolation.figures import Isolation
+    from mbsvib.isolation.isolation_study import Isolation
     from mbsvib.studies import Optimum
 
 

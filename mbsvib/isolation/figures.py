@@ -4,43 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.errors import ResponseError
 from mbsvib.isolation.asymptote import Asymptote, asymptote
 from mbsvib.isolation.integrand import response as summed
-from mbsvib.isolation.mean_square import resolution
-from mbsvib.isolation.study_scene import DIRECTIONS, Scene, scene
-from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.isolation.linear import resolution
+from mbsvib.isolation.study_scene import ACCELERATIONS, Scene
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
-    from mbsvib.api.model import Model
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.mean_square import Linear
-    from mbsvib.isolation.vibration import Vibration
-
-
-POINTS = 400  # evenly spaced ones of the default frequencies; beside them others follow the resonances
-THINNING = 3.0  # these are so many half-widths away, and so many times as far each
-SAME = 1e-10  # share of a frequency within which points are one
-BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
-ACCELERATIONS = tuple(f"acceleration.{direction}" for direction in DIRECTIONS)
-DISPLACEMENTS = tuple(f"displacement.{direction}" for direction in DIRECTIONS)
-LOADS = tuple(f"load.{direction}" for direction in DIRECTIONS)
+    from mbsvib.isolation.linear import Linear
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Isolation:
+class Figures:
     """Transmissibility from a base to a body and the body's compliance, over ``frequencies`` (n,) [Hz].
 
     ``transmissibility`` (6, base directions, n) is acceleration over acceleration, ``compliance`` (6, 6, n)
@@ -87,7 +71,7 @@ class Isolation:
         return np.asarray(np.linalg.svd(scaled, compute_uv=False).T)
 
     @cached_property
-    def _undamped(self) -> Array:
+    def undamped(self) -> Array:
         """Frequencies [Hz] of undamped modes that the base excites."""
         poles = self.linear.poles() / (2.0 * np.pi)
         return extrema.excited(self._index_at, poles, float(self.frequencies[0]), float(self.frequencies[-1]))
@@ -110,8 +94,8 @@ class Isolation:
 
     @cached_property
     def _peak(self) -> tuple[float, float]:
-        if len(self._undamped):
-            return float(self._undamped[0]), float("inf")
+        if len(self.undamped):
+            return float(self.undamped[0]), float("inf")
         if self._band is None:
             return float(self.frequencies[0]), float(self.index[0])
         where, square = self._band.highest(np.asarray)
@@ -177,208 +161,6 @@ class Isolation:
     def plateau(self) -> float:
         """The index at infinite frequency: 0 unless it levels off, as where masses of legs pass on vibration."""
         return self._asymptote.size if self._asymptote and not self._asymptote.order else 0.0
-
-    def under(
-        self, spectra: Mapping[str, Any], correlation: ArrayLike | None = None,
-        band: tuple[float, float] | None = None,
-    ) -> Vibration:  # fmt: skip
-        """Return how much the body vibrates, and what legs stroke and carry, while noise shakes the base.
-
-        S_y(f) = G(f) S(f) G(f)^H, mean square = integral of S_y over f
-
-        Parameters
-        ----------
-        spectra : mapping of str to float, array-like or noise
-            One-sided density of the base's acceleration by direction [(m/s^2)^2/Hz, (rad/s^2)^2/Hz]: a number is white
-            noise, pairs (frequency [Hz], density) a table, straight on log-log axes; ``isolation.shaped`` a filter's.
-        correlation : array-like, shape (directions, directions), optional
-            Hermitian, ones on the diagonal; default: directions are independent.
-        band : (float, float), optional
-            First and last frequency [Hz]; default: all of them.
-
-        Returns
-        -------
-        Vibration
-            Root mean squares, cumulative ones, one-third octaves.
-
-        Raises
-        ------
-        ResponseError
-            If a spectrum is refused, or the vibration grows without bound.
-        """
-        from mbsvib.isolation.vibration import vibration
-        from mbsvib.responses.power_spectra import base_noise
-
-        return vibration(self, base_noise(spectra, self.scene.moved, correlation), band)
-
-    def table(self) -> dict[str, Any]:
-        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
-
-        Returns
-        -------
-        dict
-            Title, columns, rows and notes.
-        """
-        from mbsvib.isolation.tables import isolation_table
-
-        return isolation_table(self)
-
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write index, singular values, transmissibility and compliance over frequency as comma-separated values.
-
-        Parameters
-        ----------
-        path : str or path-like
-            Where to.
-
-        Returns
-        -------
-        Path
-            The path.
-        """
-        from mbsvib.isolation.tables import isolation_csv
-
-        return isolation_csv(self, path)
-
-    def __str__(self) -> str:
-        from mbsvib.common import tables
-
-        return tables.text(**self.table())
-
-    def __repr__(self) -> str:
-        return (f"Isolation({self.name!r}: {self.scene.base} to {self.scene.body}, {len(self.frequencies)} frequencies "
-                f"from {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz)")  # fmt: skip
-
-
-def study(
-    model: Model, body: str, base: str = GROUND, *, point: ArrayLike | None = None, length: float | None = None,
-    frequencies: ArrayLike | None = None, directions: Sequence[str] | None = None,
-) -> Isolation:  # fmt: skip
-    """Return how well a body is isolated from the motion of its base.
-
-    Base motions, wrenches and outputs are added on a copy; what the model has of these plays no part.
-
-    Parameters
-    ----------
-    model : Model
-        The mechanism.
-    body : str
-        The isolated body.
-    base : str
-        What is shaken: the ground, or a body whose motion is prescribed.
-    point : array-like, shape (3,), optional
-        Reference point on base and body [m]; default: the body's centre of mass.
-    length : float, optional
-        Length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
-        centre.
-    frequencies : array-like, shape (n,), optional
-        Ascending frequencies [Hz]; default: from well below the lowest to well above the highest mode,
-        resolving every resonance.
-    directions : sequence of str, optional
-        In which the base is shaken; default: all six, or x y z where weight does not turn with the base.
-
-    Returns
-    -------
-    Isolation
-        Transmissibility, compliance and figures; prints as a table.
-
-    Raises
-    ------
-    ModelError
-        If a body is unknown, or the length is not positive.
-    ResponseError
-        If frequencies do not ascend, or one is that of an undamped mode.
-    """
-    made = scene(model, body, base, point, length, directions)
-    return figures(made, made.system, frequencies)
-
-
-def figures(made: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
-    """Return the figures of a scene, with its loops open or closed.
-
-    Parameters
-    ----------
-    made : Scene
-        The mechanism and its ports.
-    linear : Linear
-        Its system, or that with closed loops.
-    frequencies : array-like, shape (n,), optional
-        Ascending frequencies [Hz].
-
-    Returns
-    -------
-    Isolation
-        Transmissibility, compliance and figures.
-
-    Raises
-    ------
-    ResponseError
-        If frequencies do not ascend, or one is that of an undamped mode.
-    """
-    f = _default(linear) if frequencies is None else checked(frequencies)
-    response = linear.frequency_response(2.0 * np.pi * f)
-    into, out = linear.inputs.index, linear.outputs.index
-    shaken = response[np.ix_([out(name) for name in ACCELERATIONS], [into(name) for name in made.inputs])]
-    loaded = response[np.ix_([out(name) for name in DISPLACEMENTS], [into(name) for name in LOADS])]
-    for array in (f, shaken, loaded):
-        array.setflags(write=False)
-    return Isolation(made, linear, f, shaken, loaded)
-
-
-def checked(frequencies: ArrayLike) -> Array:
-    """Return frequencies [Hz] as an array.
-
-    Parameters
-    ----------
-    frequencies : array-like, shape (n,)
-        From 0 Hz on, ascending.
-
-    Returns
-    -------
-    array, shape (n,)
-        A copy.
-
-    Raises
-    ------
-    ResponseError
-        If there are none, or they do not ascend.
-    """
-    try:
-        f = np.array(frequencies, dtype=float, ndmin=1)
-    except (TypeError, ValueError) as error:
-        raise ResponseError(f"isolation: frequencies = {frequencies!r}; expected numbers [Hz].") from error
-    if f.ndim != 1 or not len(f) or not np.isfinite(f).all() or f[0] < 0.0 or (np.diff(f) <= 0.0).any():
-        what = "an empty range" if not f.size else f"shape {f.shape}, from {f.flat[0]:g} to {f.flat[-1]:g} Hz"
-        raise ResponseError(f"isolation: frequencies: {what}; expected at least one frequency from 0 Hz on, each "
-                            f"higher than the one before.")  # fmt: skip
-    return f
-
-
-def _default(linear: Linear) -> Array:
-    """Frequencies [Hz] around all poles, of a closed loop also those of the mechanism with open loops."""
-    system = linear if isinstance(linear, System) else linear.plant.system
-    size = np.abs(system.poles()) / (2.0 * np.pi)
-    size = size[size > 1e-9 * size.max(initial=0.0)]
-    if not len(size):
-        raise ResponseError("isolation: nothing vibrates, so that no band suggests itself; give frequencies [Hz].")
-    low, high = BELOW * float(size.min()), ABOVE * float(size.max())
-    poles, _, period = resolution(linear)
-    poles = np.concatenate((system.poles(), poles)) / (2.0 * np.pi)
-    if period < np.inf:
-        count = int(high / period) + 1
-        poles = (poles[:, None] + 1j * period * np.arange(-count, count + 1)).reshape(-1)
-    even = np.geomspace(low, high, POINTS)
-    found = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
-    found = found[(found >= low) & (found <= high)]
-    return found[np.concatenate(([True], np.diff(found) > SAME * found[1:]))]
-
-
-def _around(poles: Complex, spacing: float) -> Array:
-    """Tops and half-power points of resonances, and points about them that thin out to an even spacing."""
-    half, centre = np.abs(poles.real)[:, None], np.abs(poles.imag)[:, None]
-    away = THINNING ** np.arange(np.ceil(-np.log(extrema.UNDAMPED) / np.log(THINNING)))
-    away = half * np.concatenate(([0.0], away, -away))
-    return (centre + away)[(half > extrema.UNDAMPED * centre) & (np.abs(away) <= spacing * centre)]
 
 
 def _frobenius(g: Complex) -> Array:

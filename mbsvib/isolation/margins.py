@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.figures import checked
+from mbsvib.isolation.frequencies import checked
 from mbsvib.responses.extrema import Band, panels
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.closed_loop import ClosedLoop
+    from mbsvib.isolation.controller import Controller
+    from mbsvib.isolation.linear import Resolution
 
 
 # Frequencies that are looked at, in parts of the lowest and highest pole; poles below a share of that are at rest.
@@ -24,6 +26,33 @@ LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
 REAL = 1e-3
 # A loop that brings back less, or more than the inverse, limits no gain, and rounding decides on its signs.
 NONE = 1e-6
+
+
+class OpenedLoops(Protocol):
+    """What loops bring back of signals at the actuators, and what is known of them when all are closed."""
+
+    @property
+    def law(self) -> Controller:
+        """All controllers as one."""
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of the actuators, at which loops are opened."""
+
+    @property
+    def open_loop(self) -> System:
+        """The mechanism with open loops."""
+
+    @property
+    def resolution(self) -> Resolution:
+        """What responses with closed loops are made of."""
+
+    @property
+    def stable(self) -> bool:
+        """Whether nothing grows with closed loops."""
+
+    def returned(self, omega: ArrayLike) -> Complex:
+        """Return K G (n, actuators, actuators) at angular frequencies [rad/s]."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -85,12 +114,12 @@ class Margins:
         return tables.text(**self.table())
 
 
-def margins(loop: ClosedLoop, frequencies: ArrayLike | None = None) -> Margins:
+def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
     """Return the margins of a closed loop.
 
     Parameters
     ----------
-    loop : ClosedLoop
+    loop : OpenedLoops
         The mechanism and its controllers.
     frequencies : array-like, shape (n,), optional
         The first and the last are those of the band [Hz] that is looked at; default: all frequencies, of a sampled loop
@@ -110,7 +139,7 @@ def margins(loop: ClosedLoop, frequencies: ArrayLike | None = None) -> Margins:
     """
     poles, longest, period = loop.resolution
     if frequencies is None:
-        size = np.abs(np.concatenate((poles, loop.plant.system.poles()))) / (2.0 * np.pi)
+        size = np.abs(np.concatenate((poles, loop.open_loop.poles()))) / (2.0 * np.pi)
         low, high = LOWEST * float(size[size > AT_REST * size.max()].min()), HIGHEST * float(size.max())
         high = min(high, 0.5 * period)
     else:
@@ -129,7 +158,7 @@ def margins(loop: ClosedLoop, frequencies: ArrayLike | None = None) -> Margins:
                    loop.stable)  # fmt: skip
 
 
-def _sensitivity(loop: ClosedLoop, hertz: Array) -> Complex:
+def _sensitivity(loop: OpenedLoops, hertz: Array) -> Complex:
     return np.asarray(np.linalg.inv(np.eye(len(loop.actuators)) - loop.returned(2.0 * np.pi * hertz)))
 
 

@@ -6,13 +6,13 @@ where Gauss' rule of twelve points leaves an error of 1e-14 of the integrand.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.api.system import System
 from mbsvib.errors import ResponseError
 from mbsvib.isolation.asymptote import direct as at_once
+from mbsvib.isolation.linear import resolution
 from mbsvib.responses import extrema
 
 if TYPE_CHECKING:
@@ -21,40 +21,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.closed_loop import ClosedLoop
+    from mbsvib.isolation.linear import Linear
     from mbsvib.responses.power_spectra import BaseNoise, Shaped
 
-    Linear: TypeAlias = System | ClosedLoop
 
 POINTS = 12
 HIDDEN = 1e-9
 BATCH = 512
-
-
-class Resolution(NamedTuple):
-    """What responses are made of: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the largest
-    length of a panel on which the rest of them is a polynomial of the frequency.
-    """
-
-    poles: Complex
-    longest: float = np.inf
-    period: float = np.inf
-
-
-def resolution(linear: Linear) -> Resolution:
-    """Return what the responses of a system or a closed loop are made of.
-
-    Parameters
-    ----------
-    linear : Linear
-        A system or a closed loop.
-
-    Returns
-    -------
-    Resolution
-        Poles and panels.
-    """
-    return Resolution(linear.poles()) if isinstance(linear, System) else linear.resolution
 
 
 def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filters: Sequence[Shaped],

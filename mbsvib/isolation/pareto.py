@@ -11,11 +11,10 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.design import Design
-    from mbsvib.isolation.passive import Bounds, Passive
     from mbsvib.studies import Constraint, Quantity
 
 
@@ -54,17 +53,21 @@ class Front:
 
 
 def front(
-    goal: Passive, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
-    constraints: tuple[Constraint, ...], words: Mapping[str, Any],
+    designed: Callable[[Constraint, Mapping[str, Any]], Design], labels: tuple[str, str], against: Quantity,
+    bounds: Sequence[float], words: Mapping[str, Any],
 ) -> Front:  # fmt: skip
     """Return the front: one search for each bound, from where the one before ended.
 
     Parameters
     ----------
-    goal : Passive
-        The mechanism.
-    variables, objective, against, bounds, constraints
-        As for ``Passive.front``.
+    designed : callable
+        The best design under one more constraint, with the other words of ``studies.optimize``.
+    labels : (str, str)
+        The objective, and what has a price, in words.
+    against : Quantity
+        What has a price; one number.
+    bounds : sequence of float
+        Largest values of it.
     words : mapping
         What else ``studies.optimize`` is told.
 
@@ -86,12 +89,12 @@ def front(
     price = []
     for bound in wanted.tolist():
         limit = against <= bound
-        designs.append(goal.optimize(variables, objective, (*constraints, limit), **others))
+        designs.append(designed(limit, others))
         others["start"] = dict(designs[-1].values)
         reached = designs[-1].optimum.constraints[limit.label]
         if len(reached) != 1:
             raise ModelError(f"front: '{against.label}' has {len(reached)} numbers; expected one, as largest() makes.",
                              field="against")  # fmt: skip
         price.append(float(reached[0]))
-    return Front((objective.label, against.label), np.array([design.optimum.objective for design in designs]),
+    return Front(labels, np.array([design.optimum.objective for design in designs]),
                  np.array(price), wanted, tuple(designs))  # fmt: skip

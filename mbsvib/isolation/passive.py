@@ -13,8 +13,10 @@ from mbsvib.api.settled import settled
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 from mbsvib.isolation.design import Design
-from mbsvib.isolation.figures import ACCELERATIONS, DISPLACEMENTS, LOADS, Isolation, checked, figures
-from mbsvib.isolation.study_scene import DIRECTIONS, Scene, scene
+from mbsvib.isolation.frequencies import checked
+from mbsvib.isolation.isolation_study import Isolation, figures
+from mbsvib.isolation.pareto import Front, front
+from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS, DISPLACEMENTS, LOADS, Scene, scene
 from mbsvib.isolation.weighted import MeanSquares, Weighted
 from mbsvib.mechanism.mechanism import GROUND
 from mbsvib.responses.power_spectra import base_noise
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.api.model import Model
-    from mbsvib.isolation.pareto import Front
     from mbsvib.responses.power_spectra import BaseNoise
     from mbsvib.studies import Constraint
 
@@ -278,10 +279,12 @@ class Passive:
         ModelError
             If there are no bounds, or a variable is refused.
         """
-        from mbsvib.isolation.pareto import front
-
         wanted = (constraints,) if isinstance(constraints, Constraint) else tuple(constraints)
-        return front(self, variables, objective, against, bounds, wanted, words)
+
+        def designed(limit: Constraint, others: Mapping[str, Any]) -> Design:
+            return self.optimize(variables, objective, (*wanted, limit), **others)
+
+        return front(designed, (objective.label, against.label), against, bounds, words)
 
     @property
     def _shaken(self) -> dict[str, float]:

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common import tables
 from mbsvib.common.arguments import shown
 from mbsvib.common.expected import mode_index, reals
 from mbsvib.errors import ResponseError
+from mbsvib.isolation.closed_loop import close
+from mbsvib.isolation.collocation import removable, without
 from mbsvib.isolation.pole_track import AT_REST, Track, least_damping, moved, ratios, stable
 
 if TYPE_CHECKING:
@@ -19,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.isolation.actuated import Active
     from mbsvib.isolation.controller import Controller
+    from mbsvib.isolation.plant import Plant
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -146,20 +149,18 @@ class RootLocus:
         return result | dict(zip(np.flatnonzero(self.moved).tolist(), left.tolist(), strict=True))
 
     def __str__(self) -> str:
-        from mbsvib.common import tables
-
         return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"RootLocus({self.name!r}: {len(self.gains)} gains, {self.poles.shape[1]} poles)"
 
 
-def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLike) -> RootLocus:
+def root_locus(plant: Plant, law: Callable[[float], Controller], gains: ArrayLike) -> RootLocus:
     """Return the poles of closed loops over a gain.
 
     Parameters
     ----------
-    plant : Active
+    plant : Plant
         The mechanism.
     law : callable
         Returns the controller of a gain, ``lambda g: isolation.force_feedback(plant, g)``.
@@ -178,9 +179,6 @@ def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLi
     """
     from scipy.linalg import matrix_balance
 
-    from mbsvib.isolation.closed_loop import close
-    from mbsvib.isolation.collocation import removable, without
-
     g = np.atleast_1d(reals(gains, "root_locus", "gains", "two or more, ascending, from 0 on"))
     if not callable(law):
         raise ResponseError(f"root_locus: law = {shown(law)}; expected a function of the gain, such as "
@@ -189,7 +187,7 @@ def root_locus(plant: Active, law: Callable[[float], Controller], gains: ArrayLi
         raise ResponseError(f"root_locus: gains have shape {g.shape}; expected two or more, ascending, from 0 on.")
 
     def at(gain: float) -> Complex:
-        values = np.linalg.eigvals(matrix_balance(close(plant, law(gain))._space[0], permute=False)[0])
+        values = np.linalg.eigvals(matrix_balance(close(plant, law(gain)).state_space().A, permute=False)[0])
         return np.asarray(values[np.lexsort((-values.imag, np.abs(values)))], dtype=complex)
 
     track = Track(at, g)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from mbsvib.errors import ResponseError
-from mbsvib.isolation.closed_loop import ClosedLoop
-from mbsvib.isolation.mean_square import Resolution
+from mbsvib.isolation.feedback_loop import FeedbackLoop
+from mbsvib.isolation.linear import Resolution
 from mbsvib.isolation.participation import eigen
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ TURN = 2.0  # angle [rad] by which delay and hold go round in a panel: twelve no
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SampledLoop(ClosedLoop):
+class SampledLoop(FeedbackLoop):
     """A closed loop whose controllers, discretised by Tustin's rule, run at ``rate`` [Hz] and act ``delay`` [s] later.
 
     Sensors are read before forces change. Poles, margins and stability are exact, those of the mechanism from sample to
@@ -48,7 +48,7 @@ class SampledLoop(ClosedLoop):
         """A, B, C from the law's forces to sensors, from sample to sample; the last states are forces on their way."""
         from scipy.linalg import expm
 
-        space = self.plant._space
+        space = self.plant.space
         y, u = self.ports
         n, m = len(space.A), len(u)
         period = 1.0 / self.rate
@@ -94,7 +94,7 @@ class SampledLoop(ClosedLoop):
 
     @property
     def title(self) -> str:
-        """The law, and how it runs."""
+        """The controllers' names, and how they run."""
         late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""
         return f"{self.law.name} at {self.rate:g} Hz{late}"
 
@@ -129,14 +129,31 @@ class SampledLoop(ClosedLoop):
         raise ResponseError("state_space: a sampled loop has no continuous equations, and white noise no mean square "
                             "in closed form there: give a band, or a table of densities.")  # fmt: skip
 
+    def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
+        """Return the loop with its controllers at another rate.
 
-def sampled(loop: ClosedLoop, rate: float, delay: float = 0.0) -> SampledLoop:
+        Parameters
+        ----------
+        rate : float
+            Samples a second [Hz].
+        delay : float
+            Between measuring and acting [s].
+
+        Returns
+        -------
+        SampledLoop
+            The same loop with discrete controllers and a zero-order hold.
+        """
+        return sampled(self, rate, delay)
+
+
+def sampled(loop: FeedbackLoop, rate: float, delay: float = 0.0) -> SampledLoop:
     """Return a loop with its controllers on a computer.
 
     Parameters
     ----------
-    loop : ClosedLoop
-        The loop with continuous controllers.
+    loop : FeedbackLoop
+        The mechanism and its controllers.
     rate : float
         Samples a second [Hz].
     delay : float

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from mbsvib.elements import Body
 
 DIRECTIONS = check.DIRECTIONS
+ACCELERATIONS = tuple(f"acceleration.{direction}" for direction in DIRECTIONS)
+DISPLACEMENTS = tuple(f"displacement.{direction}" for direction in DIRECTIONS)
+LOADS = tuple(f"load.{direction}" for direction in DIRECTIONS)
 REFERENCES = ("first", "second", "body", "a", "b")
 
 

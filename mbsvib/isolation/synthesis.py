@@ -8,17 +8,17 @@ import numpy as np
 
 from mbsvib.errors import ExportError, ResponseError
 from mbsvib.isolation.controller import Controller
-from mbsvib.isolation.figures import ACCELERATIONS
+from mbsvib.isolation.study_scene import ACCELERATIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.isolation.actuated import Active
+    from mbsvib.isolation.plant import Plant
 
 
 def lqg(
-    plant: Active, sensors: Sequence[str], effort: float, base: float = 1.0, noise: float = 1e-6,
+    plant: Plant, sensors: Sequence[str], effort: float, base: float = 1.0, noise: float = 1e-6,
     performance: Sequence[str] = ACCELERATIONS,
 ) -> Controller:  # fmt: skip
     """Return the controller that keeps the mean square of the body's acceleration plus that of forces least.
@@ -27,7 +27,7 @@ def lqg(
 
     Parameters
     ----------
-    plant : Active
+    plant : Plant
         The mechanism.
     sensors : sequence of str
         What is measured: outputs of the plant.
@@ -72,7 +72,7 @@ def lqg(
 
 
 def hinf(
-    plant: Active, sensors: Sequence[str], effort: float, noise: float = 1e-3,
+    plant: Plant, sensors: Sequence[str], effort: float, noise: float = 1e-3,
     performance: Sequence[str] = ACCELERATIONS,
 ) -> tuple[Controller, float]:  # fmt: skip
     """Return the controller that keeps the largest response to base and sensor noise least, by python-control.
@@ -81,7 +81,7 @@ def hinf(
 
     Parameters
     ----------
-    plant : Active
+    plant : Plant
         The mechanism.
     sensors : sequence of str
         What is measured: outputs of the plant.
@@ -130,13 +130,13 @@ def hinf(
                       plant.names("actuator")), float(norm)  # fmt: skip
 
 
-def _weighed(plant: Active, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
+def _weighed(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:
     """Matrices of the plant in time units of its highest frequency, balanced, rotations times the length."""
     from scipy.linalg import matrix_balance
 
     from mbsvib.responses.transmission_zeros import numbers
 
-    space, scene = plant._space, plant.scene
+    space, scene = plant.space, plant.scene
     u, w = ([space.inputs.index(name) for name in names] for names in (plant.names("actuator"), scene.inputs))
     y, z = numbers(plant.system, "output", sensors), numbers(plant.system, "output", performance)
     size = _sizes(plant, performance)
@@ -151,14 +151,14 @@ def _weighed(plant: Active, sensors: Sequence[str], performance: Sequence[str]) 
             size[:, None] * d[np.ix_(z, u)], np.array(scale))  # fmt: skip
 
 
-def _sizes(plant: Active, names: Sequence[str]) -> Array:
+def _sizes(plant: Plant, names: Sequence[str]) -> Array:
     """The length for rotations, 1 for the rest."""
     units = dict(zip(plant.system.outputs, plant.system.output_units, strict=True))
     return np.array([plant.scene.length if units[name].startswith("rad") else 1.0 for name in names])
 
 
-def _through(plant: Active, performance: Sequence[str]) -> Array:
-    scene, space = plant.scene, plant._space
+def _through(plant: Plant, performance: Sequence[str]) -> Array:
+    scene, space = plant.scene, plant.space
     w = [space.inputs.index(name) for name in scene.inputs]
     z = [space.outputs.index(name) for name in performance]
     return np.asarray(_sizes(plant, performance)[:, None] * space.D[np.ix_(z, w)] / scene.scale(scene.moved))

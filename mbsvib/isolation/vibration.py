@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common import tables
 from mbsvib.errors import ResponseError
 from mbsvib.isolation import octaves
-from mbsvib.isolation.figures import ACCELERATIONS, checked
+from mbsvib.isolation.csv_columns import write_columns
+from mbsvib.isolation.frequencies import checked
 from mbsvib.isolation.mean_square import integrals, moments, panels
+from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS
 from mbsvib.responses.power_spectra import BaseNoise, Shaped
 
 if TYPE_CHECKING:
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib.isolation.figures import Isolation
+    from mbsvib.isolation.figures import Figures
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -34,7 +37,7 @@ class Vibration:
     or integrals over frequency; both are accurate to rounding.
     """
 
-    study: Isolation
+    study: Figures
     noise: BaseNoise
     band: tuple[float, float] | None
     acceleration: Array
@@ -134,9 +137,23 @@ class Vibration:
         dict
             Title, columns, rows and notes.
         """
-        from mbsvib.isolation.tables import vibration_table
-
-        return vibration_table(self)
+        rows = [(f"{self.study.scene.body} {direction}", f"{value:.4g}",
+                 "m/s^2" if len(direction) == 1 else "rad/s^2", "", "")
+                for direction, value in zip(DIRECTIONS, self.acceleration, strict=True)]  # fmt: skip
+        rows += [(name, "", "", f"{1e6 * self.stroke[name]:.4g}", f"{self.force[name]:.4g}") for name in self.stroke]
+        columns: list[tuple[str, Any]] = [("rms", "left"), ("acceleration", "right"), ("", "left"),
+                                          ("stroke [um]", "right"), ("force [N]", "right")]  # fmt: skip
+        band = "all frequencies" if self.band is None else f"{self.band[0]:g} to {self.band[1]:g} Hz"
+        notes = [f"Base shaken along {' '.join(self.noise.directions)}, {band}."]
+        if np.isinf(self.acceleration).any():
+            notes.append("Infinite: noise of unlimited frequency comes through the mechanism's masses; give a band.")
+        (low, high), kept = self.judged, self.criterion
+        if low < high:
+            words = f"Keeps {kept}" if kept else f"Keeps no vibration criterion, not even {min(octaves.VC)},"
+            notes.append(f"{words} from {low:g} to {high:g} Hz.")
+        else:
+            notes.append("Vibration criteria are for 1 to 80 Hz, which is not in the band.")
+        return {"title": f"Vibration of {self.study.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write density and cumulative root mean square of the acceleration over frequency as comma-separated values.
@@ -151,25 +168,25 @@ class Vibration:
         Path
             The path.
         """
-        from mbsvib.isolation.tables import vibration_csv
-
-        return vibration_csv(self, path)
+        f = self.study.frequencies
+        units = ["m/s2" if len(direction) == 1 else "rad/s2" for direction in DIRECTIONS]
+        names = ["frequency_hz", *(f"density_{d}_({u})2/hz" for d, u in zip(DIRECTIONS, units, strict=True)),
+                 *(f"cumulative_rms_{d}_{u}" for d, u in zip(DIRECTIONS, units, strict=True))]  # fmt: skip
+        return write_columns(path, names, [f, *self.density(f), *self.cumulative(f)])
 
     def __str__(self) -> str:
-        from mbsvib.common import tables
-
         return tables.text(**self.table())
 
     def __repr__(self) -> str:
         return f"Vibration({self.study.name!r}: base shaken along {' '.join(self.noise.directions)})"
 
 
-def vibration(study: Isolation, noise: BaseNoise, band: tuple[float, float] | None) -> Vibration:
+def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None) -> Vibration:
     """Return root mean squares of a study's body, strokes and forces.
 
     Parameters
     ----------
-    study : Isolation
+    study : Figures
         The mechanism, its loops open or closed.
     noise : BaseNoise
         What shakes the base.
@@ -200,7 +217,7 @@ def vibration(study: Isolation, noise: BaseNoise, band: tuple[float, float] | No
 
 
 def _squares(
-    study: Isolation, inputs: tuple[str, ...], outputs: list[str], noise: BaseNoise, band: tuple[float, float] | None
+    study: Figures, inputs: tuple[str, ...], outputs: list[str], noise: BaseNoise, band: tuple[float, float] | None
 ) -> tuple[Array, bool]:
     linear = study.linear
     if band is None and noise.unbounded:

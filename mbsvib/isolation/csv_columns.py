@@ -1,0 +1,22 @@
+"""Columns of numbers as a file of comma-separated values."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common.atomic_file import write_whole
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from mbsvib.common.arrays import Array
+
+
+def write_columns(path: str | os.PathLike[str], names: Sequence[str], columns: Sequence[Array]) -> Path:
+    """Write columns under their names, numbers with all their digits; returns the path."""
+    lines = [",".join(names), *(",".join(map(repr, row)) for row in np.stack(columns, axis=1).tolist())]
+    return write_whole(path, lambda stream: stream.write(("\n".join(lines) + "\n").encode()))

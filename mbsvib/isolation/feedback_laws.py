@@ -1,0 +1,166 @@
+"""The classical control laws of active isolation: force feedback, velocity feedback, skyhook damping."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.errors import ResponseError
+from mbsvib.isolation.controller import Controller, controller, integrators
+from mbsvib.isolation.study_scene import ACCELERATIONS
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.isolation.plant import Plant
+
+COORDINATES = ("legs", "modal")
+
+
+def force_feedback(plant: Plant, gain: ArrayLike, leak: float = 0.0) -> Controller:
+    """Return decentralised integral force feedback: each leg pushes by the integral of its own tension.
+
+    u_i = g_i / (s + leak) T_i, so that a massless leg on a mass has s^2 + g s + Omega^2 = 0
+
+    Parameters
+    ----------
+    plant : Plant
+        The mechanism.
+    gain : float or array-like, shape (legs,)
+        g [rad/s].
+    leak : float
+        Corner [rad/s] below which force is not integrated. With 0 the legs have no static stiffness left.
+
+    Returns
+    -------
+    Controller
+        The law.
+
+    Raises
+    ------
+    ResponseError
+        If the gains are refused.
+
+    Source: A. Preumont, Vibration control of active structures, chapter on integral force feedback.
+    """
+    return integrators("IFF", np.diag(_gains(plant, gain, "force_feedback", "rad/s")), plant.names("tension"),
+                       plant.names("actuator"), leak)  # fmt: skip
+
+
+def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
+    """Return direct velocity feedback: each leg opposes the rate of its own elongation, u_i = -g_i d(stroke_i)/dt.
+
+    Parameters
+    ----------
+    plant : Plant
+        The mechanism.
+    gain : float or array-like, shape (legs,)
+        g [N s/m], what a damper beside the spring would have.
+
+    Returns
+    -------
+    Controller
+        The law.
+
+    Raises
+    ------
+    ResponseError
+        If the gains are refused.
+    """
+    return controller(-np.diag(_gains(plant, gain, "velocity_feedback", "N s/m")), plant.names("rate"),
+                      plant.names("actuator"), "DVF")  # fmt: skip
+
+
+def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: float = 0.0) -> Controller:
+    """Return skyhook damping: forces against the body's absolute velocity, the integral of accelerometers.
+
+    legs: u_i = -g_i / (s + leak) a_i with the body's acceleration a_i along the leg.
+    modal: the wrench -M Phi diag(2 g omega) Phi^T M v on the body, so that its suspension modes have the damping
+    ratios g, shared among the legs by their static effect.
+
+    Parameters
+    ----------
+    plant : Plant
+        The mechanism.
+    gain : float or array-like, shape (legs,) or (6,)
+        Legs: g [N s/m]. Modal: damping ratios, in ascending frequency.
+    coordinates : str
+        "legs" or "modal".
+    leak : float
+        Corner of the integrators [rad/s].
+
+    Returns
+    -------
+    Controller
+        The law.
+
+    Raises
+    ------
+    ResponseError
+        If the gains or coordinates are refused.
+    ModelError
+        If modal coordinates are asked for where no spring holds the body.
+    """
+    if coordinates not in COORDINATES:
+        raise ResponseError(f"skyhook: coordinates = {coordinates!r}; expected 'legs' or 'modal'.")
+    if coordinates == "legs":
+        gains = np.diag(_gains(plant, gain, "skyhook", "N s/m"))
+        return integrators("skyhook", -gains, plant.names("acceleration"), plant.names("actuator"), leak)
+    ratios = _shared(gain, 6, "skyhook", "damping ratios of the six suspension modes")
+    from scipy.linalg import eigh
+
+    mass = plant.mass
+    square, shapes = eigh(plant.stiffness, mass)
+    damper = mass @ (shapes * (2.0 * ratios * np.sqrt(np.maximum(square, 0.0)))) @ shapes.T @ mass
+    law = -np.linalg.pinv(plant.wrenches) @ damper
+    return integrators("modal skyhook", law, ACCELERATIONS, plant.names("actuator"), leak)
+
+
+def force_feedback_optimum(pole: float, zero: float) -> tuple[float, float]:
+    """Return the gain of integral force feedback that damps a mode most, and the damping ratio that it gets.
+
+    g = Omega sqrt(Omega / z),  zeta = (Omega - z) / (2 z), for s (s^2 + Omega^2) + g (s^2 + z^2) = 0
+
+    Parameters
+    ----------
+    pole : float
+        Natural frequency Omega [rad/s].
+    zero : float
+        Frequency z of the zero from actuator to force, that of the mode with the actuator's leg taken out [rad/s].
+
+    Returns
+    -------
+    gain, damping_ratio : float
+        [rad/s] and -. Where z < Omega / 3 the mode can be damped critically, and the ratio counts no more.
+
+    Raises
+    ------
+    ResponseError
+        If not 0 < z < Omega.
+
+    Source: A. Preumont et al., J. Sound Vib. 300 (2007) 644, equations 15 and 16.
+    """
+    if not 0.0 < zero < pole < np.inf:
+        raise ResponseError(f"force_feedback_optimum: pole = {pole:g}, zero = {zero:g} rad/s; expected 0 < zero < "
+                            f"pole, as force feedback has them.")  # fmt: skip
+    return pole * float(np.sqrt(pole / zero)), (pole - zero) / (2.0 * zero)
+
+
+def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
+    if not hasattr(plant, "legs"):
+        raise ResponseError(f"{who}: plant = {type(plant).__name__}; expected a plant with actuators, "
+                            f"isolation.actuated(model, body).")  # fmt: skip
+    return _shared(gain, len(plant.legs), who, f"a gain [{unit}], or one for each of {len(plant.legs)} legs")
+
+
+def _shared(given: ArrayLike, size: int, who: str, expected: str) -> Array:
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"{who}: gain = {check.shown(given)}; expected {expected}.") from error
+    if values.shape not in ((), (size,)) or not np.isfinite(values).all():
+        raise ResponseError(f"{who}: gain = {check.shown(given)}; expected {expected}.")
+    return np.broadcast_to(values, (size,)).copy()

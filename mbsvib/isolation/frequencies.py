@@ -1,0 +1,95 @@
+"""Frequencies of a study: those that are given, checked, or those that resolve every resonance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.api.system import System
+from mbsvib.errors import ResponseError
+from mbsvib.isolation.linear import resolution
+from mbsvib.responses import extrema
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.isolation.linear import Linear
+
+POINTS = 400  # evenly spaced ones of the default frequencies; beside them others follow the resonances
+THINNING = 3.0  # these are so many half-widths away, and so many times as far each
+SAME = 1e-10  # share of a frequency within which points are one
+BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
+
+
+def checked(frequencies: ArrayLike) -> Array:
+    """Return frequencies [Hz] as an array.
+
+    Parameters
+    ----------
+    frequencies : array-like, shape (n,)
+        From 0 Hz on, ascending.
+
+    Returns
+    -------
+    array, shape (n,)
+        A copy.
+
+    Raises
+    ------
+    ResponseError
+        If there are none, or they do not ascend.
+    """
+    try:
+        f = np.array(frequencies, dtype=float, ndmin=1)
+    except (TypeError, ValueError) as error:
+        raise ResponseError(f"isolation: frequencies = {frequencies!r}; expected numbers [Hz].") from error
+    if f.ndim != 1 or not len(f) or not np.isfinite(f).all() or f[0] < 0.0 or (np.diff(f) <= 0.0).any():
+        what = "an empty range" if not f.size else f"shape {f.shape}, from {f.flat[0]:g} to {f.flat[-1]:g} Hz"
+        raise ResponseError(f"isolation: frequencies: {what}; expected at least one frequency from 0 Hz on, each "
+                            f"higher than the one before.")  # fmt: skip
+    return f
+
+
+def default(linear: Linear) -> Array:
+    """Return frequencies around all poles, of a closed loop also those of the mechanism with open loops.
+
+    Parameters
+    ----------
+    linear : Linear
+        A system or a closed loop.
+
+    Returns
+    -------
+    array, shape (n,)
+        Ascending frequencies [Hz], evenly spaced on a logarithmic axis, and more of them about resonances.
+
+    Raises
+    ------
+    ResponseError
+        If there are no poles but those at rest.
+    """
+    system = linear if isinstance(linear, System) else linear.open_loop
+    size = np.abs(system.poles()) / (2.0 * np.pi)
+    size = size[size > 1e-9 * size.max(initial=0.0)]
+    if not len(size):
+        raise ResponseError("isolation: nothing vibrates, so that no band suggests itself; give frequencies [Hz].")
+    low, high = BELOW * float(size.min()), ABOVE * float(size.max())
+    poles, _, period = resolution(linear)
+    poles = np.concatenate((system.poles(), poles)) / (2.0 * np.pi)
+    if period < np.inf:
+        count = int(high / period) + 1
+        poles = (poles[:, None] + 1j * period * np.arange(-count, count + 1)).reshape(-1)
+    even = np.geomspace(low, high, POINTS)
+    found = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
+    found = found[(found >= low) & (found <= high)]
+    return found[np.concatenate(([True], np.diff(found) > SAME * found[1:]))]
+
+
+def _around(poles: Complex, spacing: float) -> Array:
+    """Tops and half-power points of resonances, and points about them that thin out to an even spacing."""
+    half, centre = np.abs(poles.real)[:, None], np.abs(poles.imag)[:, None]
+    away = THINNING ** np.arange(np.ceil(-np.log(extrema.UNDAMPED) / np.log(THINNING)))
+    away = half * np.concatenate(([0.0], away, -away))
+    return (centre + away)[(half > extrema.UNDAMPED * centre) & (np.abs(away) <= spacing * centre)]

@@ -1,0 +1,170 @@
+"""Studies of isolation: how well a body is kept from the motion of its base, and how it vibrates under noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common import tables
+from mbsvib.isolation.figures import Figures
+from mbsvib.isolation.frequencies import checked, default
+from mbsvib.isolation.study_scene import ACCELERATIONS, DISPLACEMENTS, LOADS, Scene, scene
+from mbsvib.isolation.tables import isolation_csv, isolation_table
+from mbsvib.isolation.vibration import vibration
+from mbsvib.mechanism.mechanism import GROUND
+from mbsvib.responses.power_spectra import base_noise
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike
+
+    from mbsvib.api.model import Model
+    from mbsvib.isolation.linear import Linear
+    from mbsvib.isolation.vibration import Vibration
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Isolation(Figures):
+    """Transmissibility from a base to a body and the body's compliance over frequency; prints as a table of figures."""
+
+    def under(
+        self, spectra: Mapping[str, Any], correlation: ArrayLike | None = None,
+        band: tuple[float, float] | None = None,
+    ) -> Vibration:  # fmt: skip
+        """Return how much the body vibrates, and what legs stroke and carry, while noise shakes the base.
+
+        S_y(f) = G(f) S(f) G(f)^H, mean square = integral of S_y over f
+
+        Parameters
+        ----------
+        spectra : mapping of str to float, array-like or noise
+            One-sided density of the base's acceleration by direction [(m/s^2)^2/Hz, (rad/s^2)^2/Hz]: a number is white
+            noise, pairs (frequency [Hz], density) a table, straight on log-log axes; ``isolation.shaped`` a filter's.
+        correlation : array-like, shape (directions, directions), optional
+            Hermitian, ones on the diagonal; default: directions are independent.
+        band : (float, float), optional
+            First and last frequency [Hz]; default: all of them.
+
+        Returns
+        -------
+        Vibration
+            Root mean squares, cumulative ones, one-third octaves.
+
+        Raises
+        ------
+        ResponseError
+            If a spectrum is refused, or the vibration grows without bound.
+        """
+        return vibration(self, base_noise(spectra, self.scene.moved, correlation), band)
+
+    def table(self) -> dict[str, Any]:
+        """Return the table of figures as arguments of ``mbsvib.common.tables.text`` and ``show``.
+
+        Returns
+        -------
+        dict
+            Title, columns, rows and notes.
+        """
+        return isolation_table(self)
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write index, singular values, transmissibility and compliance over frequency as comma-separated values.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Where to.
+
+        Returns
+        -------
+        Path
+            The path.
+        """
+        return isolation_csv(self, path)
+
+    def __str__(self) -> str:
+        return tables.text(**self.table())
+
+    def __repr__(self) -> str:
+        return (f"Isolation({self.name!r}: {self.scene.base} to {self.scene.body}, {len(self.frequencies)} frequencies "
+                f"from {self.frequencies[0]:g} to {self.frequencies[-1]:g} Hz)")  # fmt: skip
+
+
+def study(
+    model: Model, body: str, base: str = GROUND, *, point: ArrayLike | None = None, length: float | None = None,
+    frequencies: ArrayLike | None = None, directions: Sequence[str] | None = None,
+) -> Isolation:  # fmt: skip
+    """Return how well a body is isolated from the motion of its base.
+
+    Base motions, wrenches and outputs are added on a copy; what the model has of these plays no part.
+
+    Parameters
+    ----------
+    model : Model
+        The mechanism.
+    body : str
+        The isolated body.
+    base : str
+        What is shaken: the ground, or a body whose motion is prescribed.
+    point : array-like, shape (3,), optional
+        Reference point on base and body [m]; default: the body's centre of mass.
+    length : float, optional
+        Length [m] that makes rotations comparable; default: the root mean square distance of the body's mass from its
+        centre.
+    frequencies : array-like, shape (n,), optional
+        Ascending frequencies [Hz]; default: from well below the lowest to well above the highest mode,
+        resolving every resonance.
+    directions : sequence of str, optional
+        In which the base is shaken; default: all six, or x y z where weight does not turn with the base.
+
+    Returns
+    -------
+    Isolation
+        Transmissibility, compliance and figures; prints as a table.
+
+    Raises
+    ------
+    ModelError
+        If a body is unknown, or the length is not positive.
+    ResponseError
+        If frequencies do not ascend, or one is that of an undamped mode.
+    """
+    made = scene(model, body, base, point, length, directions)
+    return figures(made, made.system, frequencies)
+
+
+def figures(made: Scene, linear: Linear, frequencies: ArrayLike | None = None) -> Isolation:
+    """Return the figures of a scene, with its loops open or closed.
+
+    Parameters
+    ----------
+    made : Scene
+        The mechanism and its ports.
+    linear : Linear
+        Its system, or that with closed loops.
+    frequencies : array-like, shape (n,), optional
+        Ascending frequencies [Hz].
+
+    Returns
+    -------
+    Isolation
+        Transmissibility, compliance and figures.
+
+    Raises
+    ------
+    ResponseError
+        If frequencies do not ascend, or one is that of an undamped mode.
+    """
+    f = default(linear) if frequencies is None else checked(frequencies)
+    response = linear.frequency_response(2.0 * np.pi * f)
+    into, out = linear.inputs.index, linear.outputs.index
+    shaken = response[np.ix_([out(name) for name in ACCELERATIONS], [into(name) for name in made.inputs])]
+    loaded = response[np.ix_([out(name) for name in DISPLACEMENTS], [into(name) for name in LOADS])]
+    for array in (f, shaken, loaded):
+        array.setflags(write=False)
+    return Isolation(made, linear, f, shaken, loaded)

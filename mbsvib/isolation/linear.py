@@ -1,0 +1,80 @@
+"""What figures and mean squares are read off: a system, or a mechanism with closed loops."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+
+from mbsvib.api.system import System
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.state_space import StateSpace
+
+
+class Resolution(NamedTuple):
+    """What responses are made of: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the largest
+    length of a panel on which the rest of them is a polynomial of the frequency.
+    """
+
+    poles: Complex
+    longest: float = np.inf
+    period: float = np.inf
+
+
+class LoopResponse(Protocol):
+    """Responses of a mechanism with closed loops."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+
+    @property
+    def open_loop(self) -> System:
+        """The mechanism with open loops."""
+
+    @property
+    def resolution(self) -> Resolution:
+        """What responses are made of."""
+
+    @property
+    def far(self) -> Linear:
+        """What the response is that of at high frequency."""
+
+    def poles(self) -> Complex:
+        """Return the poles [1/s]."""
+
+    def frequency_response(self, omega: ArrayLike) -> Complex:
+        """Return responses (outputs, inputs, n) at angular frequencies [rad/s]."""
+
+    def state_space(self, realization: str = "modal") -> StateSpace:
+        """Return first-order equations."""
+
+    def direct(self) -> Array:
+        """Return what outputs see of inputs at once (outputs, inputs), with zeros where it is rounding."""
+
+
+Linear: TypeAlias = System | LoopResponse
+
+
+def resolution(linear: Linear) -> Resolution:
+    """Return what the responses of a system or a closed loop are made of.
+
+    Parameters
+    ----------
+    linear : Linear
+        A system or a closed loop.
+
+    Returns
+    -------
+    Resolution
+        Poles and panels.
+    """
+    return Resolution(linear.poles()) if isinstance(linear, System) else linear.resolution
