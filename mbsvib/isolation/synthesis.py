@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.plant import Plant
 
+UNDAMPED = 1e-12  # share of the largest pole below which a real part is rounding
+
 
 def lqg(
     plant: Plant, sensors: Sequence[str], effort: float, base: float = 1.0, noise: float = 1e-6,
@@ -57,15 +59,20 @@ def lqg(
     from scipy.linalg import solve_continuous_are
 
     m, n = b.shape[1], len(c)
+    none = ResponseError("lqg: no stabilising law was found; a mode may be out of reach of the actuators or "
+                         "sensors, or effort and noise are too small against the rest.")  # fmt: skip
     try:
         cost = solve_continuous_are(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), s=z.T @ zd)
         spread = solve_continuous_are(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n),
                                       s=base * bw @ dw.T)  # fmt: skip
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise ResponseError("lqg: no stabilising law was found; a mode may be out of reach of the actuators or "
-                            "sensors, or effort and noise are too small against the rest.") from error  # fmt: skip
+        raise none from error
     back = np.linalg.solve(zd.T @ zd + effort * np.eye(m), b.T @ cost + zd.T @ z)
     inject = np.linalg.solve(base * dw @ dw.T + noise * np.eye(n), c @ spread + base * dw @ bw.T).T
+    poles = np.linalg.eigvals([a - b @ back, a - inject @ c])
+    if poles.size and poles.real.max() > -UNDAMPED * np.abs(poles).max():
+        # rounding decides whether the equations of a mode that is out of reach count as solved
+        raise none
     law = a - b @ back - inject @ c + inject @ d @ back
     return Controller("LQG", law * scale, inject * scale, -back, np.zeros((m, n)), tuple(sensors),
                       plant.names("actuator"))  # fmt: skip
