@@ -76,7 +76,7 @@ class Passive:
         """
         f, ports = checked(frequencies), self._ports(self._shaken, "index")
         span = f"{f[0]:g} Hz" if len(f) == 1 else f"{f[0]:g} to {f[-1]:g} Hz"
-        return Leaf(f"index at {span}", lambda place: ports.size(place, 2.0 * np.pi * f))
+        return Leaf(f"index at {span}", lambda point: ports.size(point, 2.0 * np.pi * f))
 
     def rms(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square acceleration of the body under base noise, rotations times the length.
@@ -186,7 +186,7 @@ class Passive:
         weight = GRAVITY * self.model.bodies[self.scene.body].mass if load is None else load
         newton = abs(check.number(weight, "sag", "load"))
         ports = Weighted("sag", dict.fromkeys(DISPLACEMENTS[:3], 1.0), {f"load.{direction}": newton})
-        return Leaf(f"sag along {direction} [m]", lambda place: ports.size(place, np.zeros(1)))
+        return Leaf(f"sag along {direction} [m]", lambda point: ports.size(point, np.zeros(1)))
 
     def compliance(self, frequency: float = 0.0) -> Quantity:
         """Return the compliance of the body to forces and moments, their arm being the length.
@@ -204,7 +204,7 @@ class Passive:
         scale = dict(zip(LOADS, self.scene.scale() / np.sqrt(6.0), strict=True))
         ports = Weighted("compliance", dict(zip(DISPLACEMENTS, self.scene.scale(), strict=True)), scale)
         return Leaf(f"compliance at {frequency:g} Hz [m/N]",
-                    lambda place: ports.size(place, np.array([2.0 * np.pi * frequency])))  # fmt: skip
+                    lambda point: ports.size(point, np.array([2.0 * np.pi * frequency])))  # fmt: skip
 
     @property
     def legs(self) -> tuple[str, ...]:
@@ -309,7 +309,7 @@ class Passive:
             squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).wanted(outputs)
         else:
             squares = self._mean(outputs, noise, span)
-        return Leaf(label, lambda place: squares.at(place, outputs))
+        return Leaf(label, lambda point: squares.at(point, outputs))
 
     def _mean(self, outputs: Sequence[str], noise: BaseNoise, span: tuple[float, float] | None) -> MeanSquares:
         laws = {leg.stroke: (leg.force, *leg.law) for leg in self.scene.legs if leg.law}

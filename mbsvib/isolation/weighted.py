@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.responses.power_spectra import BaseNoise
     from mbsvib.sensitivities.matrices import MatrixDerivatives
     from mbsvib.studies.dual import Dual
-    from mbsvib.studies.evaluation import Place
+    from mbsvib.studies.evaluation import DesignPoint
 
     Law = tuple[str, str, str]
 
@@ -49,30 +49,32 @@ class Weighted(Ports):
         g = self._weights(system) * response(system, w, *self.of(system))
         return np.asarray(np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1))))
 
-    def size(self, place: Place, w: Array) -> Dual:
+    def size(self, point: DesignPoint, w: Array) -> Dual:
         """Return the norm at angular frequencies, with derivatives."""
-        outputs, inputs = self.of(place.system)
-        weights = self._weights(place.system)
-        g, slope = (weights * part for part in _with_slopes(place, w, outputs, inputs))
+        outputs, inputs = self.of(point.system)
+        weights = self._weights(point.system)
+        g, slope = (weights * part for part in _with_slopes(point, w, outputs, inputs))
         value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
         change = (g.conj() * slope).real.sum(axis=(1, 2))
-        return place.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
+        return point.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
 
 
-def _with_slopes(place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> tuple[Complex, Complex]:
+def _with_slopes(
+    point: DesignPoint, w: Array, outputs: Sequence[str], inputs: Sequence[str]
+) -> tuple[Complex, Complex]:
     """Responses (outputs, inputs, n) and their derivatives (variables, outputs, inputs, n).
 
     dG = dH R + L dB - L dZ R + dD with Z = K + i w C - w^2 M, H = Cq + i w Cv - w^2 Ca, R = Z^-1 B, L = H Z^-1: the
     matrices' derivatives, once, serve all frequencies.
     """
-    system = place.system
-    if not place.rates or system.dof > DENSE:
+    system = point.system
+    if not point.rates or system.dof > DENSE:
         value = response(system, w, outputs, inputs)
-        if not place.rates:
+        if not point.rates:
             return value, np.zeros((0, *value.shape), dtype=complex)
-        return value, system.frequency_response_sensitivities(w, place.rates, list(inputs), list(outputs))
+        return value, system.frequency_response_sensitivities(w, point.rates, list(inputs), list(outputs))
     o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
-    d = _derivatives(system, place.rates)
+    d = _derivatives(system, point.rates)
     s = np.asarray(1j * w[:, None, None], dtype=complex)
     value, right, left = solved(system, w, o, i)
     slopes = []
@@ -84,15 +86,15 @@ def _with_slopes(place: Place, w: Array, outputs: Sequence[str], inputs: Sequenc
 
 
 def _by_laws(
-    place: Place, w: Array, outputs: Sequence[str], inputs: Sequence[str], laws: Mapping[str, Law]
+    point: DesignPoint, w: Array, outputs: Sequence[str], inputs: Sequence[str], laws: Mapping[str, Law]
 ) -> tuple[Complex, Complex]:
     """Responses and derivatives, some of the outputs by their laws."""
     asked = [laws[name][0] if name in laws else name for name in outputs]
     unique = list(dict.fromkeys(asked))
     rows = [unique.index(name) for name in asked]
-    value, slope = (part.take(rows, axis=part.ndim - 3) for part in _with_slopes(place, w, unique, inputs))
-    known = place.system.parameters
-    rates = _rates(place, [name for output in outputs if output in laws for name in laws[output][1:]])
+    value, slope = (part.take(rows, axis=part.ndim - 3) for part in _with_slopes(point, w, unique, inputs))
+    known = point.system.parameters
+    rates = _rates(point, [name for output in outputs if output in laws for name in laws[output][1:]])
     for row, name in enumerate(outputs):
         if name in laws:
             _, stiffness, damping = laws[name]
@@ -103,10 +105,10 @@ def _by_laws(
     return value, slope
 
 
-def _rates(place: Place, parameters: Sequence[str]) -> dict[str, Array]:
+def _rates(point: DesignPoint, parameters: Sequence[str]) -> dict[str, Array]:
     """How fast each variable moves some parameters."""
-    result = {name: np.array([rates.get(name, 0.0) for rates in place.rates.values()]) for name in parameters}
-    for i, rates in enumerate(place.rates.values()):
+    result = {name: np.array([rates.get(name, 0.0) for rates in point.rates.values()]) for name in parameters}
+    for i, rates in enumerate(point.rates.values()):
         for pattern, rate in rates.items():
             if any(sign in pattern for sign in "*?["):
                 for name in parameters:
@@ -154,16 +156,16 @@ class MeanSquares:
         self._last = None
         return self
 
-    def at(self, place: Place, chosen: Sequence[str]) -> Dual:
+    def at(self, point: DesignPoint, chosen: Sequence[str]) -> Dual:
         """Return the mean squares of some of the outputs, with derivatives."""
-        if self._last is None or self._last[0] is not place.system or self._last[1] is not place.rates:
-            self._last = (place.system, place.rates, *self._computed(place))
+        if self._last is None or self._last[0] is not point.system or self._last[1] is not point.rates:
+            self._last = (point.system, point.rates, *self._computed(point))
         rows = [self.outputs.index(name) for name in chosen]
-        return place.dual(self._last[2][rows], self._last[3][rows])
+        return point.dual(self._last[2][rows], self._last[3][rows])
 
-    def _computed(self, place: Place) -> tuple[Array, Array]:
-        f, weight = quadrature(place.system, Ports(self.outputs, self.inputs), self.noise, self.band)
-        g, slope = _by_laws(place, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
+    def _computed(self, point: DesignPoint) -> tuple[Array, Array]:
+        f, weight = quadrature(point.system, Ports(self.outputs, self.inputs), self.noise, self.band)
+        g, slope = _by_laws(point, 2.0 * np.pi * f, self.outputs, self.inputs, self._laws)
         # (G S) of each output, conjugated: the other half of the square
         half = np.einsum("oin,nij,n->ojn", g, self.noise.at(f), weight, optimize=True).conj()
         value = np.einsum("ojn,ojn->o", half, g).real

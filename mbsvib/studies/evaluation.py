@@ -1,4 +1,4 @@
-"""Places: systems at points of a study, with what quantities ask of them computed once."""
+"""Design points: systems at points of a study, with what quantities ask of them computed once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Place:
+class DesignPoint:
     """A system, its variables (``rates`` of parameters with each), and how derivatives count: ``scale`` (variables,)
     turns those to variables into those to the unknowns of a search, ``levels`` are numbers that stand for the largest
     of many, ``order`` the mode that each track has here.
@@ -39,7 +39,7 @@ class Place:
     order: Index | None = None
 
     @classmethod
-    def of(cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]]) -> Place:
+    def of(cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]]) -> DesignPoint:
         """Return a system by itself, with derivatives to some variables."""
         checked(system)
         if isinstance(variables, Mapping):
@@ -48,8 +48,8 @@ class Place:
         values = {name: known[known.matching(name)[0]] for name in names}
         return cls(system, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {})
 
-    def with_levels(self, levels: Mapping[Hashable, float]) -> Place:
-        """Return the same place with numbers that stand for the largest of many; what is known of it is kept."""
+    def with_levels(self, levels: Mapping[Hashable, float]) -> DesignPoint:
+        """Return the same point with numbers that stand for the largest of many; what is known of it is kept."""
         result = replace(self, levels=levels)
         result.__dict__.update((name, self.__dict__[name]) for name in ("modes", "pairs") if name in self.__dict__)
         return result

@@ -12,7 +12,7 @@ from mbsvib.studies.quantities import Quantity, quantity
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.evaluation import Place
+    from mbsvib.studies.evaluation import DesignPoint
 
 
 class Largest(Quantity):
@@ -22,25 +22,25 @@ class Largest(Quantity):
     ``seeds`` to begin with and ``tops`` where the numbers are largest.
     """
 
-    def at(self, place: Place) -> Dual:
+    def at(self, point: DesignPoint) -> Dual:
         """Return the largest, or the number that stands for it in a search."""
-        return place.level(self) or self.true(place)
+        return point.level(self) or self.true(point)
 
-    def true(self, place: Place) -> Dual:
+    def true(self, point: DesignPoint) -> Dual:
         """Return the largest itself."""
-        found = self.members(place, None)
+        found = self.members(point, None)
         which = [int(found.value.argmax())]
         return Dual(found.value[which], found.slope[which])
 
-    def members(self, place: Place, active: Array | None) -> Dual:
+    def members(self, point: DesignPoint, active: Array | None) -> Dual:
         """Return the numbers."""
-        return self.parts[0].at(place)
+        return self.parts[0].at(point)
 
-    def seeds(self, place: Place) -> Array | None:
+    def seeds(self, point: DesignPoint) -> Array | None:
         """Return the points to begin with; None where numbers are finitely many."""
         return None
 
-    def tops(self, place: Place) -> tuple[Array, Array]:
+    def tops(self, point: DesignPoint) -> tuple[Array, Array]:
         """Return points at which numbers are largest, and these numbers."""
         return np.zeros(0), np.zeros(0)
 

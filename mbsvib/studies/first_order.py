@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
-    from mbsvib.studies.evaluation import Place
+    from mbsvib.studies.evaluation import DesignPoint
     from mbsvib.studies.quantities import Quantity
 
 
@@ -38,13 +38,13 @@ class FirstOrder:
 
 
 def first_order(
-    place: Place, quantities: Mapping[str, Quantity], off: Array, sizes: Array, deviation: float
+    point: DesignPoint, quantities: Mapping[str, Quantity], off: Array, sizes: Array, deviation: float
 ) -> FirstOrder:
     """Return what derivatives say of scatter.
 
     Parameters
     ----------
-    place : Place
+    point : DesignPoint
         The system as it is, and the variables.
     quantities : mapping of str to Quantity
         What is looked at.
@@ -66,13 +66,13 @@ def first_order(
         If a derivative does not exist.
     """
     try:
-        duals = [each.at(place) for each in quantities.values()]
+        duals = [each.at(point) for each in quantities.values()]
     except ModelError as error:
         error.add_note("tolerances(..., derivatives=False) does without derivatives, by random samples only.")
         raise
     width = len(sizes)
     slope = np.concatenate([np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals])
-    names = list(place.rates)
+    names = list(point.rates)
     bad = np.flatnonzero(~np.isfinite(slope).all(axis=0))
     if len(bad):
         name = names[bad[0]]
@@ -85,7 +85,7 @@ def first_order(
     root = np.sqrt(((size * sizes) ** 2).sum(axis=1)) * deviation
     counts = tuple([len(dual.value) for dual in duals])
     worst, parted = size @ sizes, np.zeros(len(nominal), dtype=bool)
-    for at, values, bound, length in _parting(place, quantities, counts, off, sizes * deviation):
+    for at, values, bound, length in _parting(point, quantities, counts, off, sizes * deviation):
         linear[:, at] = nominal[at] + values
         root[at], worst[at], size[at], parted[at] = values.std(ddof=1), bound @ sizes, length, True
     variance = (size * sizes) ** 2
@@ -94,12 +94,12 @@ def first_order(
     return FirstOrder(nominal, counts, root, worst, shares, linear, parted)
 
 
-def no_order(place: Place, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
+def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
     """Return the nominal values alone, all that derivatives would say not a number.
 
     Parameters
     ----------
-    place : Place
+    point : DesignPoint
         The system as it is.
     quantities : mapping of str to Quantity
         What is looked at.
@@ -111,7 +111,7 @@ def no_order(place: Place, quantities: Mapping[str, Quantity], off: Array) -> Fi
     FirstOrder
         Nominal values.
     """
-    values = [np.atleast_1d(np.asarray(each(place.system), dtype=float)) for each in quantities.values()]
+    values = [np.atleast_1d(np.asarray(each(point.system), dtype=float)) for each in quantities.values()]
     nominal = np.concatenate(values)
     none = np.full(len(nominal), np.nan)
     shares, linear = np.full((len(nominal), off.shape[1]), np.nan), np.full((len(off), len(nominal)), np.nan)
@@ -120,24 +120,24 @@ def no_order(place: Place, quantities: Mapping[str, Quantity], off: Array) -> Fi
 
 
 def _parting(
-    place: Place, quantities: Mapping[str, Quantity], counts: tuple[int, ...], off: Array, deviation: Array
+    point: DesignPoint, quantities: Mapping[str, Quantity], counts: tuple[int, ...], off: Array, deviation: Array
 ) -> list[tuple[int, Array, Array, Array]]:
-    """Place of each number whose mode is near to others, its changes in the samples, and the largest and the root mean
+    """Index of each number whose mode is near to others, its changes in the samples, and the largest and the root mean
     square change that each variable can make.
     """
-    system, modes = place.system, place.modes
+    system, modes = point.system, point.modes
     starts = np.concatenate(([0], np.cumsum(counts)))
     chosen = [(int(start), each, each.of(modes)) for start, each in zip(starts[:-1], quantities.values(), strict=True)
               if isinstance(each, Modal)]  # fmt: skip
     if not chosen or system.gyroscopic is not None or system.circulatory is not None:
         return []
-    values, slopes = place.pairs
+    values, slopes = point.pairs
     scatter = np.sqrt(((np.abs(slopes[:, :, 0]) * deviation[:, None]) ** 2).sum(axis=0))
     result = []
     for group in together(values[:, 0], scatter):
         if not any(set(group) & set(numbers) for _, _, numbers in chosen):
             continue
-        start, slope = parting(system, group, place.rates)
+        start, slope = parting(system, group, point.rates)
         known = values[group, 0]
         moved = np.concatenate([_eigenvalues(start + np.tensordot(some, slope, axes=1)) for some in _pieces(off)])
         moved = moved - known[np.argsort(np.abs(known), kind="stable")]

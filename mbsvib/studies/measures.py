@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array
-    from mbsvib.studies.evaluation import Place
+    from mbsvib.studies.evaluation import DesignPoint
 
     Names = str | Iterable[str] | None
     Band = tuple[float, float]
@@ -127,7 +127,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
         raise check.refuse("gain", "frequencies", frequencies, "frequencies [Hz]") from error
     ports = Ports(outputs, inputs)
     where = f"{f[0]:g} Hz" if len(f) == 1 else f"{f.min():g} to {f.max():g} Hz"
-    return Leaf(f"gain of {ports.label} at {where}", lambda place: ports.size(place, 2.0 * np.pi * f))
+    return Leaf(f"gain of {ports.label} at {where}", lambda point: ports.size(point, 2.0 * np.pi * f))
 
 
 def peak(outputs: Names = None, inputs: Names = None, band: Band | None = None) -> Quantity:
@@ -171,13 +171,13 @@ def variable(name: str) -> Quantity:
     ModelError
         In a search that has no such variable.
     """
-    def at(place: Place) -> Dual:
-        if name not in place.values:
-            raise ModelError(f"variable('{name}'): there is no such variable.{nearest(name, place.values)} Variables "
-                             f"are: {', '.join(place.values)}.", element=name)  # fmt: skip
-        slope = np.zeros((1, len(place.scale)))
-        slope[0, list(place.rates).index(name)] = 1.0
-        return place.dual(np.array([place.values[name]]), slope)
+    def at(point: DesignPoint) -> Dual:
+        if name not in point.values:
+            raise ModelError(f"variable('{name}'): there is no such variable.{nearest(name, point.values)} Variables "
+                             f"are: {', '.join(point.values)}.", element=name)  # fmt: skip
+        slope = np.zeros((1, len(point.scale)))
+        slope[0, list(point.rates).index(name)] = 1.0
+        return point.dual(np.array([point.values[name]]), slope)
 
     return Leaf(name, at)
 
@@ -198,9 +198,9 @@ def given(function: Callable[[System, Mapping[str, Mapping[str, float]]], tuple[
     Quantity
         The numbers.
     """
-    def at(place: Place) -> Dual:
-        value, slope = function(place.system, place.rates)
+    def at(point: DesignPoint) -> Dual:
+        value, slope = function(point.system, point.rates)
         value = np.atleast_1d(np.asarray(value, dtype=float))
-        return place.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(place.rates)))
+        return point.dual(value, np.asarray(slope, dtype=float).reshape(len(value), len(point.rates)))
 
     return Leaf(label, at)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.modes import Modes
     from mbsvib.modes.batch import BatchModes
-    from mbsvib.studies.evaluation import Place
+    from mbsvib.studies.evaluation import DesignPoint
 
 
 # natural frequency [rad/s], sum of the two eigenvalues, and changes of both, to a value and its change
@@ -71,16 +71,16 @@ class Modal(Leaf):
         natural = np.sqrt(np.abs(one * other))
         return self.rule(natural, (one + other).real, 0.0 * natural, 0.0 * natural)[0]
 
-    def _at(self, place: Place) -> Dual:
-        which = self.of(place.modes, place.order)
-        values, slopes = place.pairs
+    def _at(self, point: DesignPoint) -> Dual:
+        which = self.of(point.modes, point.order)
+        values, slopes = point.pairs
         (one, other), (d_one, d_other) = values[which].T, np.moveaxis(slopes[:, which], 2, 0)
         product = one * other
         natural = np.sqrt(np.abs(product))
         with np.errstate(divide="ignore", invalid="ignore"):
             d_natural = (0.5 * natural * ((d_one * other + one * d_other) / product)).real
             value, slope = self.rule(natural, (one + other).real, d_natural, (d_one + d_other).real)
-        return place.dual(value, slope.T)
+        return point.dual(value, slope.T)
 
 
 def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]:

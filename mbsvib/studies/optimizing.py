@@ -241,12 +241,12 @@ def _named(search: Search, values: Array) -> dict[str, float]:
 
 
 def _optimum(search: Search, z: Array, found: Found, start: Array, began: float) -> Optimum:
-    place = search.place(z[: len(search.scales.start)])
+    point = search.point(z[: len(search.scales.start)])
     objective, numbers = search.true(z)
     here = search.at(z)
     violation = max(0.0, -float(here.g.value.min(initial=0.0)), float(np.abs(here.h.value).max(initial=0.0)))
     optimality = _left_over(search, z)
-    moved, values = search.design.values(place.values), dict(place.values)
+    moved, values = search.design.values(point.values), dict(point.values)
     success = violation <= FEASIBLE and (found.success or optimality <= OPTIMAL)
     descent = Descent(_named(search, start), values, objective, violation, success, found.message)
     return Optimum(

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 from mbsvib.studies.dual import Dual
-from mbsvib.studies.evaluation import Place
+from mbsvib.studies.evaluation import DesignPoint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -30,12 +30,12 @@ class Quantity:
     def __init__(self, label: str, parts: tuple[Quantity, ...], rule: Callable[..., Dual]) -> None:
         self.label, self.parts, self._rule = label, parts, rule
 
-    def at(self, place: Place) -> Dual:
+    def at(self, point: DesignPoint) -> Dual:
         """Return numbers and derivatives.
 
         Parameters
         ----------
-        place : Place
+        point : DesignPoint
             A system with the variables of a study.
 
         Returns
@@ -43,10 +43,10 @@ class Quantity:
         Dual
             Numbers, and their derivatives to these.
         """
-        return self._rule(*[part.at(place) for part in self.parts])
+        return self._rule(*[part.at(point) for part in self.parts])
 
     def __call__(self, system: System) -> Any:
-        value = self.at(Place.of(system, ())).value
+        value = self.at(DesignPoint.of(system, ())).value
         return value if len(value) != 1 else float(value[0])
 
     def gradient(self, system: System, variables: Any) -> Array:
@@ -64,7 +64,7 @@ class Quantity:
         array, shape (numbers, variables)
             Derivatives [per unit of the variable].
         """
-        return self.at(Place.of(system, variables)).slope
+        return self.at(DesignPoint.of(system, variables)).slope
 
     def inner(self) -> Iterator[Quantity]:
         """Go through this quantity and all that it is made of."""
@@ -164,14 +164,14 @@ class Quantity:
 
 
 class Leaf(Quantity):
-    """A quantity that is asked of a place at once."""
+    """A quantity that is asked of a point at once."""
 
-    def __init__(self, label: str, ask: Callable[[Place], Dual]) -> None:
+    def __init__(self, label: str, ask: Callable[[DesignPoint], Dual]) -> None:
         super().__init__(label, (), ask)
 
-    def at(self, place: Place) -> Dual:
-        """Return numbers and derivatives at a place."""
-        return self._rule(place)
+    def at(self, point: DesignPoint) -> Dual:
+        """Return numbers and derivatives at a point."""
+        return self._rule(point)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.power_spectra import BaseNoise
-    from mbsvib.studies.evaluation import Place
+    from mbsvib.studies.evaluation import DesignPoint
     from mbsvib.studies.quantities import Quantity
 
     Names = str | Iterable[str] | None
@@ -56,13 +56,13 @@ class Ports:
         o, i = [system.outputs.index(name) for name in outputs], [system.inputs.index(name) for name in inputs]
         return np.asarray(np.sqrt((np.abs(system.frequency_response(w)[np.ix_(o, i)]) ** 2).sum(axis=(0, 1))))
 
-    def size(self, place: Place, w: Array) -> Dual:
+    def size(self, point: DesignPoint, w: Array) -> Dual:
         """Return the norm at angular frequencies, with derivatives."""
-        outputs, inputs = self.of(place.system)
-        g, slope = place.response(w, inputs, outputs)
+        outputs, inputs = self.of(point.system)
+        g, slope = point.response(w, inputs, outputs)
         value = np.sqrt((np.abs(g) ** 2).sum(axis=(0, 1)))
         change = (g.conj() * slope).real.sum(axis=(1, 2))
-        return place.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
+        return point.dual(value, np.divide(change, value, out=np.zeros_like(change), where=value > 0.0).T)
 
 
 class Peak(Largest):
@@ -73,23 +73,23 @@ class Peak(Largest):
         super().__init__(f"peak of {ports.label}{where}", (), lambda: None)  # type: ignore[arg-type,return-value]
         self.ports, self.band = ports, band
 
-    def true(self, place: Place) -> Dual:
+    def true(self, point: DesignPoint) -> Dual:
         """Return the peak, and its derivatives at the frequency where it is."""
-        w, size = self.tops(place)
-        return self.members(place, w[[int(size.argmax())]])
+        w, size = self.tops(point)
+        return self.members(point, w[[int(size.argmax())]])
 
-    def members(self, place: Place, active: Array | None) -> Dual:
+    def members(self, point: DesignPoint, active: Array | None) -> Dual:
         """Return the magnitudes at angular frequencies."""
-        return self.true(place) if active is None else self.ports.size(place, active)
+        return self.true(point) if active is None else self.ports.size(point, active)
 
-    def seeds(self, place: Place) -> Array:
+    def seeds(self, point: DesignPoint) -> Array:
         """Return angular frequencies all over the band, and at all modes."""
-        low, high = self._band(place.system)
-        poles = np.unique(np.abs(place.system.poles()))
+        low, high = self._band(point.system)
+        poles = np.unique(np.abs(point.system.poles()))
         inside = poles[(poles > 2.0 * np.pi * low) & (poles < 2.0 * np.pi * high)][:SEEDS]
-        return np.unique(np.concatenate((2.0 * np.pi * np.geomspace(low, high, SEEDS), inside, self.tops(place)[0])))
+        return np.unique(np.concatenate((2.0 * np.pi * np.geomspace(low, high, SEEDS), inside, self.tops(point)[0])))
 
-    def tops(self, place: Place) -> tuple[Array, Array]:
+    def tops(self, point: DesignPoint) -> tuple[Array, Array]:
         """Return angular frequencies of the local maxima that matter, and the magnitudes there.
 
         Raises
@@ -97,7 +97,7 @@ class Peak(Largest):
         ResponseError
             If an undamped mode in the band is excited.
         """
-        system = place.system
+        system = point.system
         low, high = (2.0 * np.pi * f for f in self._band(system))
         poles = system.poles()
         _refuse_undamped(system, poles, low, high, lambda w: self.ports.magnitude(system, w), self.label)
@@ -141,7 +141,7 @@ def rms(outputs: Names, spectra: Mapping[str, Any], band: Band | None = None) ->
     ports, span_ = Ports(outputs, inputs), band_of(band, lowest=0.0)
     where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
     return Leaf(f"rms of {_listed(ports.outputs, 'all outputs')}{where}",
-                lambda place: _rms(place, ports, noise, span_))  # fmt: skip
+                lambda point: _rms(point, ports, noise, span_))  # fmt: skip
 
 
 def band_of(band: Any, lowest: float | None = None) -> Band | None:
@@ -158,17 +158,17 @@ def band_of(band: Any, lowest: float | None = None) -> Band | None:
     return low, high
 
 
-def _rms(place: Place, ports: Ports, noise: BaseNoise, band: Band | None) -> Dual:
-    system = place.system
+def _rms(point: DesignPoint, ports: Ports, noise: BaseNoise, band: Band | None) -> Dual:
+    system = point.system
     outputs, inputs = ports.of(system)
     f, weight = quadrature(system, ports, noise, band)
     spectrum = dict(zip(ports.inputs or (), noise.spectra, strict=True))
     density = np.array([spectrum[name].at(f) for name in inputs]) * weight
-    g, slope = place.response(2.0 * np.pi * f, inputs, outputs)
+    g, slope = point.response(2.0 * np.pi * f, inputs, outputs)
     square = float((np.abs(g) ** 2 * density).sum())
     change = 2.0 * ((g.conj() * slope).real * density).sum(axis=(1, 2, 3))
     root = np.sqrt(square)
-    return place.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
+    return point.dual(np.array([root]), (0.5 * change / root if root else 0.0 * change)[None])
 
 
 def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None) -> tuple[Array, Array]:

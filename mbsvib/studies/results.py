@@ -97,8 +97,8 @@ class Sweep:
         for label, values in self.results.items():
             flat = values.reshape(len(self), -1)
             for i in range(flat.shape[1]):
-                place = np.unravel_index(i, values.shape[1:]) if values.ndim > 1 else ()
-                name = label + (f"({','.join(str(int(k) + 1) for k in place)})" if place else "")
+                index = np.unravel_index(i, values.shape[1:]) if values.ndim > 1 else ()
+                name = label + (f"({','.join(str(int(k) + 1) for k in index)})" if index else "")
                 if values.dtype.kind == "c":
                     result[f"{name}.re"], result[f"{name}.im"] = flat[:, i].real, flat[:, i].imag
                 else:

@@ -14,7 +14,7 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, counted, nearest
 from mbsvib.studies import figures
 from mbsvib.studies.design import design
-from mbsvib.studies.evaluation import Place, checked
+from mbsvib.studies.evaluation import DesignPoint, checked
 from mbsvib.studies.first_order import first_order, no_order
 from mbsvib.studies.measures import damping_ratio, frequency
 from mbsvib.studies.modal import Modal
@@ -108,7 +108,7 @@ class Tolerances:
         return float(((values >= low) & (values <= high)).mean())
 
     def index(self, label: str) -> int:
-        """Return the place of a number.
+        """Return the index of a number.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Tolerances:
         Returns
         -------
         int
-            The place in ``labels``.
+            The index in ``labels``.
 
         Raises
         ------
@@ -235,13 +235,13 @@ def tolerances(
     chosen = design(model, width, used or None)
     system = checked(model.linearize())
     centre = {name: chosen.start[name] for name in width}
-    place = Place(system, chosen.rates(centre), centre, np.ones(len(width)), {})
+    point = DesignPoint(system, chosen.rates(centre), centre, np.ones(len(width)), {})
     columns = drawn(centre, width, samples, distribution, seed)
     off = np.array([columns[name] - centre[name] for name in width]).T
     if derivatives:
-        found = first_order(place, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
+        found = first_order(point, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
     else:
-        found = no_order(place, quantities, off)
+        found = no_order(point, quantities, off)
     ask = _Ask(quantities, {label: each.of(system.modes()) for label, each in quantities.items()
                             if isinstance(each, Modal)})  # fmt: skip
     swept = sweep(model, columns, {" ".join(quantities): ask}, how="paired", ties=used or None, batched=ask.batched,

@@ -16,7 +16,7 @@ from mbsvib.api.settled import settled
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.matching import Reference, reference, step
 from mbsvib.studies.dual import Dual, stacked
-from mbsvib.studies.evaluation import Place, check_variables, checked, station
+from mbsvib.studies.evaluation import DesignPoint, check_variables, checked, station
 from mbsvib.studies.extremes import Largest
 from mbsvib.studies.modal import Modal
 from mbsvib.studies.quantities import Constraint, Quantity
@@ -58,12 +58,12 @@ class Search:
         self.evaluations, self.steepest = 0, 0.0
         self._independent: tuple[str, ...] | None = None
         self._seen: list[tuple[Array, Reference]] = []
-        self._place: tuple[Array, Place] | None = None
+        self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
         inner = [each for part in (objective, *(c.quantity for c in constraints)) for each in part.inner()]
         self._follows = any(isinstance(each, Modal) for each in inner)
         self.largest = tuple(dict.fromkeys(each for each in inner if isinstance(each, Largest)))
-        start = self.place(np.zeros(len(scales.start)))
+        start = self.point(np.zeros(len(scales.start)))
         check_variables(start.system, start.rates)
         self._independent = start.system.coordinates
         true = {each: float(each.true(start).value[0]) for each in self.largest}
@@ -87,18 +87,18 @@ class Search:
             error.add_note(f"at {_said(values)}")
             raise
 
-    def place(self, x: Array) -> Place:
-        """Return the place at the unknowns of variables, its modes followed from the nearest one that was looked at, if
+    def point(self, x: Array) -> DesignPoint:
+        """Return the point at the unknowns of variables, its modes followed from the nearest one that was looked at, if
         any are asked for.
         """
-        if self._place is None or not np.array_equal(self._place[0], x):
+        if self._point is None or not np.array_equal(self._point[0], x):
             self.evaluations += 1
             p = self.scales.values(x)
             values = dict(zip(self.design.variables, p.tolist(), strict=True))
-            found = Place(self.system(x), self.design.rates(values), values, self.scales.rates(p), {})
+            found = DesignPoint(self.system(x), self.design.rates(values), values, self.scales.rates(p), {})
             order = self._followed(x, found) if self._follows else None
-            self._place = x.copy(), replace(found, order=order)
-        return self._place[1]
+            self._point = x.copy(), replace(found, order=order)
+        return self._point[1]
 
     def at(self, z: Array) -> Value:
         """Return objective and constraints at unknowns."""
@@ -108,39 +108,39 @@ class Search:
         levels: dict[Hashable, float] = {
             each: float(level) * self.unit[each] for each, level in zip(self.largest, z[n:], strict=True)
         }
-        place = self.place(z[:n]).with_levels(levels)
+        point = self.point(z[:n]).with_levels(levels)
         try:
-            f = self._one(self.objective.at(place))
-            g, h = self._bounded(place)
+            f = self._one(self.objective.at(point))
+            g, h = self._bounded(point)
         except MbsvibError as error:
-            error.add_note(f"at {_said(place.values)}")
+            error.add_note(f"at {_said(point.values)}")
             raise
         chain = np.concatenate((np.ones(n), [self.unit[each] for each in self.largest]))
-        parts = [Dual(dual.value, np.broadcast_to(dual.slope, (len(dual.value), place.width)) * chain)
+        parts = [Dual(dual.value, np.broadcast_to(dual.slope, (len(dual.value), point.width)) * chain)
                  for dual in (Dual(f.value / self._size, f.slope / self._size), _stacked(g), _stacked(h))]  # fmt: skip
         if not all(np.isfinite(numbers).all() for dual in parts for numbers in (dual.value, dual.slope)):
-            raise _not_finite(place)
+            raise _not_finite(point)
         self.steepest = max(self.steepest, float(np.linalg.norm(parts[0].slope[0])))
         self._value = Value(z.copy(), *parts)
         return self._value
 
     def begin(self, x: Array) -> Array:
         """Return unknowns to begin with, at those of variables: what stands for the largest of many is that."""
-        place = self.place(x)
-        return np.concatenate((x, [float(each.true(place).value[0]) / self.unit[each] for each in self.largest]))
+        point = self.point(x)
+        return np.concatenate((x, [float(each.true(point).value[0]) / self.unit[each] for each in self.largest]))
 
     def exchange(self, z: Array) -> tuple[Array, bool]:
         """Add tops that are higher than what stands for them; return unknowns that allow for them, and whether there
         are any.
         """
         n, grown, z = len(self.scales.start), False, z.copy()
-        place = self.place(z[:n])
+        point = self.point(z[:n])
         for k, each in enumerate(self.largest):
             active = self._active[each]
             if active is None:
-                z[n + k] = max(z[n + k], float(each.true(place).value[0]) / self.unit[each])
+                z[n + k] = max(z[n + k], float(each.true(point).value[0]) / self.unit[each])
                 continue
-            where, size = each.tops(place)
+            where, size = each.tops(point)
             new = where[size > z[n + k] * self.unit[each] * (1.0 + EXCEEDS)]
             new = new[np.abs(new[:, None] - active).min(axis=1, initial=np.inf) > NEAR * new]
             self._active[each] = np.concatenate((active, new))
@@ -157,8 +157,8 @@ class Search:
 
     def true(self, z: Array) -> tuple[float, list[Array]]:
         """Return objective and constrained quantities, without anything that stands for others."""
-        place = self.place(z[: len(self.scales.start)])
-        return float(self.objective.at(place).value[0]), [c.quantity.at(place).value for c in self.constraints]
+        point = self.point(z[: len(self.scales.start)])
+        return float(self.objective.at(point).value[0]), [c.quantity.at(point).value for c in self.constraints]
 
     def _one(self, found: Dual) -> Dual:
         if len(found.value) != 1:
@@ -167,40 +167,40 @@ class Search:
                              field="objective")  # fmt: skip
         return found
 
-    def _bounded(self, place: Place) -> tuple[list[Dual], list[Dual]]:
+    def _bounded(self, point: DesignPoint) -> tuple[list[Dual], list[Dual]]:
         g: list[Dual] = []
         h: list[Dual] = []
         for constraint, size in zip(self.constraints, self._sizes, strict=True):
-            found = constraint.quantity.at(place)
+            found = constraint.quantity.at(point)
             for bound, sign in ((constraint.low, 1.0 / size), (constraint.high, -1.0 / size)):
                 if bound is not None and not (constraint.equal and sign < 0.0):
                     part = Dual(sign * (found.value - bound), sign * found.slope)
                     (h if constraint.equal else g).append(part)
         for each in self.largest:
-            level, members, unit = place.level(each), each.members(place, self._active[each]), self.unit[each]
+            level, members, unit = point.level(each), each.members(point, self._active[each]), self.unit[each]
             if level is not None:
                 g.append(Dual((level.value - members.value) / unit, (level.slope - members.slope) / unit))
         return g, h
 
-    def _check_directions(self, start: Place) -> None:
+    def _check_directions(self, start: DesignPoint) -> None:
         """What stands for the largest of many is that only where nothing is won by making it larger."""
         n = len(self.scales.start)
-        place = start.with_levels({each: float(each.true(start).value[0]) for each in self.largest})
-        g, h = self._bounded(place)
+        point = start.with_levels({each: float(each.true(start).value[0]) for each in self.largest})
+        g, h = self._bounded(point)
         g, own = g[: len(g) - len(self.largest)], g[len(g) - len(self.largest) :]
         for k, each in enumerate(self.largest):
             others = [part for other, part in zip(self.largest, own, strict=True) if other is not each]
-            down = [_at(self.objective.at(place), n + k), *(-_at(part, n + k) for part in (*g, *others))]
+            down = [_at(self.objective.at(point), n + k), *(-_at(part, n + k) for part in (*g, *others))]
             if any((rate < 0.0).any() for rate in down) or any(_at(part, n + k).any() for part in h):
                 raise ModelError(f"optimize: '{each.label}' would have to grow; expected that it is minimised, or "
                                  f"bounded from above.", field="objective")  # fmt: skip
 
-    def _followed(self, x: Array, place: Place) -> Index:
+    def _followed(self, x: Array, point: DesignPoint) -> Index:
         """The mode of each track."""
-        here = place.station
+        here = point.station
         if not self._seen:
             self._seen.append((x.copy(), reference(here)))
-            return np.arange(len(place.modes))
+            return np.arange(len(point.modes))
         origin, known = min(self._seen, key=lambda seen: float(np.abs(seen[0] - x).max()))
 
         def between(share: float) -> Station:
@@ -216,8 +216,8 @@ def _stacked(duals: list[Dual]) -> Dual:
     return stacked(duals) if duals else Dual(np.zeros(0), np.zeros((0, 1)))
 
 
-def _not_finite(place: Place) -> ModelError:
-    return ModelError(f"optimize: objective, constraints or their derivatives are not finite at {_said(place.values)}; "
+def _not_finite(point: DesignPoint) -> ModelError:
+    return ModelError(f"optimize: objective, constraints or their derivatives are not finite at {_said(point.values)}; "
                       f"give bounds that keep away from there, or another start.", field="variables")  # fmt: skip
 
 

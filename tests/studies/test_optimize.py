@@ -52,7 +52,7 @@ def place(variable=None, change=0.0):
     model = absorber(40.0, 0.8, below=2.0)
     if variable is not None:
         model = model.with_values({variable: model.parameters[variable] + change})
-    return st.evaluation.Place.of(model.linearize(), VARIABLES)
+    return st.evaluation.DesignPoint.of(model.linearize(), VARIABLES)
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
