@@ -64,8 +64,8 @@ def pairs(system: System, inputs: Names, outputs: Names) -> list[list[tuple[str,
     count = len(sources) * len(results)
     if count > MOST_PANELS:
         raise ResponseError(
-            f"{len(sources)} inputs x {len(results)} outputs are {count} panels, which nobody can read; choose at "
-            f"most {MOST_PANELS}, for example input {sources[0]!r} and output {results[0]!r}. "
+            f"{len(sources)} inputs x {len(results)} outputs are {count} panels; a figure holds at "
+            f"most {MOST_PANELS}: choose, for example, input {sources[0]!r} and output {results[0]!r}. "
             f"Inputs: {', '.join(sources)}. Outputs: {', '.join(results)}."
         )
     if len(sources) > 1 and len(results) > 1:
