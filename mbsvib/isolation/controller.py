@@ -50,7 +50,7 @@ class Controller:
         return np.asarray(k)
 
     def state_space(self) -> StateSpace:
-        """Return the law as a state space with names, ready for ``mbsvib_export.to_control``."""
+        """Return the controller as a state space with names, ready for ``mbsvib_export.to_control``."""
         from mbsvib.responses.state_space import StateSpace
 
         n = len(self.A)
@@ -69,17 +69,17 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
     Parameters
     ----------
     law : array-like, shape (outputs, inputs), or a state space
-        Constant gains, or an object with A, B, C, D, as python-control has them; u = K y, so that a law that opposes
+        Constant gains, or an object with A, B, C, D, as python-control has them; u = K y, so that one that opposes
         what it measures has a negative gain.
     inputs, outputs : sequence of str
-        Names of sensors and actuators, in the order of the law.
+        Names of sensors and actuators, in the order of the gains.
     name : str
         Name for tables.
 
     Returns
     -------
     Controller
-        The law.
+        The controller.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def integrators(
     Returns
     -------
     Controller
-        The law, one integrator a sensor.
+        The controller, one integrator a sensor.
 
     Raises
     ------

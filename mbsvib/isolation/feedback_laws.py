@@ -1,4 +1,4 @@
-"""The classical control laws of active isolation: force feedback, velocity feedback, skyhook damping."""
+"""The classical controllers of active isolation: force feedback, velocity feedback, skyhook damping."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def force_feedback(plant: Plant, gain: ArrayLike, leak: float = 0.0) -> Controll
     Returns
     -------
     Controller
-        The law.
+        The controller.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
     Returns
     -------
     Controller
-        The law.
+        The controller.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: floa
     Returns
     -------
     Controller
-        The law.
+        The controller.
 
     Raises
     ------

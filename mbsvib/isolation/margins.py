@@ -99,12 +99,13 @@ class Margins:
         rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{1e3 * late:.3g}", f"{modulus:.3g}")
                 for name, low, high, phase, late, modulus in each]  # fmt: skip
         low, high = self.all_gains
-        rows.append(("all at once", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "", f"{self.modulus:.3g}"))
+        rows.append(("disk margin (simultaneous)", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "",
+                     f"{self.modulus:.3g}"))  # fmt: skip
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
         notes = [f"Critical frequency: {self.frequency:.4g} Hz."] if self.stable else [
             "The closed loop is not stable: margins tell nothing."]  # fmt: skip
-        headers = ("actuator", "gain may be times", "phase [deg]", "delay [ms]", "modulus")
+        headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 class RootLocus:
     """Poles (n, poles) [1/s] over the ``gains`` (n,), in columns that follow them; those of the open loop first.
 
-    ``modes`` are the columns of poles that start with a positive imaginary part; ``zeros`` (of the pairs that the law
-    closes) are where poles go as the gain grows. ``curves`` (more, poles) are the same poles at more gains, and
-    ``best_poles`` (poles,) those at the best one.
+    ``modes`` are the columns of poles that start with a positive imaginary part; ``zeros`` (of the pairs that the
+    controller closes) are where poles go as the gain grows. ``curves`` (more, poles) are the same poles at more gains,
+    and ``best_poles`` (poles,) those at the best one.
     """
 
     name: str
@@ -66,13 +66,13 @@ class RootLocus:
         ----------
         mode : int, optional
             Number of the mode, from 1 as ``print(locus)`` lists them; default: what vibrates with the least damping at
-            each gain, modes or poles of the controller, of all that the law moves.
+            each gain, modes or poles of the controller, of all that it moves.
 
         Returns
         -------
         gain, damping_ratio : float
             The gain, between the first and the last one of the locus, and the damping ratio there: 1 where nothing that
-            the law moves vibrates any more.
+            the controller moves vibrates any more.
 
         Raises
         ------
@@ -93,7 +93,7 @@ class RootLocus:
         Returns
         -------
         tuple of str
-            The least damping with open loops and at the best gain; this gain, and what the law hardly moves.
+            The least damping with open loops and at the best gain; this gain, and what it hardly moves.
         """
         gain, ratio = self.best()
         stays, kept = self.modes[~self.moved], ""

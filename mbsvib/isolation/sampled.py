@@ -35,7 +35,7 @@ class SampledLoop(FeedbackLoop):
 
     @cached_property
     def discrete(self) -> tuple[Array, Array, Array, Array]:
-        """The law z+ = A z + B y, u = C z + D y, by Tustin's rule."""
+        """The controller z+ = A z + B y, u = C z + D y, by Tustin's rule."""
         law, half = self.law, 0.5 / self.rate
         n = len(law.A)
         left = np.linalg.inv(np.eye(n) - half * law.A) if n else np.zeros((0, 0))
@@ -45,7 +45,9 @@ class SampledLoop(FeedbackLoop):
 
     @cached_property
     def _mechanism(self) -> tuple[Array, Array, Array]:
-        """A, B, C from the law's forces to sensors, from sample to sample; the last states are forces on their way."""
+        """A, B, C from forces of the controller to sensors, from sample to sample; the last states are forces on their
+        way.
+        """
         from scipy.linalg import expm
 
         space = self.plant.space

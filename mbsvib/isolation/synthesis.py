@@ -45,12 +45,12 @@ def lqg(
     Returns
     -------
     Controller
-        The law, of as many states as the mechanism.
+        The controller, of as many states as the mechanism.
 
     Raises
     ------
     ResponseError
-        If a weight is not positive, a name unknown, or no stabilising law exists.
+        If a weight is not positive, a name unknown, or no stabilising controller exists.
     """
     for name, value in (("effort", effort), ("base", base), ("noise", noise)):
         if not 0.0 < value < np.inf:
@@ -59,7 +59,7 @@ def lqg(
     from scipy.linalg import solve_continuous_are
 
     m, n = b.shape[1], len(c)
-    none = ResponseError("lqg: no stabilising law was found; a mode may be out of reach of the actuators or "
+    none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
                          "sensors, or effort and noise are too small against the rest.")  # fmt: skip
     try:
         cost = solve_continuous_are(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), s=z.T @ zd)
@@ -101,7 +101,7 @@ def hinf(
 
     Returns
     -------
-    law, norm : Controller, float
+    controller, norm : Controller, float
         The controller and the norm that it reaches.
 
     Raises
@@ -109,7 +109,7 @@ def hinf(
     ExportError
         If slycot is not installed.
     ResponseError
-        If a weight is not positive, or no law is found.
+        If a weight is not positive, or no controller is found.
     """
     try:
         import slycot  # type: ignore[import-not-found]  # noqa: F401
@@ -132,7 +132,7 @@ def hinf(
     try:
         law, _, norm, _ = control.hinfsyn(whole, n, m)
     except (control.ControlArgument, ValueError, ArithmeticError) as error:
-        raise ResponseError(f"hinf: no law was found: {error}") from error
+        raise ResponseError(f"hinf: no controller was found: {error}") from error
     return Controller("Hinf", law.A * scale, law.B * scale, law.C, law.D, tuple(sensors),
                       plant.names("actuator")), float(norm)  # fmt: skip
 

@@ -64,7 +64,8 @@ REFUSALS = [
      r"leg 'lower' is below the base 'stage'; choose legs above it"),
     (lambda: isolation.skyhook(plant("payload"), 0.1, coordinates="modal"),
      r"active: 'strut' has motions that no spring holds; .* needs a static stiffness"),
-    (lambda: isolation.lqg(plant("ground"), ["leg.stroke"], 1e-4), r"lqg: no stabilising law.*out of reach of the act"),
+    (lambda: isolation.lqg(plant("ground"), ["leg.stroke"], 1e-4),
+     r"lqg: no stabilising controller.*out of reach of the act"),
 ]  # fmt: skip
 
 
@@ -85,5 +86,5 @@ def test_hinf_without_a_law(monkeypatch):
         raise ArithmeticError("no gain is enough")
 
     vars(control).update(ss=lambda *matrices: matrices, hinfsyn=fails, ControlArgument=TypeError)
-    with pytest.raises(mv.ResponseError, match=r"hinf: no law was found: no gain is enough"):
+    with pytest.raises(mv.ResponseError, match=r"hinf: no controller was found: no gain is enough"):
         isolation.hinf(plant(), ["leg.rate"], 1.0)
