@@ -5,7 +5,6 @@ import pytest
 from hypothesis import assume, given
 
 import mbsvib as mv
-from mbsvib.sensitivities import eigenvalue_sensitivities
 from tests.sensitivities.differences import assert_derivative, difference, eigenvalues, step_of
 from tests.support.random_models import planar, seeds, spatial
 from tests.support.sizes import examples
@@ -22,7 +21,7 @@ def oscillator(mass=2.0, stiffness=800.0, damping=3.0):
 def test_oscillator_in_closed_form():
     system = oscillator().linearize()
     value = system.modes().eigenvalues
-    found = eigenvalue_sensitivities(system, ["mass.mass", "spring.damping", "spring.stiffness"])
+    found = system.eigenvalue_sensitivities(["mass.mass", "spring.damping", "spring.stiffness"])
     slope = 2 * value * 2.0 + 3.0
     expected = -np.array([value**2, value, np.ones(2)]) / slope
     assert np.abs(found - expected).max() <= 1e-14 * np.abs(expected).max()
@@ -32,7 +31,7 @@ def test_two_real_roots_each_have_their_own():
     system = oscillator(damping=500.0).linearize()
     value = system.modes().eigenvalues
     assert (value.imag == 0).all()
-    found = eigenvalue_sensitivities(system, "spring.stiffness")
+    found = system.eigenvalue_sensitivities("spring.stiffness")
     assert np.allclose(found[0], -1 / (2 * value * 2.0 + 500.0), rtol=1e-12)
 
 
@@ -43,7 +42,7 @@ def test_pendulum_length_and_hinge():
     model.add_joint("hinge", "revolute", "ground", "bob", position=(0, 0, 0), axis=(0, 1, 0))
     model.add_bushing("spiral", "ground", "bob", (0, 0, 0), (0, 0, 0, 0, 40.0, 0))
     system = model.linearize()
-    found = eigenvalue_sensitivities(system, ["bob.position.x", "hinge.position.x", "hinge.orientation.rx"])
+    found = system.eigenvalue_sensitivities(["bob.position.x", "hinge.position.x", "hinge.orientation.rx"])
     inertia = 0.1 + 3.0 * 0.5**2
     omega = np.sqrt(40.0 / inertia)
     slope = -0.5 * omega / inertia * 2 * 3.0 * 0.5
@@ -56,7 +55,7 @@ def test_repeated_pairs_of_the_platform_part_along_their_branches():
     model = mv.library.stewart()
     system = model.linearize()
     names = ["leg1.k.stiffness", "platform.position.x", "leg2.head.position.z", "platform.mass"]
-    found = eigenvalue_sensitivities(system, names)
+    found = system.eigenvalue_sensitivities(names)
     for row, name in zip(found, names, strict=True):
         expected = difference(model, system, name, eigenvalues)
         for pair in ([0, 2], [6, 8]):  # each of them is there twice; differences sort them by size, not by branch
@@ -73,7 +72,7 @@ def test_branches_of_a_repeated_eigenvalue_from_one_side():
     model.add_joint("table", None, "ground", "block", position=(0, 0, 0), free=("x", "y"))
     model.add_bushing("mount", "ground", "block", (0, 0, 0), (900.0, 900.0, 0, 0, 0, 0))
     names = ["mount.stiffness.x", "mount.stiffness.*", "mount.orientation.rz"]
-    found = eigenvalue_sensitivities(model.linearize(), names)
+    found = model.linearize().eigenvalue_sensitivities(names)
     slope = 0.5 / np.sqrt(900.0 * 4.0)
     assert np.abs(found[0] - 1j * np.array([0, 0, slope, -slope])).max() <= 1e-15
     assert np.abs(np.abs(found[1].imag) - slope).max() <= 1e-15
@@ -88,7 +87,7 @@ def test_rigid_body_modes_stay_where_nothing_holds_them():
     model.add_bushing("between", "left", "right", (0, 0, 0.5), (0, 0, 50.0, 0, 0, 0))
     model.add_bushing("hold", "ground", "left", (0, 0, 0), stiffness=(0, 0, 0, 0, 0, 0), damping=(0, 0, 0, 1, 0, 0))
     system = model.linearize()
-    found = eigenvalue_sensitivities(system, ["left.mass", "between.stiffness.z", "hold.stiffness.z"])
+    found = system.eigenvalue_sensitivities(["left.mass", "between.stiffness.z", "hold.stiffness.z"])
     assert (system.modes().eigenvalues[:2] == 0).all()
     assert (found[:2, :2] == 0).all()
     assert np.isinf(found[2, :2]).all()
@@ -96,9 +95,9 @@ def test_rigid_body_modes_stay_where_nothing_holds_them():
 
 def test_linear_maps_and_patterns_are_sums():
     system = mv.library.stewart().linearize()
-    single = eigenvalue_sensitivities(system, [f"leg{i}.k.stiffness" for i in range(1, 7)])
-    tied = eigenvalue_sensitivities(system, {"all": {"leg*.k.stiffness": 1.0},
-                                             "odd": {"leg1.k.stiffness": 2.0, "leg3.k.stiffness": -0.5}})  # fmt: skip
+    single = system.eigenvalue_sensitivities([f"leg{i}.k.stiffness" for i in range(1, 7)])
+    tied = system.eigenvalue_sensitivities({"all": {"leg*.k.stiffness": 1.0},
+                                            "odd": {"leg1.k.stiffness": 2.0, "leg3.k.stiffness": -0.5}})  # fmt: skip
     simple = [4, 5, 10, 11]
     assert np.allclose(tied[0, simple], single[:, simple].sum(axis=0), rtol=1e-12)
     assert np.allclose(tied[1, simple], (2 * single[0] - 0.5 * single[2])[simple], rtol=1e-12)
@@ -107,7 +106,7 @@ def test_linear_maps_and_patterns_are_sums():
 def test_tilting_one_pin_of_a_planar_loop_has_no_derivative():
     system = planar(1, bodies=4, loops=1).linearize()
     names = list(system.parameters)
-    found = eigenvalue_sensitivities(system)
+    found = system.eigenvalue_sensitivities()
     broken = {name for name, row in zip(names, found, strict=True) if np.isnan(row).any()}
     assert broken
     assert all(".orientation." in name or ".position." in name for name in broken)
@@ -132,7 +131,7 @@ def test_differences_of_random_mechanisms(seed):
     values = system.modes().eigenvalues
     apart = np.abs(values[:, None] - values)[np.triu_indices(len(values), 1)]
     assume(apart.min() > 1e-2 * np.abs(values).max())
-    found = eigenvalue_sensitivities(system)
+    found = system.eigenvalue_sensitivities()
     names = list(system.parameters)
     for i in rng.choice(len(names), size=6, replace=False):
         if not np.isnan(found[i]).any():

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 import mbsvib as mv
 from mbsvib.equations.equations import MATRICES
-from mbsvib.sensitivities import matrix_derivatives
 from tests.sensitivities.differences import difference
 from tests.support.random_models import planar, seeds, spatial
 from tests.support.sizes import examples
@@ -84,7 +83,7 @@ def test_differences_of_random_mechanisms(model, seed):
         assume(False)
     kept = [group.kept for group in system.provenance.reduction.groups]
     assume(min(kept, default=1.0) > 0.05)
-    found = matrix_derivatives(system)
+    found = system.matrix_derivatives()
     names = list(system.parameters)
     for k in np.random.default_rng(seed).choice(len(names), size=6, replace=False):
         if np.isnan(found.M[k]).any():
