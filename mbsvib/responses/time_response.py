@@ -128,12 +128,30 @@ def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) ->
     left = y.T / np.concatenate((modal.slopes[first, 0], modal.slopes[second, 1]))[:, None]
     twice = np.concatenate((1.0 + turns[first], np.ones(np.count_nonzero(second))))
     cq, cv, ca = (c @ y * twice for c in rates)
-    momentum = (start[:, 0] * value[:, None] + (modal.gamma @ start[:, 0] + start[:, 1])).T
-    state = np.einsum("km,mk->k", left, momentum)[None]
+    matrices = np.eye(len(start)), modal.gamma, np.diag(modal.square)
+    state = _amplitudes(value, left, matrices, start.T)[None]
     still = modal.vectors[:, free, 0].real
     none = np.zeros(still.shape[1])
     rigid = _oscillators(none, none, still.T @ b, tuple(c @ still for c in rates), still.T @ start)
     return [_Block(Exponentials(value), left @ b, (cq + value * (cv + value * ca))[:, None], state), rigid]
+
+
+def _amplitudes(value: Any, left: Any, matrices: tuple[Array, Array, Array], initial: Array) -> Any:
+    """Share of each eigenvalue in q and q' (2, m): y^T ((lambda M + C) q + M q') for rows y (k, m) of unit slope.
+
+    y^T (lambda M + C) q is -y^T K q / lambda as well: of both sums the one of smaller terms, as a spin or a damper
+    that makes lambda large beside K cancels in the first, a stiff spring that a slow motion hardly strains in the
+    second.
+    """
+    (inertia, damping, stiffness), (q, v) = matrices, initial
+
+    def sums(y: Any, size: Any, inertia: Array, damping: Array, stiffness: Array, q: Array) -> tuple[Any, Any]:
+        fast = size * (y @ (inertia @ q)) + y @ (damping @ q)
+        return fast, np.divide(y @ (stiffness @ q), size, out=np.full_like(fast, np.inf), where=size != 0.0)
+
+    first, second = sums(left, value, inertia, damping, stiffness, q)
+    large, small = sums(np.abs(left), np.abs(value), *map(np.abs, (inertia, damping, stiffness, q)))
+    return left @ (inertia @ v) + np.where(large <= small, first, -second)
 
 
 def _run(block: _Block, time: Array, u: Array, first: bool) -> Array:
@@ -287,9 +305,7 @@ def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Arr
     found, state = modal.spectrum, modal.state
     value, x = found.values, found.right * np.where(found.turns, 2.0, 1.0)
     left = found.left.T / found.slopes[:, None]
-    q, v = initial[0]
-    push = system.C @ q + system.M @ v
-    begin = (left @ (system.M @ q)) * value + left @ push
+    begin = _amplitudes(value, left, (system.M, system.C, system.K), initial[0])
     show = system.Cq @ x + value * (system.Cv @ x + value * (system.Ca @ x))
     blocks = [_Block(Exponentials(value), left @ system.B, show[:, None], begin[None])]
     if state.right.shape[1]:

@@ -138,8 +138,8 @@ def test_nearly_dependent_eigenvectors(detune):
 
 
 def test_the_residual_tells_when_eigenvectors_are_not_trusted():
-    modal = [defective(detune).linearize().basis.modal for detune in (0.1, 1e-5)]
-    assert conditions(modal[0]).max() < 3 < 300 < conditions(modal[1]).max()
+    modal = [defective(detune).linearize().basis.modal for detune in (1.0, 1e-5)]
+    assert conditions(modal[0]).max() < 2 < 300 < conditions(modal[1]).max()
     omega = np.linspace(1, 20, 50)
     assert [trusted(each, each.shapes.T, omega) for each in modal] == [True, False]
 
@@ -249,15 +249,18 @@ def test_two_hundred_coupled_modes_in_time():
     assert (np.abs(found - whole) <= 1e-11 * np.abs(whole).max(axis=1, keepdims=True)).all()
 
 
+@pytest.mark.parametrize("displaced", [0.0, 1.0])
 @pytest.mark.parametrize("seed", [0, 3])
-def test_strong_dampers_in_time(seed):
+def test_strong_dampers_in_time(seed, displaced):
+    """What starts displaced creeps back: fast decays have a share in it that springs make, not dampers."""
     m, k, c = (part[:4] for part in locked_by_dampers(seed))
     model = sliding_chain(m, k, c, (0, 3), [("displacement", 3), ("velocity", 1), ("acceleration", 0)])
     t = np.array([0.0, 0.02, 0.3, 1.0])
     u = np.array([[1.0, 0.3, -0.5, 2.0], [0.0, 1.0, 1.0, -1.0]])
-    expected = exact_time_response(Exact(model), t, u)
-    error = np.abs(model.linearize().time_response(t, u) - expected) / np.abs(expected).max(axis=1, keepdims=True)
-    assert error.max() < 1e-9
+    system, initial = model.linearize(), (displaced * np.arange(1.0, 5.0), np.zeros(4))
+    expected = exact_time_response(Exact(model), t, u, initial=initial, names=system.coordinates)
+    error = np.abs(system.time_response(t, u, initial=initial) - expected) / np.abs(expected).max(axis=1, keepdims=True)
+    assert error.max() < 1e-11
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1e9, 1e20])
