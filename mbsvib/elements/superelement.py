@@ -247,7 +247,7 @@ def _matrix(who: str, field: str, value: Any, size: int | None) -> Array:
         raise ModelError(f"{who}: {field} has entries that are not finite.", element=who, field=field)
     scale = np.sqrt(np.abs(matrix.diagonal()))
     scale[scale == 0.0] = np.abs(matrix).max(initial=0.0) ** 0.5 or 1.0
-    off = np.abs(matrix - matrix.T) / scale[:, None] / scale
+    off = np.triu(np.abs(matrix - matrix.T) / scale[:, None] / scale)
     if float(off.max()) > SYMMETRIC:
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         raise ModelError(f"{who}: {field} is not symmetric: entries [{i}, {j}] = {matrix[i, j]:.6g} and [{j}, {i}] = "

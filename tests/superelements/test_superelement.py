@@ -129,7 +129,7 @@ def test_refusals():
 
     skew = k.copy()
     skew[0, 7] *= 1.01
-    add(r"superelement 'pipe': K is not symmetric: entries \[7, 0\]", k=skew)
+    add(r"superelement 'pipe': K is not symmetric: entries \[0, 7\]", k=skew)
     add(r"M is not positive semidefinite", m=-m)
     add(r"K has shape \(13, 13\); expected a symmetric 14 x 14", k=k[:13, :13])
     add(r"K has shape \(14,\)", k=k[0])
