@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
-# The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
-BACKWARD = 5e-14
+# The sum over modes solves the equations to this residual: rounding, for each eigenvalue, of some hundred at most.
+SUMMED, BACKWARD = 8.0 * EPS, 5e-14
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
@@ -135,7 +135,8 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
     s: Complex = 1j * inside[at]
     # one combination of all inputs stands for each of them
     mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
-    return bool((_residual(modal, s, mixed, sum_of_motions(modal, mixed).at(s))[1] <= BACKWARD).all())
+    residual = _residual(modal, s, mixed, sum_of_motions(modal, mixed).at(s))[1]
+    return bool((residual <= min(SUMMED * modal.pairs.size, BACKWARD)).all())
 
 
 def conditions(modal: Damped) -> Array:
