@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.modes.damped import CLASSICAL, CORRECTION, EPS, MARGIN, Damped, _classical_errors, quadratic_roots
+from mbsvib.modes.damped import (
+    CLASSICAL,
+    COMMUTES,
+    CORRECTION,
+    EPS,
+    MARGIN,
+    Damped,
+    _classical_errors,
+    _rounding,
+    quadratic_roots,
+)
 from mbsvib.modes.undamped import Undamped
 
 if TYPE_CHECKING:
@@ -93,7 +103,9 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     roots = quadratic_roots(square, diagonal)
     pairs[alone] = roots.reshape(len(alone), m, 2)
     each = Undamped(square, basis.shapes[:0], basis.errors[alone].reshape(-1), 0, "", 0.0)  # one mode knows no other
-    errors[alone] = _classical_errors(roots, each, diagonal).reshape(len(alone), m, 2)
+    own, summed = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
+    summed[own] = _rounding(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
+    errors[alone] = _classical_errors(roots, each, diagonal, summed[alone].reshape(-1)).reshape(len(alone), m, 2)
     together = np.flatnonzero(~simple & settled)
     if len(together):
         mendable, *found = _coupled(batch, basis, gamma[together], together)
@@ -130,7 +142,7 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
     commutes = dict(zip(rest.tolist(), apart.all(axis=(1, 2)).tolist(), strict=True))
     return tuple(
         "no damper" if not damped[i] else "damping proportional to stiffness" if proportional[i] else
-        "damping commutes with mass and stiffness" if commutes[i] else "" for i in range(n)
+        COMMUTES if commutes[i] else "" for i in range(n)
     ), gamma  # fmt: skip
 
 

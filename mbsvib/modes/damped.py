@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
 CLASSICAL = 1e-13
+COMMUTES = "damping commutes with mass and stiffness"
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
 # Of the accuracy asked for, this share may be in doubt; errors of the undamped modes need some of it too.
@@ -88,7 +89,8 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped:
     reason, gamma = classical_damping(system, basis)
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
-        errors = _classical_errors(pairs, basis, gamma)
+        summed = _rounding(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else 0.0
+        errors = _classical_errors(pairs, basis, gamma, summed)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
@@ -111,7 +113,7 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
     limit = CLASSICAL * np.sqrt(size[:, None] * size)
     np.fill_diagonal(limit, np.inf)
     if np.count_nonzero(np.abs(gamma) <= limit) == gamma.size:
-        return "damping commutes with mass and stiffness", gamma.diagonal().copy()
+        return COMMUTES, gamma.diagonal().copy()
     return "", gamma
 
 
@@ -145,18 +147,25 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
     return pairs
 
 
-def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array) -> Array:
-    """First-order errors of the roots: those of omega and, of the same order, of gamma."""
+def _rounding(rows: Array, damping: Array, shapes: Array) -> Array:
+    """Rounding of the diagonal of Phi^T D^T diag(c) D Phi, (..., m): dampers may push, and rows may cancel."""
+    terms = np.abs(rows @ shapes) * (np.abs(rows) @ np.abs(shapes))
+    return np.asarray(4.0 * EPS * np.einsum("...s,...sm->...m", np.abs(damping), terms))
+
+
+def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array, summed: Array | float) -> Array:
+    """First-order errors of the roots: those of omega, of the same order of gamma, and of gamma's own sum."""
     first, second = pairs.T
     size = np.abs(pairs)
-    gap, moves = np.abs(first - second), size > 0.0
+    gap, moves = np.abs(first - second)[:, None], size > 0.0
     moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * np.maximum(size[:, 0], size[:, 1])
     # stiffness of both signs may cancel to an omega of exactly zero, whose relative error is not finite
-    spread = np.multiply(basis.errors, moved, out=np.zeros(len(moved)), where=moved > 0.0)
+    spread = np.multiply(basis.errors, moved, out=np.zeros(len(moved)), where=moved > 0.0)[:, None]
+    spread = spread + np.reshape(summed, (-1, 1)) * size
     # at critical damping the root moves with the square root of a perturbation
     worst = np.sqrt(spread)
     np.minimum(np.divide(spread, gap, out=worst.copy(), where=gap > 0.0), worst, out=worst)
-    relative: Array = np.divide(worst[:, None], size, out=np.zeros(size.shape), where=moves)
+    relative: Array = np.divide(worst, size, out=np.zeros(size.shape), where=moves)
     relative += 2.0 * EPS * moves
     return relative
 
