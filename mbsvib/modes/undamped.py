@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 
 EPS = float(np.finfo(float).eps)
-# Stiffness of either sign whose rounding may be as large as itself is none, and the estimate knows but a fiftieth of what
-# loads have: a pendulum that turns about the vertical must not swing, nor grow.
+# Stiffness of either sign whose rounding may be as large as itself is none, and the estimate knows but a fiftieth of
+# what loads have: a pendulum that turns about the vertical must not swing, nor grow.
 NONE = 0.01
 # Below this share of the largest frequency a mode may be a rigid-body mode, and the rank of the rows decides.
 SUSPECT = 1e-5

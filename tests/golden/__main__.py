@@ -11,7 +11,7 @@ them they have each feature of ``tests/hunt/features.py``.
 
 Tolerances are computed: each scene is run again with all its data changed in the last bit, and an array may differ by
 ``MARGIN`` times what that does to it, or by its accuracy in ``answers.ACCURACY`` if that is more. Zeros that such
-changes leave exactly 0 must stay so.
+changes leave exactly 0 must stay so. What may differ by its own size is rounding of zeros, see ``differences``.
 """
 
 import json

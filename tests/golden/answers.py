@@ -87,19 +87,22 @@ def blocks(array):
             yield np.ix_(np.flatnonzero(rows == row), np.flatnonzero(columns == column))
 
 
-def differences(array, expected):
+def differences(array, expected, tolerance=0.0):
     """Largest difference of each block as a share of its largest entry; of eigenvalues, of each itself.
 
     Responses have a third axis, along which each frequency counts by its own largest entry. A block of zeros counts by
-    the largest entry of all.
+    the largest entry of all. One whose ``tolerance`` is its own size is rounding of zeros: it may differ by as much as
+    the accuracy of the array allows of the largest entry of all.
     """
     if array.columns is None:
         return [difference_of_eigenvalues(array.values, expected)]
     overall = np.abs(expected).max(initial=0.0) or 1.0
+    parts = list(blocks(array))
     result = []
-    for block in blocks(array):
+    for block, share in zip(parts, np.broadcast_to(tolerance, len(parts)), strict=True):
         off, size = (np.abs(part).max(axis=(0, 1)) for part in (array.values[block] - expected[block], expected[block]))
-        result.append(float(np.max(off / np.where(size > 0.0, size, overall))))
+        least = overall * ACCURACY[array.kind] / share if share >= 1.0 else 0.0
+        result.append(float(np.max(off / np.where(size > 0.0, np.maximum(size, least), overall))))
     return result
 
 

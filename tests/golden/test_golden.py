@@ -33,8 +33,9 @@ def test_scene(name):
     for key, expected in store.expected(name, entry).items():
         array, stored = arrays[key], entry["arrays"][key]
         assert array.values.shape == expected.shape, key
-        off = np.array(differences(array, expected))
-        allowed = np.broadcast_to(stored.get("tolerance", ACCURACY[array.kind]), off.shape)
+        tolerance = stored.get("tolerance", ACCURACY[array.kind])
+        off = np.array(differences(array, expected, tolerance))
+        allowed = np.broadcast_to(tolerance, off.shape)
         assert np.all(off <= allowed), described(key, array, expected, off, allowed)
         if "zeros" not in stored:
             assert has_zeros(array.values, expected), f"{key}: entries that were exactly 0 are not"
