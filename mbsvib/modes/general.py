@@ -32,6 +32,8 @@ DEPENDENT = 0.5
 ON_AXIS = 100.0
 # Eigenvalues are small beside the largest where rounding of that may have taken more than their last digits.
 SMALL = 1e-8
+# Motions whose shapes differ by no more than this are parallel: all those of one mass on springs and dampers.
+ALIKE = 1e-9
 # In place of the number of an eigenvalue: 0, the conjugate of the other one, and none.
 STILL, CONJUGATE, ALONE = -1, -2, -3
 
@@ -258,12 +260,14 @@ def _in_modes(system: Equations, state: EnergyState, found: Spectrum) -> General
     """Put eigenvalues into modes: conjugates, real ones with 0 or with each other, the rest alone."""
     rest, drift = (shapes.astype(complex) for shapes in rigid_shapes(state))
     momentum, resting = system.inertia_factor @ found.right, system.inertia_factor @ rest
+    size = np.abs(found.values)
+    apart = np.abs(found.values[:, None] - found.values) / np.maximum(size[:, None], size)
     zeros, reals = list(range(rest.shape[1])), np.nonzero(~found.turns)[0].tolist()
     pairs = max(0, (len(reals) + len(zeros) - system.massless) // 2)
     table: list[tuple[int, int]] = [(STILL, STILL)] * drift.shape[1]  # numbers of eigenvalues
     shapes: list[Complex] = list(drift.T)
     while zeros and reals and pairs:
-        i, j = _most_alike(resting[:, zeros], momentum[:, reals])
+        i, j = _most_alike(resting[:, zeros], momentum[:, reals], size[reals])
         table.append((STILL, reals.pop(j)))
         shapes.append(rest[:, zeros.pop(i)])
         pairs -= 1
@@ -273,7 +277,7 @@ def _in_modes(system: Equations, state: EnergyState, found: Spectrum) -> General
         zeros.pop(0)
         pairs -= 1
     while len(reals) > 1 and pairs:
-        i, j = _most_alike(momentum[:, reals], momentum[:, reals])
+        i, j = _most_alike(momentum[:, reals], momentum[:, reals], apart[np.ix_(reals, reals)])
         first, second = sorted((reals[i], reals[j]), key=lambda k: abs(found.values[k]))
         reals = [k for k in reals if k not in (first, second)]
         table.append((first, second))
@@ -331,11 +335,14 @@ def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     return null @ turn[:, free:], null @ state.nilpotent[: state.still, state.still :]
 
 
-def _most_alike(one: Complex | Array, other: Complex | Array) -> tuple[int, int]:
-    """Numbers of the two columns that are most nearly parallel; of columns of the same matrix two different ones."""
+def _most_alike(one: Complex, other: Complex, apart: Array) -> tuple[int, int]:
+    """Numbers of the two columns that are most nearly parallel, of those that are so alike the least ``apart``; of
+    columns of the same matrix two different ones.
+    """
     one, other = (a / np.maximum(np.linalg.norm(a, axis=0), np.finfo(float).tiny) for a in (one, other))
     share = np.abs(one.T @ other)
     if share.shape[0] == share.shape[1] and one.shape == other.shape and np.array_equal(one, other):
         np.fill_diagonal(share, -1.0)
-    i, j = np.unravel_index(int(share.argmax()), share.shape)
+    alike = share >= share.max() - ALIKE
+    i, j = np.unravel_index(int(np.where(alike, apart, np.inf).argmin()), share.shape)
     return int(i), int(j)
