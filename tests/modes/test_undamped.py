@@ -47,7 +47,7 @@ def test_the_bound_holds_and_is_not_wasteful(scene, rtol):
     error = off(found, best)
     assert found.errors.max() <= rtol
     assert (error <= found.errors + best.errors).all()
-    assert found.errors.max() <= 300 * max(error.max(), 1e-14)
+    assert found.errors.max() <= 1000 * max(error.max(), 1e-14)
 
 
 @pytest.mark.parametrize("scene", sorted(SCENES.keys() - {"spherical chain"}))  # its frequencies are equal in pairs
