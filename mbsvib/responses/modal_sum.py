@@ -233,23 +233,28 @@ def _gathered(
     ascending = np.argsort(corner, kind="stable")
     of_gamma = np.concatenate((gamma, single * alone), axis=1)[:, ascending]
     of_alpha = np.concatenate((np.zeros_like(gamma) if alpha is None else alpha, single), axis=1)[:, ascending]
+    # gamma and alpha are real parts of lambda R and R, and as much off as these are rounded
+    speed, moves = corner[ascending], corner[ascending] > 0.0
+    size_gamma = np.maximum(np.abs(of_gamma), np.abs(of_alpha) * speed)
+    size_alpha = np.divide(size_gamma, speed, out=np.abs(of_alpha), where=moves)
     parts = (gamma, single) if alpha is None else (gamma, alpha, single)
     return ModalSum(
         natural, total, product, alone, pair_corner, np.concatenate(parts, axis=1), corner[ascending],
-        _sums(of_alpha, np.zeros_like(whole_alpha), whole_alpha), _sums(of_gamma, direct, whole_gamma),
+        _sums(of_alpha, size_alpha, np.zeros_like(whole_alpha), whole_alpha),
+        _sums(of_gamma, size_gamma, direct, whole_gamma),
         order, output, feedthrough, number,
     )  # fmt: skip
 
 
-def _sums(terms: Array, start: Array, whole: Array) -> Array:
-    """Sums ``start`` + terms[:, :j] = ``whole`` - terms[:, j:] for all j, each by the road on which less cancels."""
+def _sums(terms: Array, size: Array, start: Array, whole: Array) -> Array:
+    """Sums ``start`` + terms[:, :j] = ``whole`` - terms[:, j:] for all j, each by the road on which less is rounded."""
     rows, count = terms.shape
     up, left, right = (np.zeros((rows, count + 1)) for _ in range(3))
     np.cumsum(terms, axis=1, out=up[:, 1:])
-    np.cumsum(np.abs(terms), axis=1, out=left[:, 1:])
+    np.cumsum(size, axis=1, out=left[:, 1:])
     down = np.zeros((rows, count + 1))
     down[:, :-1] = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1]
-    right[:, :-1] = np.cumsum(np.abs(terms[:, ::-1]), axis=1)[:, ::-1]
+    right[:, :-1] = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]
     near = left + np.abs(start)[:, None] <= right + np.abs(whole)[:, None]
     return np.where(near, start[:, None] + up, whole[:, None] - down)
 

@@ -108,6 +108,16 @@ def test_rigid_modes_free_or_braked(brake, coupled):
     assert_allclose(found[:, :, low], expected[:, :, low], rtol=1e-10)
 
 
+@pytest.mark.parametrize("stiffness", [1e12, 2e12, 3e12, 5e12, 7e12, 1e13, 3e13, 1e14])
+def test_what_damping_couples_far_above_a_slow_mode(stiffness):
+    """The residues of both modes cancel in 1 / s: that of the fast one is known to more digits."""
+    mass, springs, dampers = [1.0, 1.0], [1e2, stiffness], [0.02, 1e4]
+    chain = sliding_chain(mass, springs, dampers, (1,), [("displacement", 1)])
+    omega = np.sqrt(stiffness) * np.array([0.1, 0.5, 0.9, 0.9995])  # the last one beside the zero
+    expected = [chain_response(mass, springs, dampers, 1j * w, (1,), [("displacement", 1)])[0, 0] for w in omega]
+    assert_allclose(chain.linearize().frequency_response(omega)[0, 0], expected, rtol=1e-12)
+
+
 def defective(detune):
     """Two masses whose modes all but merge: frequencies, damping and shapes, near ``detune`` 1e-5.
 
