@@ -130,4 +130,4 @@ def test_norms(name):
         scan = np.concatenate((scan, peak.omega * (1 + 1e-4 * np.arange(-3, 4))))
         size = np.linalg.norm(frequency_response(p, scan)[k], axis=0)
         assert peak.value == pytest.approx(size.max(), rel=1e-6)
-        assert peak.value >= size.max() * (1 - 1e-12)
+        assert peak.value >= size.max() * (1 - 1e-11)  # rounding of the scan, at a Q of 300
