@@ -34,6 +34,8 @@ ON_AXIS = 100.0
 SMALL = 1e-8
 # Motions whose shapes differ by no more than this are parallel: all those of one mass on springs and dampers.
 ALIKE = 1e-9
+# Real eigenvalues that coincide may come out as a pair with such a share of them as imaginary part.
+NEARLY_REAL = 1e-6
 # In place of the number of an eigenvalue: 0, the conjugate of the other one, and none.
 STILL, CONJUGATE, ALONE = -1, -2, -3
 
@@ -235,15 +237,37 @@ def _inverse(state: EnergyState) -> Array | None:
 
 
 def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Found:
-    """Give eigenvalues that rounding cannot tell apart independent vectors, if they have them."""
+    """Give eigenvalues that rounding cannot tell apart independent vectors, if they have them.
+
+    Real ones that rounding has made a conjugate pair of are real again, with the parts of its vectors.
+    """
     size = TOGETHER * EPS * (float(np.abs(a).sum(axis=1).max(initial=0.0)) or 1.0)
-    weak = np.abs(np.einsum("ij,ij->j", left, right)) < DEPENDENT
-    done = np.zeros(len(values), dtype=bool)
+    torn = (values.imag > 0.0) & (values.imag <= np.minimum(size, NEARLY_REAL * np.abs(values)))
+    if torn.any():
+        parts = (np.concatenate((v[:, ~torn], v[:, torn].real, v[:, torn].imag), axis=1) for v in (left, right))
+        again = [v / np.maximum(np.linalg.norm(v, axis=0), np.finfo(float).tiny) for v in parts]
+        all_values = np.concatenate((values[~torn], values[torn].real, values[torn].real))
+        parted = np.arange(len(all_values)) >= np.count_nonzero(~torn)
+        *found, done = _independent(a, size, (all_values, *again), parted)
+        if done[parted].all():
+            return found[0], found[1], found[2]
+    return _independent(a, size, (values, left, right), np.zeros(len(values), dtype=bool))[:3]
+
+
+def _independent(
+    a: Array, size: float, found: _Found, parted: NDArray[np.bool_]
+) -> tuple[Complex, Complex, Complex, NDArray[np.bool_]]:
+    """Values, left and right vectors, independent in groups that are no more than ``size`` apart, and which are in one:
+    those of nearly dependent vectors and ``parted`` ones.
+    """
+    values, left, right = found
+    weak = parted | (np.abs(np.einsum("ij,ij->j", left, right)) < DEPENDENT)
+    done, seen = np.zeros(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
     for i in np.nonzero(weak)[0]:
         group = np.nonzero((np.abs(values - values[i]) <= size) & ((values.imag > 0.0) == (values[i].imag > 0.0)))[0]
-        if done[i] or len(group) < 2:
+        if seen[i] or len(group) < 2:
             continue
-        done[group] = True
+        seen[group] = True
         r, w = np.linalg.qr(right[:, group])[0], np.linalg.qr(left[:, group])[0]
         both = w.T @ r
         if np.linalg.cond(both) > 1.0 / DEPENDENT**4:
@@ -253,7 +277,8 @@ def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Fou
         if np.abs(within - np.diag(within.diagonal())).max() <= size:
             values, left, right = values.copy(), left.copy(), right.copy()
             values[group], left[:, group], right[:, group] = within.diagonal(), w, r
-    return values, left, right
+            done[group] = True
+    return values, left, right, done
 
 
 def _in_modes(system: Equations, state: EnergyState, found: Spectrum) -> General:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.modes.general import _separated
 from mbsvib.modes.strong_damping import forces, improved
 from mbsvib.modes.undamped import undamped
 from tests.support.sizes import few
@@ -65,6 +66,20 @@ def test_spin_stabilises_negative_stiffness():
             np.testing.assert_allclose(values.imag[0::2], exact, rtol=1e-12)
         else:
             np.testing.assert_allclose(np.sort(values.real), np.sqrt(-inside) * np.array([-1, -1, 1, 1]), rtol=1e-12)
+
+
+def test_equal_real_eigenvalues_that_rounding_makes_pairs():
+    """Four relaxations of one rate: as two conjugate pairs they are still four real eigenvalues."""
+    t = np.random.default_rng(0).normal(size=(6, 6))
+    back, rates = np.linalg.inv(t), np.array([-1.0, -1.0, -1.0, -1.0, -3.0, -7.0])
+    pairs = np.array([[1, 1j, 0, 0, 0, 0], [0, 0, 1, 1j, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]).T
+    right, left = (v / np.linalg.norm(v, axis=0) for v in (t @ pairs, back.T @ pairs.conj()))
+    a, values = (t * rates) @ back, np.array([-1 + 1e-16j, -1 + 2e-15j, -3, -7])
+    values, left, right = _separated(a, values, left, right)
+    np.testing.assert_allclose(np.sort(values), np.sort(rates), atol=1e-12)
+    np.testing.assert_allclose(a @ right, right * values, atol=1e-12)
+    both = left.T @ right
+    np.testing.assert_allclose(both, np.diag(np.diag(both)), atol=1e-12)
 
 
 def test_zeros_are_exact():
