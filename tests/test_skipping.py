@@ -219,7 +219,7 @@ def test_the_ladder_is_climbed_where_it_has_to_be():
 
 
 def test_responses_of_separate_modes_solve_nothing_frequency_by_frequency(monkeypatch):
-    never(monkeypatch, frequency_response, "_solved", "_direct")
+    never(monkeypatch, frequency_response, "_solved", "direct_solutions")
     system = spatial(11, bodies=3).linearize()
     system.frequency_response(OMEGA)
     assert "responses are sums over modes" in system.explain()

@@ -46,9 +46,10 @@ class Batch(BatchEquations):
     @cached_property
     def basis(self) -> BatchBasis:
         """What repeated questions share: the modes of all variants."""
+        from mbsvib.api.modes import Modes
         from mbsvib.responses.batch import BatchBasis
 
-        return BatchBasis(self)
+        return BatchBasis(self, Modes)
 
     def modes(self, rtol: float | None = None) -> BatchModes:
         """Return the modes of all variants.

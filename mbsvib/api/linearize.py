@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, overload
 
-from mbsvib.api.batch import Batch
-from mbsvib.api.sparse_system import SparseSystem
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_model
+from mbsvib.equations.assembly import is_small
+from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.self_stress import warn
-from mbsvib.sparse.choice import linearized, wants_sparse
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
+    from mbsvib.api.batch import Batch
+    from mbsvib.api.sparse_system import SparseSystem
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -83,15 +84,24 @@ def linearize(
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
     model = a_model(model, "linearize")
-    result: System | Batch | SparseSystem
     if values is not None:
+        from mbsvib.api.batch import Batch
         from mbsvib.equations.batch_assembly import linearize_batch
 
         if method is not None:
+            from mbsvib.sparse.choice import wants_sparse
+
             wants_sparse(model, method, independent, cut, values)  # refuses what is not dense
-        result = linearize_batch(model, values, independent, cut, System, Batch)
-        warn(model.name, result.nominal.provenance.undetermined)
-        return result
+        batch = linearize_batch(model, values, independent, cut, System, Batch)
+        warn(model.name, batch.nominal.provenance.undetermined)
+        return batch
+    if method is None and is_small(model):
+        system = dense_equations(model, independent, cut, System)
+        warn(model.name, system.provenance.undetermined)
+        return system
+    from mbsvib.api.sparse_system import SparseSystem
+    from mbsvib.sparse.choice import linearized
+
     result = linearized(model, independent, cut, method, System, SparseSystem)
     warn(model.name, result.undetermined if isinstance(result, SparseSystem) else result.provenance.undetermined)
     return result

@@ -31,6 +31,14 @@ if TYPE_CHECKING:
 
 E = TypeVar("E", bound=Equations)
 
+# So few bodies and joints have fewer coordinates than sparse equations are taken for.
+FEW = 100
+
+
+def is_small(model: Mechanism) -> bool:
+    """Return whether a mechanism is so small that its equations are dense unless sparse ones are asked for."""
+    return not model.composed and len(model.bodies) + len(model.joints) <= FEW
+
 
 def linearized(
     model: Mechanism, independent: Sequence[str] | None = None, cut: Sequence[str] | None = None,

@@ -44,6 +44,7 @@ class BatchModes:
     rigid: NDArray[np.intp]
     damped: DampedBatch = field(repr=False)
     _alone: Mapping[int, Modes] = field(repr=False)
+    form: type[Modes] = field(default=Modes, repr=False)
 
     @cached_property
     def natural(self) -> Array:
@@ -91,16 +92,16 @@ class BatchModes:
             return self._alone[k]
         batch = self.batch
         shapes = self.shapes[k].real if self.classical[k] else self.shapes[k]
-        return Modes(batch.name, batch.coordinates, batch.bodies, self.eigenvalues[k], self.errors[k], shapes,
-                     self.classical[k], int(self.rigid[k]), batch.body_motion[k], batch.inertia_factor[k],
-                     self.damped.single(k))  # fmt: skip
+        return self.form(batch.name, batch.coordinates, batch.bodies, self.eigenvalues[k], self.errors[k], shapes,
+                         self.classical[k], int(self.rigid[k]), batch.body_motion[k], batch.inertia_factor[k],
+                         self.damped.single(k))  # fmt: skip
 
     def __repr__(self) -> str:
         low, high = (self.frequencies.min(), self.frequencies.max()) if self.frequencies.size else (0.0, 0.0)
         return f"BatchModes({self.batch.name!r}: {len(self)} variants, {low:.6g} to {high:.6g} Hz)"
 
 
-def batch_modes(batch: BatchEquations, rtol: float = RTOL) -> BatchModes:
+def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = Modes) -> BatchModes:
     """Return the modes of all variants, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
     Parameters
@@ -110,6 +111,8 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL) -> BatchModes:
     rtol : float
         Relative accuracy asked of every eigenvalue; variants that the common pass leaves short of it are solved one
         by one.
+    form : type
+        The class of the modes of single variants.
 
     Returns
     -------
@@ -130,7 +133,7 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL) -> BatchModes:
     reasons, rigid = list(result.classical), np.zeros(len(batch), dtype=np.intp)
     alone: dict[int, Modes] = {}
     for i in np.flatnonzero(~result.settled).tolist():
-        one: Modes = modes(batch[i], rtol)
+        one = modes(batch[i], rtol, True, form)
         alone[i] = one
         eigenvalues[i], errors[i], reasons[i], rigid[i] = one.eigenvalues, one.errors, one.classical, one.rigid
         if np.iscomplexobj(one.shapes) and not np.iscomplexobj(shapes):
@@ -140,4 +143,4 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL) -> BatchModes:
         assert isinstance(modal, Damped)  # batches refuse what has no symmetry
         result.shapes[i], result.square[i] = modal.shapes, modal.square
         result.gamma[i] = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-    return BatchModes(batch, eigenvalues, errors, shapes, tuple(reasons), rigid, result, alone)
+    return BatchModes(batch, eigenvalues, errors, shapes, tuple(reasons), rigid, result, alone, form)

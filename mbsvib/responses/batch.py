@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.modes.batch import BatchModes, batch_modes
-from mbsvib.modes.result import RTOL
+from mbsvib.modes.result import RTOL, Modes
 from mbsvib.responses.basis import RESPONSE_RTOL
 from mbsvib.responses.modal_sum import CANCELLED, EPS
 
@@ -40,19 +40,22 @@ class BatchBasis:
     ----------
     batch : BatchEquations
         The equations of all variants.
+    form : type
+        The class of the modes of single variants.
     """
 
-    def __init__(self, batch: BatchEquations) -> None:
+    def __init__(self, batch: BatchEquations, form: type[Modes] = Modes) -> None:
         self.batch = batch
+        self.form = form
 
     @cached_property
     def modes(self) -> BatchModes:
         """All modes at the default accuracy."""
-        return batch_modes(self.batch, RTOL)
+        return batch_modes(self.batch, RTOL, self.form)
 
     def modes_within(self, rtol: float) -> BatchModes:
         """Return all modes at a relative accuracy ``rtol``, those that are known if they are accurate enough."""
-        return self.modes if float(self.modes.errors.max(initial=0.0)) <= rtol else batch_modes(self.batch, rtol)
+        return self.modes if float(self.modes.errors.max(initial=0.0)) <= rtol else batch_modes(self.batch, rtol, self.form)
 
     @cached_property
     def modal(self) -> BatchModes:
@@ -60,7 +63,7 @@ class BatchBasis:
         known = self.__dict__.get("modes")
         if known is not None and float(known.errors.max(initial=0.0)) <= RESPONSE_RTOL:
             return self.modes
-        return batch_modes(self.batch, RESPONSE_RTOL)
+        return batch_modes(self.batch, RESPONSE_RTOL, self.form)
 
 
 def few_frequencies(batch: BatchEquations, modal: BatchModes, w: Array) -> Complex:

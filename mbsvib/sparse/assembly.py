@@ -62,6 +62,8 @@ def linearized(
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
     gone : frozenset of str, optional
         Bodies that are no longer in the model, though springs and ports still name them: they stand still.
+    form : type
+        The class of the equations.
 
     Returns
     -------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.elements import Body, Maxwell
+from mbsvib.equations.assembly import is_small
 from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.equations import Equations
 from mbsvib.equations.expansion import expanded
@@ -27,8 +28,6 @@ METHODS = ("dense", "sparse")
 # modes, they are as quick as the dense ones at 150 to 300 coordinates (chains, ladders); dense equations answer more
 # questions (all modes, matrices), so they are kept up to where they cost ten times as much: some tenths of a second.
 MANY = 600
-# So few bodies and joints have fewer coordinates than the sparse equations are taken for.
-FEW = 100
 
 
 def wants_sparse(
@@ -125,8 +124,7 @@ def linearized(
         If the method is unknown or cannot do what is asked for.
     """
     plain = expanded(model)
-    large = method is not None or len(plain.bodies) + len(plain.joints) > FEW
-    if large and wants_sparse(plain, method, independent, cut):
+    if not (method is None and is_small(plain)) and wants_sparse(plain, method, independent, cut):
         from mbsvib.sparse.assembly import linearized as sparse_equations
 
         return sparse_equations(plain, cut, form=sparse)

@@ -81,6 +81,7 @@ class Operator:
         return self.without_rigid(self.w @ self.solve(h))
 
     def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
+        """Return vectors (h, n) without their parts along the rigid-body modes that are taken out."""
         return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
 
     def diverging(self) -> int:

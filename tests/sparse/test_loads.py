@@ -28,7 +28,7 @@ def test_long_chains_have_the_roots_of_laguerre_polynomials(n):
 
 
 def test_large_loaded_models_are_held_sparse(monkeypatch):
-    monkeypatch.setattr("mbsvib.api.engine_choice.MANY", 100)
+    monkeypatch.setattr("mbsvib.sparse.choice.MANY", 100)
     assert type(pendulum_chain(150).linearize()).__name__ == "SparseSystem"
     model = pendulum_chain(150)
     model.add_load("wind", "m150", force=(0, 0, -1.0), follower=True)
