@@ -55,7 +55,8 @@ class BatchBasis:
 
     def modes_within(self, rtol: float) -> BatchModes:
         """Return all modes at a relative accuracy ``rtol``, those that are known if they are accurate enough."""
-        return self.modes if float(self.modes.errors.max(initial=0.0)) <= rtol else batch_modes(self.batch, rtol, self.form)
+        good = float(self.modes.errors.max(initial=0.0)) <= rtol
+        return self.modes if good else batch_modes(self.batch, rtol, self.form)
 
     @cached_property
     def modal(self) -> BatchModes:

@@ -9,15 +9,14 @@ of the dense path; as rows they hold rotations of bodies and joint coordinates, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.geometric_stiffness import SQUARES, SUMS, ZERO_FORM
+from mbsvib.equations.geometric_stiffness import geometric as kg
 from mbsvib.equations.joint_carriers import carrier_of
 from mbsvib.equations.joint_carriers import place as place_of
-from mbsvib.equations.reactions import skew
 from mbsvib.equations.second_order_rows import felt
 from mbsvib.equations.statics import BALANCE, LEAST, who
 from mbsvib.equations.wrench_pairs import Pairs
@@ -25,7 +24,7 @@ from mbsvib.equations.wrenches import applied
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.statement import signed_squares, unknown_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -105,7 +104,6 @@ def geometric(
     EquilibriumError
         If the pose is not in balance.
     """
-    n = len(tree.position)
     position = np.concatenate((tree.position, np.zeros((1, 3)))).T
     acting = applied(model, number)
     wrench, sizes = _on_bodies(acting.pairs, position)
@@ -147,7 +145,8 @@ def geometric(
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
     feels = felt(acting, joints, number, coupled)
-    rows, stiffness, owner = _rows(every, feels, tree, place, position, n)
+    part = kg(every, acting, feels, position)
+    rows, stiffness, owner = signed_squares(part.stiffness, unknown_rows(part, tree, place))
     moved_with = [carrier_of(joint, number) for joint in joints]
     carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
     return Geometric(rows, stiffness, owner, names, carried, every, carrier, feels, acting)
@@ -256,79 +255,3 @@ def _check(residual: Array, size: Array, tree: Tree, said: tuple[str, Topology])
         f"model.equilibrium(), or hold it with a load or a preload of a spring.",
         body=body, coordinate=tree.names[worst], missing=float(-residual[worst]), unit=unit,
     )  # fmt: skip
-
-
-def _rows(
-    pairs: Pairs, feels: Felt, tree: Tree, place: Layout, position: Array, n: int
-) -> tuple[csr_matrix, Array, Index]:
-    """All rows of geometric stiffness, their signed values, and their owners: pairs, then bodies."""
-    from scipy.sparse import vstack
-
-    force, turned = pairs.force, _Rotations(place)
-    sums, bound = np.zeros((2, n + 1, 9))
-    for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-1.0, 1.0), strict=True):
-        outer = sign * (force[:, None] * arm).reshape(9, -1).T
-        np.add.at(sums, body, outer)
-        np.add.at(bound, body, np.abs(outer))
-    values = sums[:n] @ SQUARES.T
-    values[np.abs(values) <= ZERO_FORM * bound[:n].max(axis=1)[:, None]] = 0.0
-    body, which = np.nonzero(values)
-    stacks: list[tuple[Any, Array, Index]] = [
-        (turned(body, SUMS[which].T), values[body, which], len(pairs.first) + body)
-    ]
-    moved = relative_rows(tree, place, feels.rows)
-    used = np.flatnonzero(feels.carrier < n)
-    twist, owner = feels.twist[:, used], feels.owner[used]
-    both = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1)
-    lever = np.einsum("ijk,jk->ik", both, np.concatenate((force, pairs.torque))[:, owner])
-    one, other = moved[used], turned(feels.carrier[used], lever)
-    if feels.two.size:
-        who_, start, end = feels.two
-        half = 0.5 * np.einsum("cn,cn->n", pairs.torque[:, who_], feels.cross)
-        one, other = vstack((one, moved[start])).tocsr(), vstack((other, _scaled(half, moved[end]))).tocsr()
-        owner = np.concatenate((owner, who_))
-    stacks.append(_products(one, other, owner))
-    if len(feels.line_owner):
-        swings = np.where(feels.line_carrier < n, 1.0, 0.0) * feels.swing
-        across = moved[len(feels.owner) :] + turned(np.minimum(feels.line_carrier, n - 1), swings)
-        tension = -(force[:, feels.line_owner] * feels.line).sum(axis=0) / feels.length
-        stacks.append((across, tension, feels.line_owner))
-    rows = vstack([part[0] for part in stacks]).tocsr()
-    rows.eliminate_zeros()
-    stiffness, owner = (np.concatenate([part[i] for part in stacks]) for i in (1, 2))
-    acts = np.flatnonzero((np.diff(rows.indptr) > 0) & (stiffness != 0.0))
-    return rows[acts], stiffness[acts], owner[acts]
-
-
-class _Rotations:
-    """Rows that are a component of the rotation of a body."""
-
-    def __init__(self, place: Layout) -> None:
-        self._column, self._size = place.displacement[:, 3:], place.size
-
-    def __call__(self, body: Index, along: Array) -> csr_matrix:
-        """Rows along . theta for bodies (k,) and vectors (3, k)."""
-        from scipy.sparse import csr_matrix
-
-        column = self._column[body]
-        row, direction = np.nonzero((column >= 0) & (along.T != 0.0))
-        return csr_matrix((along.T[row, direction], (row, column[row, direction])), shape=(len(body), self._size))
-
-
-def _scaled(values: Array, rows: csr_matrix) -> csr_matrix:
-    from scipy.sparse import diags
-
-    return (diags(values) @ rows).tocsr()
-
-
-def _products(one: csr_matrix, other: csr_matrix, owner: Index) -> tuple[csr_matrix, Array, Index]:
-    """Rows a + b and a - b with 1/2 and -1/2, whose energy is the sum of the products of two stacks of rows."""
-    from scipy.sparse import vstack
-
-    sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (one, other)]
-    used = np.flatnonzero(sizes[0] * sizes[1])
-    scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))
-    a, b = _scaled(scale, one[used]), _scaled(1.0 / scale, other[used])
-    half = np.full(2 * len(used), 0.5)
-    half[len(used) :] = -0.5
-    return vstack((a + b, a - b)).tocsr(), half, np.concatenate((owner[used], owner[used]))

@@ -1,0 +1,79 @@
+"""The sum of all contributions over the unknowns of sparse equations: rows and signed squares."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.sparse.rows import relative_rows
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.contribution import Contribution, Weights
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+
+
+def unknown_rows(part: Contribution, tree: Tree, layout: Layout) -> csr_matrix:
+    """Return the rows of a contribution over the unknowns.
+
+    Parameters
+    ----------
+    part : Contribution
+        Relative displacements.
+    tree : Tree
+        The spanning tree.
+    layout : Layout
+        Where the unknowns are.
+
+    Returns
+    -------
+    csr_matrix, shape (count, unknowns)
+        The rows.
+    """
+    from scipy.sparse import csr_matrix
+
+    base = relative_rows(tree, layout, part.rows)
+    if part.count == len(part.row):
+        return base
+    ones = np.ones(len(part.row))
+    return (csr_matrix((ones, (part.row, np.arange(len(part.row)))), shape=(part.count, len(part.row))) @ base).tocsr()
+
+
+def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Array, Index]:
+    """Return a symmetric form of rows as weighted squares, as ``equations.statement.signed_squares`` does.
+
+    Parameters
+    ----------
+    weights : Weights
+        Weights of squares and products.
+    rows : csr_matrix, shape (count, unknowns)
+        The rows.
+
+    Returns
+    -------
+    squares : csr_matrix, shape (n, unknowns)
+        Rows of which the form is the sum of weighted squares; none of them is empty.
+    value, owner : array, shape (n,)
+        Signed weights, none of them zero, and whose they are.
+    """
+    from scipy.sparse import diags, vstack
+
+    own = np.flatnonzero(weights.first == weights.second)
+    pairs = np.flatnonzero(weights.first != weights.second)
+    one = rows[weights.first[pairs]]
+    other = (diags(weights.value[pairs]) @ rows[weights.second[pairs]]).tocsr()
+    sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (one, other)]
+    used = np.flatnonzero(sizes[0] * sizes[1])
+    scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))
+    a, b = diags(scale) @ one[used], diags(1.0 / scale) @ other[used]
+    squares = vstack((rows[weights.first[own]], a + b, a - b)).tocsr()
+    squares.eliminate_zeros()
+    half, owner = np.full(len(used), 0.5), weights.owner[pairs[used]]
+    value = np.concatenate((weights.value[own], half, -half))
+    owner = np.concatenate((weights.owner[own], owner, owner))
+    acts = np.flatnonzero((np.diff(squares.indptr) > 0) & (value != 0.0))
+    return squares[acts], value[acts], owner[acts]
