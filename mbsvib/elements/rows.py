@@ -34,6 +34,11 @@ class Rows:
         first, second = entries[:2].astype(np.intp)
         return Rows(first, second, entries[2:5], entries[5:8], entries[8:])
 
+    def take(self, which: Index | slice) -> Rows:
+        """Return some of the rows."""
+        return Rows(self.first[which], self.second[which], self.point[..., which], self.force[..., which],
+                    self.moment[..., which])  # fmt: skip
+
     @staticmethod
     def join(parts: list[Rows]) -> Rows:
         """Put several stacks one below the other."""

@@ -125,7 +125,7 @@ def assembled(
     if model.rotors:
         from mbsvib.equations.spin_terms import with_spin
 
-        found = with_spin(model, scene, found)
+        found = with_spin(model, scene, reduction, found)
     if scene.inertia.whole:
         check_mass(found["M"], names)
     else:

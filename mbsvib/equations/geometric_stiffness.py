@@ -119,7 +119,7 @@ def _turning(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
     twist, owner = felt.twist[:, used], felt.owner[used]
     both = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1)
     lever = np.einsum("ijk,jk->ik", both, np.concatenate((pairs.force, pairs.torque))[:, owner])
-    rows = Rows.join([_rows(felt.rows, slice(0, free)), turns(felt.carrier[used], lever, ground)])
+    rows = Rows.join([felt.rows.take(slice(0, free)), turns(felt.carrier[used], lever, ground)])
     first, second, value = used, free + np.arange(len(used)), np.ones(len(used))
     if felt.two.size:
         who, one, other = felt.two
@@ -131,15 +131,10 @@ def _turning(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
 
 def _across_lines(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
     """What line springs and rods add: the squares of what their ends move across them, with F / L."""
-    across = _rows(felt.rows, slice(len(felt.owner), None))
+    across = felt.rows.take(slice(len(felt.owner), None))
     swings = np.flatnonzero(felt.line_carrier < ground)
     rows = Rows.join([across, turns(felt.line_carrier[swings], felt.swing[:, swings], ground)])
     number = np.arange(len(felt.line_owner))
     tension = -(pairs.force[:, felt.line_owner] * felt.line).sum(axis=0) / felt.length
     weights = Weights(number, number, tension, felt.line_owner)
     return Contribution.of(rows, stiffness=weights, row=np.concatenate((number, swings)))
-
-
-def _rows(rows: Rows, which: slice) -> Rows:
-    return Rows(rows.first[which], rows.second[which], rows.point[:, which], rows.force[:, which],
-                rows.moment[:, which])  # fmt: skip

@@ -98,7 +98,7 @@ def joint_force_rows(
         elastic = elastic + change.on_bodies
     gyroscopic = np.zeros_like(inertia)
     if model.rotors:
-        elastic = elastic + _of_rotating_dampers(model, scene, found["body_motion"], position)
+        elastic = elastic + _of_rotating_dampers(model, scene, reduction, position)
         gyroscopic = _of_rotors(model, scene, still)
     parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia, "D": sources + base}
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
@@ -159,14 +159,15 @@ def _of_rotors(model: Mechanism, scene: Scene, motion: Array) -> Array:
     return result
 
 
-def _of_rotating_dampers(model: Mechanism, scene: Scene, motion: Array, position: Array) -> Array:
+def _of_rotating_dampers(model: Mechanism, scene: Scene, reduction: Reduction, position: Array) -> Array:
     """What dampers that turn along with spinning bodies do to these on that account, per unit of q."""
     from mbsvib.equations.spin_terms import rotating_dampers
 
-    result = np.zeros((6, position.shape[1], motion.shape[2]))
-    for damper in rotating_dampers(model, scene, motion):
+    result = np.zeros((6, position.shape[1], len(reduction.independent)))
+    for damper in rotating_dampers(model, scene):
+        wrench = damper.wrench(scene.coordinates, reduction)
+        force, moment = wrench[:3], wrench[3:]
         for body, sign in ((damper.second, 1.0), (damper.first, -1.0)):
-            force, moment = damper.wrench[:3], damper.wrench[3:]
             arm = damper.point - position[:, body]
             result[:, body] += sign * np.concatenate((force, moment + np.cross(arm, force, axis=0)))
     return result

@@ -13,17 +13,63 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import BaseMotion, Bushing
+from mbsvib.elements.contribution import Contribution, Weights, turns
+from mbsvib.elements.rows import Rows
+from mbsvib.equations.statement import antisymmetric, minimal_rows
 from mbsvib.equations.steady_spin import check_steady, cross, own_spin, tensor, together, world
-from mbsvib.equations.unresisted_motion import CANCELLED
 from mbsvib.errors import ModelError
+from mbsvib.kinematics.relative_motion import relative_motion
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.scene import Scene
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def with_spin(model: Mechanism, scene: Scene, found: dict[str, Any]) -> dict[str, Any]:
+def spin_contribution(model: Mechanism, scene: Scene) -> Contribution:
+    """Return what rotors add to C, and dampers that turn along with them to K.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    scene : Scene
+        The same in numbers.
+
+    Returns
+    -------
+    Contribution
+        Rotations of bodies and relative displacements in dampers, with antisymmetric weights.
+
+    Raises
+    ------
+    ModelError
+        If a spin is not steady, or a body is not symmetric about the axis on which it spins.
+    """
+    check_steady(model, scene)
+    _check_surroundings(model)
+    ground = len(scene.bodies)
+    none = Rows.stack([])
+    parts = [Contribution.of(none)]
+    for i, momentum in momenta(model, scene):
+        rows = turns(np.full(3, i), np.eye(3), ground)
+        parts.append(Contribution.of(rows, gyroscopic=_antisymmetric(cross(momentum))))
+    for damper in rotating_dampers(model, scene):
+        parts.append(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix)))
+    return Contribution.join(parts)
+
+
+def _antisymmetric(matrix: Array) -> Weights:
+    """Weights of minus the antisymmetric part of a form R^T A R, whose symmetric part is zero."""
+    first, second = np.triu_indices(len(matrix), 1)
+    value = 0.5 * (matrix[second, first] - matrix[first, second])
+    used = np.flatnonzero(value)
+    return Weights(first[used], second[used], value[used], np.zeros(len(used), dtype=np.intp))
+
+
+def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[str, Any]) -> dict[str, Any]:
     """Return the matrices of a mechanism with what its rotors add.
 
     Parameters
@@ -32,6 +78,8 @@ def with_spin(model: Mechanism, scene: Scene, found: dict[str, Any]) -> dict[str
         The mechanism.
     scene : Scene
         The same in numbers.
+    reduction : Reduction
+        Its minimal coordinates.
     found : dict of str to array
         Its matrices without spin.
 
@@ -45,51 +93,43 @@ def with_spin(model: Mechanism, scene: Scene, found: dict[str, Any]) -> dict[str
     ModelError
         If a spin is not steady, or a body is not symmetric about the axis on which it spins.
     """
-    check_steady(model, scene)
-    _check_surroundings(model)
-    motion = found["body_motion"]
-    m = motion.shape[-1]
-    parts = {name: (np.zeros((m, m)), np.zeros((m, m))) for name in ("gyroscopic", "circulatory")}
-    for i, momentum in momenta(model, scene):
-        _add(parts["gyroscopic"], motion[i, 3:], cross(momentum))
-    for damper in rotating_dampers(model, scene, motion):
-        _add(parts["circulatory"], damper.relative, damper.matrix)
-    _with_forces(model, scene, found)
+    part = spin_contribution(model, scene)
+    rows = minimal_rows(part, scene.coordinates, reduction)
+    _with_forces(model, scene, reduction, found)
     result = dict(found)
-    for name, letter in (("gyroscopic", "C"), ("circulatory", "K")):
-        whole, terms = parts[name]
-        part = 0.5 * (whole - whole.T)
-        part[np.abs(part) <= CANCELLED * terms] = 0.0
-        if part.any():
+    for name, letter, weights in (("gyroscopic", "C", part.gyroscopic), ("circulatory", "K", part.circulatory)):
+        matrix = antisymmetric(weights, rows)
+        if matrix is not None:
             before = found.get(name)
-            result[name] = part if before is None else before + part
-            result[letter] = found[letter] + part
+            result[name] = matrix if before is None else before + matrix
+            result[letter] = found[letter] + matrix
     return result
-
-
-def _add(part: tuple[Array, Array], rows: Array, matrix: Array) -> None:
-    """Subtract R^T A R, and add up the sizes of its terms."""
-    part[0][:] -= rows.T @ matrix @ rows
-    part[1][:] += np.abs(rows).T @ (np.abs(matrix) + np.abs(matrix).T) @ np.abs(rows)
 
 
 @dataclass(frozen=True, slots=True)
 class RotatingDamper:
-    """A bushing between bodies ``first`` and ``second`` (numbers) that spin together: its ``relative`` displacement
-    (6, m) at its ``point``, and the ``matrix`` C_d [W]x (6, 6) that makes it a wrench on the second body, world axes.
+    """A bushing between bodies ``first`` and ``second`` (numbers) that spin together: six ``rows``, its relative
+    displacement at its ``point``, and the ``matrix`` C_d [W]x (6, 6) that makes it a wrench on the second body, world
+    axes.
     """
 
     name: str
     first: int
     second: int
     point: Array
-    relative: Array
     matrix: Array
 
     @property
-    def wrench(self) -> Array:
-        """The wrench C_d [W]x relative (6, m)."""
-        return self.matrix @ self.relative
+    def rows(self) -> Rows:
+        """Relative displacements along and about x, y, z."""
+        six = np.eye(6)
+        return Rows(np.full(6, self.first), np.full(6, self.second), np.repeat(self.point[:, None], 6, axis=1),
+                    six[:3], six[3:])  # fmt: skip
+
+    def wrench(self, coordinates: Twists, reduction: Reduction) -> Array:
+        """Return the wrench C_d [W]x d (6, m) in minimal coordinates."""
+        relative = reduction.apply_exactly(relative_motion(coordinates, self.rows).dense(0, 6))
+        return np.asarray(self.matrix @ relative)
 
 
 def momenta(model: Mechanism, scene: Scene) -> list[tuple[int, Array]]:
@@ -115,7 +155,7 @@ def momenta(model: Mechanism, scene: Scene) -> list[tuple[int, Array]]:
     return result
 
 
-def rotating_dampers(model: Mechanism, scene: Scene, motion: Array) -> list[RotatingDamper]:
+def rotating_dampers(model: Mechanism, scene: Scene) -> list[RotatingDamper]:
     """Return the bushings that turn along with spinning bodies, and what their dampers do on that account.
 
     Parameters
@@ -124,8 +164,6 @@ def rotating_dampers(model: Mechanism, scene: Scene, motion: Array) -> list[Rota
         The mechanism.
     scene : Scene
         The same in numbers.
-    motion : array, shape (bodies, 6, m)
-        Motion of the bodies.
 
     Returns
     -------
@@ -139,30 +177,22 @@ def rotating_dampers(model: Mechanism, scene: Scene, motion: Array) -> list[Rota
             if not damping.any():
                 continue
             turning = np.kron(np.eye(2), cross(spins[spring.first]))
-            a, b = number[spring.first], number[spring.second]
-            seen = [_at(motion[i], scene.bodies[i].position, spring.position) for i in (a, b)]
-            relative = seen[1] - seen[0]
-            relative[np.abs(relative) <= CANCELLED * (np.abs(seen[0]) + np.abs(seen[1]))] = 0.0
-            result.append(RotatingDamper(spring.name, a, b, np.array(spring.position), relative, damping @ turning))
+            ends = number[spring.first], number[spring.second]
+            result.append(RotatingDamper(spring.name, *ends, np.array(spring.position), damping @ turning))
     return result
 
 
-def _with_forces(model: Mechanism, scene: Scene, found: dict[str, Any]) -> None:
+def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[str, Any]) -> None:
     """Take what rotating dampers do on that account to the outputs that are forces in them."""
     if not scene.port.force_outputs:
         return
-    for damper in rotating_dampers(model, scene, found["body_motion"]):
+    for damper in rotating_dampers(model, scene):
         for row, owner, wrench in scene.port.force_outputs:
             spring = scene.elements[owner]
             if spring.name == damper.name and isinstance(spring, Bushing):
                 axes = np.array(spring.orientation)
-                found["Cq"][row] -= np.concatenate((axes @ wrench[:3], axes @ wrench[3:])) @ damper.wrench
-
-
-def _at(motion: Array, center: Any, point: Any) -> Array:
-    """Motion (6, m) of the point of a body."""
-    arm = np.array(point) - np.array(center)
-    return np.concatenate((motion[:3] - cross(arm) @ motion[3:], motion[3:]))
+                found["Cq"][row] -= np.concatenate((axes @ wrench[:3], axes @ wrench[3:])) @ damper.wrench(
+                    scene.coordinates, reduction)  # fmt: skip
 
 
 def _check_surroundings(model: Mechanism) -> None:

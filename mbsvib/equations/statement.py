@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.relative_motion import Twists
 
 # Entries of an antisymmetric matrix below this share of the products that make them are rounding.
-ZERO_ENTRY = 32.0 * EPS
+ZERO_ENTRY = 64.0 * EPS
 
 
 def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction) -> Array:

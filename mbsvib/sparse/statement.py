@@ -34,13 +34,28 @@ def unknown_rows(part: Contribution, tree: Tree, layout: Layout) -> csr_matrix:
     csr_matrix, shape (count, unknowns)
         The rows.
     """
+    from scipy.sparse import csr_matrix, vstack
+
+    rows, ground = part.rows, len(tree.position)
+    alone = np.flatnonzero((rows.first == ground) & ~rows.force.any(axis=0))
+    others = np.setdiff1d(np.arange(len(part.row)), alone)
+    of_body = _rotations(layout, rows.second[alone], rows.moment[:, alone])
+    between = relative_rows(tree, layout, rows.take(others))
+    stacked, order = vstack((of_body, between)).tocsr(), np.concatenate((alone, others))
+    into = csr_matrix((np.ones(len(order)), (part.row[order], np.arange(len(order)))), shape=(part.count, len(order)))
+    return (into @ stacked).tocsr()
+
+
+def _rotations(layout: Layout, body: Index, along: Array) -> csr_matrix:
+    """Rows along . theta for bodies (k,) and vectors (3, k), over the rotations of the bodies themselves.
+
+    What forces on a body do to its rotation must cancel where it does, and not as what its joints' coordinates do.
+    """
     from scipy.sparse import csr_matrix
 
-    base = relative_rows(tree, layout, part.rows)
-    if part.count == len(part.row):
-        return base
-    ones = np.ones(len(part.row))
-    return (csr_matrix((ones, (part.row, np.arange(len(part.row)))), shape=(part.count, len(part.row))) @ base).tocsr()
+    column = layout.displacement[:, 3:][body]
+    row, direction = np.nonzero((column >= 0) & (along.T != 0.0))
+    return csr_matrix((along.T[row, direction], (row, column[row, direction])), shape=(len(body), layout.size))
 
 
 def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Array, Index]:
