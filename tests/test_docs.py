@@ -1,6 +1,7 @@
 """The documentation keeps its word: its Python runs, prints what is shown, and pictures, links and names are there."""
 
 import re
+import tomllib
 from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -102,3 +103,15 @@ def test_the_site_is_built(tmp_path):
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "pictures" / "mechanism.png").exists()
     assert "add_bushing" in (tmp_path / "reference" / "models" / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_architecture_page_lists_the_layers_of_the_contract():
+    """In the order that import-linter holds, and each with its folder."""
+    contract = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    faces = {"__main__", "beams", "campbell", "superelements"}
+    stated = [name for line in contract["contracts"][0]["layers"] for name in line.split(" | ") if name not in faces]
+    page = (DOCS / "pages" / "architecture.md").read_text(encoding="utf-8")
+    told = [name for row in re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)]
+    assert told == stated
+    for name in re.findall(r"`((?:\w+/)+\w+\.py)`", page):
+        assert any((DOCS.parent / base / name).exists() for base in ("mbsvib", "export/mbsvib_export", "")), name
