@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.matrices import MatrixDerivatives
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.norms import Norm
     from mbsvib.sensitivities.shapes import ModeSensitivities
 
@@ -123,9 +123,7 @@ class Sensitive(Equations):
         ModelError
             If a parameter is unknown, or the system does not change smoothly with it.
         """
-        from mbsvib.sensitivities import matrix_derivatives
-
-        return matrix_derivatives(self.sensitivity_basis, parameters)
+        return self.sensitivity_basis.matrix_derivatives(parameters)
 
     def mode_sensitivities(self, parameters: Asked = None) -> ModeSensitivities:
         """Return the derivatives of natural frequencies, damping ratios and mode shapes to parameters.

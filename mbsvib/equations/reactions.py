@@ -97,15 +97,6 @@ class Reactions:
         return result
 
 
-def skew(vectors: Array) -> Array:
-    """Return [v]x (3, 3, ...) of vectors (3, ...): [v]x w = v x w."""
-    result = np.zeros((3, *vectors.shape))
-    x, y, z = vectors
-    result[0, 1], result[0, 2], result[1, 0] = -z, y, z
-    result[1, 2], result[2, 0], result[2, 1] = -x, -y, x
-    return result
-
-
 def reactions(
     carriers: Carriers, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, phi: Array,
     loops: Array | None = None,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.power_spectra import BaseNoise
-    from mbsvib.sensitivities.matrices import MatrixDerivatives
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.studies.dual import Dual
     from mbsvib.studies.evaluation import DesignPoint
 

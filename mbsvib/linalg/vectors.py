@@ -9,6 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+    from scipy.sparse import csr_array
 
     Field = NDArray[Any]  # real or complex
 
@@ -45,3 +46,45 @@ def product(matrix: NDArray[np.float64], values: Field) -> Field:
     kind = flat.dtype
     result: Field = matrix @ (flat.view(float) if kind.kind == "c" else flat)
     return result.view(kind).reshape(len(matrix), *values.shape[1:])
+
+
+def transformed(matrices: NDArray[np.float64], vectors: Field) -> Field:
+    """Return products of matrices (k, i, j) and vectors (k, j, ...)."""
+    tail = vectors.shape[2:]
+    result: Field = matrices @ vectors.reshape(*vectors.shape[:2], prod(tail))
+    return result.reshape(*result.shape[:2], *tail)
+
+
+def incidence_sum(incidence: csr_array, wrench: Field) -> Field:
+    """Return sums of wrenches (w, 6, n) that a matrix (rows, w) picks, (rows, 6, n)."""
+    total: Field = incidence @ wrench.reshape(len(wrench), prod(wrench.shape[1:]))
+    return total.reshape(incidence.shape[0], *wrench.shape[1:])
+
+
+def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:
+    """Return wrenches (w, 6, n) about another point, from which the present one is at ``arm`` (w, 3)."""
+    result = np.array(wrench)
+    moves: list[bool] = np.asarray(arm.any(axis=0)).tolist()
+    if all(moves):
+        result[:, 3:] += skew(arm.T).transpose(2, 0, 1) @ wrench[:, :3]
+        return result
+    for axis, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        if moves[j]:
+            result[:, 3 + axis] += arm[:, j, None] * wrench[:, k]
+        if moves[k]:
+            result[:, 3 + axis] -= arm[:, k, None] * wrench[:, j]
+    return result
+
+
+def skew(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return [v]x (3, 3, ...) of vectors (3, ...): [v]x w = v x w."""
+    result = np.zeros((3, *vectors.shape))
+    x, y, z = vectors
+    result[0, 1], result[0, 2], result[1, 0] = -z, y, z
+    result[1, 2], result[2, 0], result[2, 1] = -x, -y, x
+    return result
+
+
+def any_nonzero(array: Field) -> bool:
+    """Tell whether any number of an array is not zero; mostly the first one tells."""
+    return bool(array.size and array.item(0)) or bool(array.any())

@@ -28,7 +28,7 @@ norms         H2 and Hinf norms with their derivatives
 """
 
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
-from mbsvib.sensitivities.matrices import MatrixDerivatives, matrix_derivatives
+from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 from mbsvib.sensitivities.norms import Norm, h2_norm, hinf_norm
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 from mbsvib.sensitivities.shapes import ModeSensitivities, mode_sensitivities
@@ -36,5 +36,5 @@ from mbsvib.sensitivities.transients import time_response_sensitivities
 
 __all__ = [
     "MatrixDerivatives", "ModeSensitivities", "Norm", "eigenvalue_sensitivities", "frequency_response_sensitivities",
-    "h2_norm", "hinf_norm", "matrix_derivatives", "mode_sensitivities", "time_response_sensitivities",
+    "h2_norm", "hinf_norm", "mode_sensitivities", "time_response_sensitivities",
 ]  # fmt: skip

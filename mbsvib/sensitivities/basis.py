@@ -1,23 +1,44 @@
-"""What all sensitivities of one system share: its network of connections and the vectors of its eigenvalues."""
+"""Everything that the sensitivities of one system share and that is kept for repeated questions."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from mbsvib.equations.equations import MATRICES
 from mbsvib.responses.basis import Basis
-from mbsvib.sensitivities.adjoint_fields import complete_network
-from mbsvib.sensitivities.network import bare
+from mbsvib.sensitivities.balance.loaded_network import loaded_network
+from mbsvib.sensitivities.balance.reference_pose import reference_pose
+from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
+from mbsvib.sensitivities.network_assembly import bare_network, complete_network
+from mbsvib.sensitivities.parameter_group import have_rules
+from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_through_equilibrium
+from mbsvib.sensitivities.port_checks import checked_loads
+from mbsvib.sensitivities.ports import no_loads
 from mbsvib.sensitivities.spectrum import spectrum
+from mbsvib.sensitivities.variables import variables
+from mbsvib.sensitivities.variants import Variants, not_held
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
+    from mbsvib.sensitivities.balance.loaded_network import LoadedNetwork
+    from mbsvib.sensitivities.balance.reference_pose import ReferencePose
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.parameter_groups import ParameterGroups
+    from mbsvib.sensitivities.ports import Loads
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
+    from mbsvib.sensitivities.variables import Asked, Direction, Variables
 
 
 class SensitivityBasis:
-    """The network and the spectrum of one set of equations, each kept once it is known.
+    """The network, the spectrum and the groups of parameters of one set of equations, each kept once it is known.
 
     Parameters
     ----------
@@ -27,6 +48,7 @@ class SensitivityBasis:
 
     def __init__(self, responses: Basis) -> None:
         self.responses = responses
+        self._groups_of_all: dict[bool, ParameterGroups] = {}
 
     @staticmethod
     def of(equations: Equations) -> SensitivityBasis:
@@ -46,10 +68,180 @@ class SensitivityBasis:
     @cached_property
     def bare_network(self) -> Network:
         """The same network without any parts."""
-        return self.network if self.network.bare else bare(self.equations)
+        return self.network if self.network.bare else bare_network(self.equations)
 
     @cached_property
     def spectrum(self) -> tuple[Spectrum, Pairs]:
         """Eigenvalues with their vectors, and the pairs of those that coincide."""
         known = spectrum(self.responses)
         return known, known.pairs()
+
+    @cached_property
+    def loaded(self) -> LoadedNetwork | None:
+        """The network under its forces, where derivatives through the equilibrium are known of all its parts."""
+        return None if self.network.forces is None else loaded_network(self.network, self.equations)
+
+    @cached_property
+    def reference_pose(self) -> ReferencePose | None:
+        """What parameters as described do, where the equilibrium was found in another pose."""
+        loaded, came = self.loaded, self.equations.provenance
+        if loaded is None or not came.settled or came.origin is None:
+            return None
+        return reference_pose(self.network, loaded.forces, loaded.changes, came.origin)
+
+    @cached_property
+    def variants(self) -> Variants:
+        """The equations with other values of the parameters."""
+        return Variants(self.equations)
+
+    @cached_property
+    def whole(self) -> SensitivityBasis | None:
+        """The basis of the system that ``reachable`` took this one out of; None where this one is whole."""
+        equations = self.variants.whole
+        return None if equations is None else SensitivityBasis.of(equations)
+
+    def ported(self, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
+        """Return the network with some of the ports as loads; the bare one where ports are more than that.
+
+        Parameters
+        ----------
+        inputs, outputs : list of int
+            Numbers of the ports.
+
+        Returns
+        -------
+        Network
+            Bodies and connections.
+        Loads, Loads
+            Inputs and outputs.
+        """
+        if not self.network.bare:
+            known = checked_loads(self.equations, self.network, inputs, outputs)
+            if known is not None:
+                return self.network, *known
+        network = self.bare_network
+        return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
+
+    def groups(self, parameters: Asked = None, network: Network | None = None) -> ParameterGroups:
+        """Return the groups of parameters that some variables move; those of all parameters are kept.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str, mapping or None
+            Names, patterns or linear maps of parameters; None: every parameter of the system.
+        network : Network, optional
+            ``network`` or ``bare_network``; default: the former.
+
+        Returns
+        -------
+        ParameterGroups
+            Variables and groups.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, the equations do not change smoothly with it, or it loads a motion that nothing
+            holds.
+        """
+        network = self.network if network is None else network
+        if parameters is not None:
+            return self._grouped(network, variables(self.equations.parameters, parameters), every=False)
+        if network.bare not in self._groups_of_all:
+            asked = variables(self.equations.parameters, None)
+            self._groups_of_all[network.bare] = self._grouped(network, asked, every=True)
+        return self._groups_of_all[network.bare]
+
+    def _grouped(self, network: Network, asked: Variables, *, every: bool) -> ParameterGroups:
+        ruled = have_rules(network, asked.parameters)
+        loaded = None if ruled.all() or network.bare else self.loaded
+        reference = None if loaded is None else self.reference_pose
+        if loaded is None or not (reference is None or all(map(reference.tells, asked.parameters))):
+            return grouped_by_rule(network, asked, ruled, self.matrix_slopes, every)
+        result = grouped_through_equilibrium(loaded, reference, asked, self.matrix_slopes, every)
+        if result.lost is not None and result.lost.any() and not every:
+            raise not_held(asked.names[int(np.argmax(result.lost))], self.equations.name)
+        return result
+
+    def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
+        """Return the derivatives of whole matrices along some directions: differences, or rows of the whole system.
+
+        Parameters
+        ----------
+        directions : sequence of Direction
+            What changes.
+        every : bool
+            Whether these are all parameters there are, so that what is refused is not a number instead.
+
+        Returns
+        -------
+        mapping of str to array
+            Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a
+            direction takes degrees of freedom away.
+
+        Raises
+        ------
+        ModelError
+            If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
+        """
+        if self.whole is None:
+            return self.variants.slopes(directions, every)
+        own, whole = self.equations, self.whole.equations
+        wanted = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
+        known = self.whole.matrix_derivatives(None if every else wanted)
+        row = {name: k for k, name in enumerate(known.variables)}
+        rows = [row[next(iter(rates))] if every else row[k] for k, rates in wanted.items()]
+        q, i, o = ([all_names.index(name) for name in names] for names, all_names in (
+            (own.coordinates, whole.coordinates), (own.inputs, whole.inputs), (own.outputs, whole.outputs),
+        ))  # fmt: skip
+        ends = {"B": (q, i), "D": (o, i)} | dict.fromkeys(("M", "C", "K"), (q, q)) | dict.fromkeys(
+            ("Cq", "Cv", "Ca"), (o, q))  # fmt: skip
+        return {key: getattr(known, key)[np.ix_(rows, *ends[key])] for key in MATRICES}
+
+    def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
+        """Return the derivatives of all matrices to parameters.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str, mapping or None
+            Names, patterns or linear maps of parameters; None: every parameter of the system.
+
+        Returns
+        -------
+        MatrixDerivatives
+            Whole matrices, and factors of low rank.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or the system does not change smoothly with it.
+        """
+        system = self.equations
+        network, acting, seeing = self.ported(list(range(len(system.inputs))), list(range(len(system.outputs))))
+        return matrix_derivatives(system, self.groups(parameters, network), acting, seeing)
+
+    def matrix_derivatives_in_parts(
+        self, parameters: Asked, count: int
+    ) -> Iterator[tuple[slice, MatrixDerivatives]]:  # fmt: skip
+        """Return derivatives of matrices for some variables at a time, so that they never fill the memory.
+
+        Parameters
+        ----------
+        parameters : str, iterable of str, mapping or None
+            Names, patterns or linear maps of parameters; None: every parameter of the system.
+        count : int
+            How many variables at a time.
+
+        Returns
+        -------
+        iterator of tuple of slice and MatrixDerivatives
+            Which variables, and their derivatives.
+        """
+        asked = self.equations.parameters if parameters is None else parameters
+        names = [asked] if isinstance(asked, str) else list(asked)
+        if parameters is None and len(names) <= count:  # the groups of all of them are kept
+            yield slice(0, len(names)), self.matrix_derivatives()
+            return
+        for start in range(0, len(names), count):
+            some = names[start : start + count]
+            part = {name: parameters[name] for name in some} if isinstance(parameters, Mapping) else some
+            yield slice(start, start + len(some)), self.matrix_derivatives(part)

@@ -12,29 +12,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.parameter_groups import plan
-from mbsvib.sensitivities.products import forms, picked, table
-from mbsvib.sensitivities.variables import variables
+from mbsvib.sensitivities.products import forms, picked
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
-    from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
+    from mbsvib.linalg.vectors import Field
+    from mbsvib.sensitivities.adjoint_fields import Fields, Motions
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.parameter_groups import Plan
+    from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
-
-    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+    from mbsvib.sensitivities.variables import Asked
 
 EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
 # The same where derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
 ZERO_WHOLE = 1e-8
-# Rows beyond the last parameter, so that the last part of a family has as many behind it as the others.
+# Rows beyond the last parameter, so that the last part of a group has as many behind it as the others.
 PADDING = 64
 
 
@@ -66,15 +62,15 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
     Source: Jiang, Chen & Luo (2011), sensitivities of eigenvalues; Friswell, J. Vib. Acoust. 118 (1996) 390, for
     repeated ones.
     """
-    system, chosen = basis.equations, planned(basis, parameters)
+    system, groups = basis.equations, basis.groups(parameters)
     found, pairs = basis.spectrum
-    if len(pairs.groups) and found.left is None and chosen.unsymmetric:
+    if len(pairs.groups) and found.left is None and groups.unsymmetric:
         found = replace(found, left=found.right)
     widened = found if found.left is not None else found.with_sums(pairs)
-    x = motions(chosen.network, widened.right[:, None])
-    y = x if found.left is None else motions(chosen.network, found.left[:, None])
+    x = motions(groups.network, widened.right[:, None])
+    y = x if found.left is None else motions(groups.network, found.left[:, None])
     gram = _gram(x, y, 2.0 * widened.lead)
-    if chosen.network.partial:
+    if groups.network.partial:
         gram = _whole_gram(system, widened, widened.right, found.left)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = -1.0 / gram
@@ -83,25 +79,25 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
     for some in (resting, *pairs.groups):
         scale[some] = 1.0
     alone = found.left is None
-    right = _fields(chosen.network, x, widened.lead, 2.0 * scale if alone else scale, 0 if alone else 1)
-    left = None if alone else _fields(chosen.network, y, found.lead, scale, -1)
-    result, beside = _simple(chosen, found, left, right)
+    right = _fields(groups.network, x, widened.lead, 2.0 * scale if alone else scale, 0 if alone else 1)
+    left = None if alone else _fields(groups.network, y, found.lead, scale, -1)
+    result, beside = _simple(groups, found, left, right)
     if len(resting):
         lead = np.abs(result[:, found.place])
         size = (lead / np.abs(scale[: len(found.lead)])).max(axis=1, keepdims=True)
         zero = ZERO_FORM
-        if chosen.whole is not None or chosen.balanced is not None:
+        if groups.matrix_group is not None or groups.loaded is not None:
             zero = ZERO_WHOLE
-            work = chosen.network.variants.sizes(chosen.variables.each()) * float(np.abs(found.right).max()) ** 2
+            work = basis.variants.sizes(groups.variables.each()) * float(np.abs(found.right).max()) ** 2
             size = np.maximum(size, work[:, None])
         _set(result, found, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups) and left is not None:
         first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
         cross = _gram(x.take(second), y.take(first), found.lead[first] + found.lead[second])
-        if chosen.network.partial:
+        if groups.network.partial:
             twice = replace(found, lead=0.5 * (found.lead[first] + found.lead[second]))
             cross = _whole_gram(system, twice, found.right[:, second], np.asarray(found.left)[:, first])
-        form = _joined(chosen.chain(table(chosen, left.take(first), right.take(second))))
+        form = _joined(groups.chain(groups.forms(left.take(first), right.take(second))))
         _part(result, found, pairs, (gram, cross), form)
     elif len(pairs.groups):
         # between two motions: half of what both together have beyond each
@@ -110,12 +106,6 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
         form = 0.5 * (beside - own[:, pairs.first] - own[:, pairs.second])
         _part(result, found, pairs, (gram, np.tile(cross, 2)), np.tile(form, 2))
     return result
-
-
-def planned(basis: SensitivityBasis, parameters: Asked, network: Network | None = None) -> Plan:
-    """Return the plan for the variables asked for; that for all parameters is kept by the network."""
-    network = basis.network if network is None else network
-    return network.every if parameters is None else plan(network, variables(basis.equations.parameters, parameters))
 
 
 def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
@@ -140,15 +130,15 @@ def _fields(network: Network, motion: Motions, values: Complex, scale: Complex, 
     return fields(network, motion, powers[0], powers[1], powers[2], side=side)
 
 
-def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
+def _simple(groups: ParameterGroups, found: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
     """Forms of all eigenvalues, conjugates included, (variables, eigenvalues), and those of sums behind them."""
     first, second = (right, None) if left is None else (left, right)
     lead = len(found.lead)
-    if chosen.variables.identity and chosen.balanced is None and found.alternates:
-        padded = chosen.size + PADDING
+    if groups.variables.identity and groups.loaded is None and found.alternates:
+        padded = groups.size + PADDING
         result = np.zeros((padded, found.count), dtype=complex)
         beside = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
-        for rows, stride, block in forms(chosen.families, first, second):
+        for rows, stride, block in forms(groups.groups, first, second):
             view, sums = picked(result, rows, stride), picked(beside, rows, stride)
             if view is None:
                 asked = rows >= 0
@@ -159,10 +149,10 @@ def _simple(chosen: Plan, found: Spectrum, left: Fields | None, right: Fields) -
                 _with_conjugates(view, block, lead)
                 if len(sums.T):
                     sums[:] = _joined(block[..., lead:])
-        result, beside = result[: chosen.size], beside[: chosen.size]
-        result[chosen.breaking] = np.nan
+        result, beside = result[: groups.size], beside[: groups.size]
+        result[groups.loses_freedom] = np.nan
         return result, beside
-    form = _joined(chosen.chain(table(chosen, first, second)))
+    form = _joined(groups.chain(groups.forms(first, second)))
     result = np.empty((len(form), found.count), dtype=complex)
     _set(result, found, np.arange(lead), form[:, :lead])
     return result, form[:, lead:]

@@ -19,15 +19,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Body, Joint, Spring
-from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.adjoint_fields import acts, applied
+from mbsvib.linalg.vectors import any_nonzero, cross, transformed, wide
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Bushing
-    from mbsvib.sensitivities.adjoint_fields import Field, Fields
+    from mbsvib.linalg.vectors import Field
+    from mbsvib.sensitivities.adjoint_fields import Fields
 
     Terms = list[tuple[Field, Field]]
 
@@ -143,11 +143,11 @@ def _strain(found: Fields, k: Any, axes: Array) -> Field:
     d: Field = found.strain[_among_springs(found, k)]
     if bool((axes == _WORLD).all()):
         return d
-    return np.concatenate((applied(axes, d[:, :3]), applied(axes, d[:, 3:])), axis=1)
+    return np.concatenate((transformed(axes, d[:, :3]), transformed(axes, d[:, 3:])), axis=1)
 
 
 def _in_axes(axes: Array, vectors: Field) -> Field:
-    return vectors if bool((axes == _WORLD).all()) else applied(axes, vectors)
+    return vectors if bool((axes == _WORLD).all()) else transformed(axes, vectors)
 
 
 def _among_springs(found: Fields, k: Any) -> Any:
@@ -266,7 +266,7 @@ def _entries(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) -> lis
     """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it; none of what does not move."""
     moves = [True] * d.shape[1]
     if d.size > LARGE:
-        moves = [acts(d[:, i]) for i in range(d.shape[1])]
+        moves = [any_nonzero(d[:, i]) for i in range(d.shape[1])]
     half = [d[:, i] * (0.5 * factor) if moves[i] else None for i in range(d.shape[1])]
     return [[] if (p := half[i]) is None or not moves[j] else [(p if i == j else 2.0 * p, d[:, j])] for i, j in pairs]
 
@@ -278,4 +278,4 @@ def _crossed(force: Field, theta: Field) -> list[Terms]:
 
 def along(axis: Array, vectors: Field) -> Field:
     """Return components (k, ...) of vectors (k, 3, ...) along axes (k, 3)."""
-    return applied(axis[:, None], vectors)[:, 0]
+    return transformed(axis[:, None], vectors)[:, 0]

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.vectors import moved
-from mbsvib.sensitivities.adjoint_fields import applied, onto
+from mbsvib.linalg.vectors import incidence_sum, moved, transformed
 
 if TYPE_CHECKING:
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.network import Network
 
 
-def given_way(network: Network, gap: Field) -> Field:
+def joint_release_motion(network: Network, gap: Field) -> Field:
     """Return the motions of the bodies in which joints come apart, while no independent coordinate moves.
 
     Parameters
@@ -43,16 +42,16 @@ def given_way(network: Network, gap: Field) -> Field:
     result, ties = result[:-1], network.constraints
     if ties is not None:
         assert network.closing is not None
-        opened = moved(onto(network.closing.T, result) - flat, network.point[:joints] - network.origin)
-        residual = ties.share.T @ applied(ties.wrench[:, None], onto(ties.closing.T, opened))[:, 0]
+        opened = moved(incidence_sum(network.closing.T, result) - flat, network.point[:joints] - network.origin)
+        residual = ties.share.T @ transformed(ties.wrench[:, None], incidence_sum(ties.closing.T, opened))[:, 0]
         dependent = np.tensordot(ties.swing, ties.pull.T @ residual, axes=1)
         return np.asarray((moved(result, network.position - network.origin) - dependent).reshape(bodies, 6, *tail))
     return moved(result, network.position - network.origin).reshape(bodies, 6, *tail)
 
 
-def seen(network: Network, body: Field) -> Field:
+def relative_twists(network: Network, body: Field) -> Field:
     """Return the relative motions of connections (j + s, 6, n) at their points, for those of bodies (b, 6, n)."""
     assert network.closing is not None
     at_origin = moved(body, network.origin - network.position)
-    found = np.concatenate([onto(each.T, at_origin) for each in (network.closing, network.acting)])
+    found = np.concatenate([incidence_sum(each.T, at_origin) for each in (network.closing, network.acting)])
     return moved(found, network.point - network.origin)

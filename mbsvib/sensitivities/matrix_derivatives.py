@@ -1,150 +1,183 @@
-"""Parameters whose derivatives are whole matrices, as a family beside those that one part's rule tells."""
+"""Derivatives of the matrices themselves, as whole matrices and as factors of low rank."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import prod
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.errors import ModelError
+from mbsvib.errors import ModelError, nearest
+from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.matrix_group import MatrixDerivativeGroup, factored
+from mbsvib.sensitivities.port_checks import feedthrough
+from mbsvib.sensitivities.port_forms import port_forms
+from mbsvib.sensitivities.ports import no_loads
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+    from mbsvib.linalg.vectors import Field
+    from mbsvib.sensitivities.parameter_groups import ParameterGroups
+    from mbsvib.sensitivities.ports import Loads
 
-    from mbsvib.common.arrays import Array, Index
-    from mbsvib.sensitivities.adjoint_fields import Field, Fields
+_ONE, _NONE = np.ones(1), np.zeros(1)
+_STILL = (_NONE, _NONE, _NONE)
+_POWERS = {"K": (_ONE, _NONE, _NONE), "C": (_NONE, _ONE, _NONE), "M": (_NONE, _NONE, _ONE)}
+_SEEN = {"K": "Cq", "C": "Cv", "M": "Ca"}
+# A factor below this share of the largest of its kind is rounding.
+ACTS = 1e-15
+# Of derivatives through the equilibrium, which are sums of many terms, entries below this share are rounding.
+SYMMETRIC = 1e-12
+# Numbers that the derivatives of some rows may hold.
+BLOCK = 4_000_000
 
-# What differences leave of a number that is zero, against the largest of a matrix.
-ROUNDING = 1e-10
-_POWERS = {"K": "stiff", "C": "rate", "M": "square"}
 
+@dataclass(frozen=True, repr=False)
+class MatrixDerivatives:
+    """Derivatives of a system's matrices to ``variables`` (v,), in the coordinates of the system.
 
-@dataclass(frozen=True, slots=True)
-class Whole:
-    """The derivatives ``slopes`` of all matrices to the parameters ``rows`` (k, 1)."""
+    ``M``, ``C``, ``K`` (v, m, m), ``B`` (v, m, inputs), ``Cq``, ``Cv``, ``Ca`` (v, outputs, m), ``D`` (v, outputs,
+    inputs) [unit of the entry per unit of the parameter]. Not a number where a parameter, changed alone, takes degrees
+    of freedom away. ``groups`` are those of the parameters that the variables move.
+    """
 
-    rows: Index
-    slopes: Mapping[str, Array]
-    kind: str = "whole"
-    field: str = ""
-    stride: int = 0
+    variables: tuple[str, ...]
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    groups: ParameterGroups = field(repr=False)
 
-    def forms(self, left: Fields, right: Fields | None = None) -> Field:
-        """Return x^T (dK + s dC + s^2 dM) y, (k, 1, ...); right None: y = x, and half of each form is returned.
+    def factors(self, variable: str, matrix: str) -> tuple[Array, Array]:
+        """Return the derivative of M, C or K to one variable as a product of low rank, P Q^T + Q P^T.
 
-        Parameters
-        ----------
-        left, right : Fields
-            The motions x and y.
-
-        Returns
-        -------
-        array, shape (k, 1, ...)
-            Forms.
-        """
-        other = left if right is None else right
-        result: Any = 0.0
-        for key, power in _POWERS.items():
-            change = self.slopes[key]
-            if not change.any():
-                continue
-            weight = getattr(left, power) if right is None else getattr(left, power) + getattr(right, power)
-            shape = other.vectors.shape
-            pushed = change @ other.vectors.reshape(len(other.vectors), prod(shape[1:]))
-            works = np.stack([(left.vectors * each.reshape(shape)).sum(axis=0) for each in pushed])
-            result = result + 0.5 * weight * works
-        if isinstance(result, float):
-            tail = np.broadcast_shapes(left.vectors.shape[1:], other.vectors.shape[1:], np.shape(left.stiff))
-            result = np.zeros((len(self.rows), *tail), dtype=left.vectors.dtype)
-        return np.asarray(result[:, None])
-
-    @property
-    def symmetric(self) -> bool:
-        """Whether all derivatives of K are symmetric."""
-        change = np.nan_to_num(self.slopes["K"])
-        apart = np.abs(change - change.swapaxes(1, 2)).max(initial=0.0)
-        return bool(apart <= ROUNDING * np.abs(change).max(initial=0.0))
-
-    def with_ports(
-        self, result: Field, ports: tuple[list[int], list[int]], powers: tuple[Field, Field, Field],
-        vectors: tuple[Field, Field], beside: tuple[int, ...] = (),
-    ) -> None:  # fmt: skip
-        """Add dD + L^T dB + (dCq + s dCv + s^2 dCa) R to the derivatives of responses, in place.
+        A stiffness of a spring has one column, a mass three, whatever the number of coordinates.
 
         Parameters
         ----------
-        result : array, shape (parameters, outputs, inputs, n)
-            Derivatives to all parameters of a plan.
-        ports : pair of list of int
-            Numbers of the inputs and of the outputs.
-        powers : tuple of three arrays, shape (n,)
-            1, s and s^2.
-        vectors : pair of array, shape (m, 1, inputs, n) and (m, outputs, 1, n)
-            R and L.
-        beside : tuple of int
-            Places of outputs whose D and H are counted elsewhere.
-        """
-        (i, o), (right, left) = ports, vectors
-        counts = np.array([k not in beside for k in range(len(o))])[:, None, None]
-        for k, row in enumerate(self.rows[:, 0].tolist()):
-            result[row] += counts * self.slopes["D"][k][np.ix_(o, i)][:, :, None]
-            result[row] += np.einsum("mi,mon->oin", self.slopes["B"][k][:, i], left[:, :, 0])
-            for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
-                result[row] += counts * power * np.einsum("om,min->oin", self.slopes[key][k][o], right[:, 0])
-
-    def factors(self, row: int, matrix: str, name: str) -> tuple[Array, Array]:
-        """Return P and Q (rank, m) with P^T Q + Q^T P the derivative of a matrix to one parameter.
-
-        Parameters
-        ----------
-        row : int
-            The parameter.
+        variable : str
+            One of the variables.
         matrix : str
             "M", "C" or "K".
-        name : str
-            What the derivative is to, for the message.
 
         Returns
         -------
-        pair of array, shape (rank, m)
-            Factors.
+        tuple of array, shape (m, rank)
+            P and Q; no columns where the matrix does not change.
 
         Raises
         ------
         ModelError
-            If the derivative is not symmetric, or not a number.
+            If there is no such variable or matrix.
         """
-        return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, name, ROUNDING)
+        if variable not in self.variables or matrix not in _POWERS:
+            known, asked = (self.variables, variable) if matrix in _POWERS else (tuple(_POWERS), matrix)
+            raise ModelError(
+                f"factors('{variable}', '{matrix}'): there is no '{asked}'.{nearest(asked, known)} There is: "
+                f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
+            )  # fmt: skip
+        place = self.variables.index(variable)
+        if self.groups.loaded is not None:  # what the equilibrium does is no product of few parts
+            p, q = factored(getattr(self, matrix)[place], matrix, variable, SYMMETRIC)
+            return p.T, q.T
+        return _factors(self.groups, place, matrix)
+
+    def __repr__(self) -> str:
+        return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"
 
 
-def factored(change: Array, matrix: str, name: str, rounding: float) -> tuple[Array, Array]:
-    """Return P and Q (rank, m) with P^T Q + Q^T P a symmetric matrix.
+def matrix_derivatives(
+    system: Equations, groups: ParameterGroups, acting: Loads, seeing: Loads
+) -> MatrixDerivatives:
+    """Return the derivatives of all matrices to variables.
 
     Parameters
     ----------
-    change : array, shape (m, m)
-        The derivative of a matrix.
-    matrix, name : str
-        Which, and to what, for the message.
-    rounding : float
-        What is zero, against the largest entry.
+    system : Equations
+        The equations of motion.
+    groups : ParameterGroups
+        The variables and the groups of the parameters that they move.
+    acting, seeing : Loads
+        All inputs and all outputs of the system.
 
     Returns
     -------
-    pair of array, shape (rank, m)
-        Factors.
+    MatrixDerivatives
+        Whole matrices, and factors of low rank.
 
-    Raises
-    ------
-    ModelError
-        If the derivative is not symmetric, or not a number.
+    Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
     """
-    size = np.abs(change).max(initial=0.0)
-    if not np.abs(change - change.T).max(initial=0.0) <= rounding * size:
-        raise ModelError(f"factors: the derivative of {matrix} to '{name}' is not symmetric, or not a number, and has "
-                         f"no such factors; take the matrix itself.", element=name)  # fmt: skip
-    sizes, vectors = np.linalg.eigh(0.5 * (change + change.T))
-    acts = np.abs(sizes) > rounding * size
-    return 0.5 * sizes[acts, None] * vectors.T[acts], vectors.T[acts]
+    m, i, o = system.dof, list(range(len(system.inputs))), list(range(len(system.outputs)))
+    network, unit = groups.network, np.eye(system.dof)
+    free, turns = no_loads(network, m), feedthrough(system, (i, acting), (o, seeing))[1]
+    left, right = unit[:, :, None, None], unit[:, None, :, None]
+
+    def chained(form: Field, key: str) -> Array:
+        if groups.matrix_group is not None:
+            form[groups.matrix_group.rows[:, 0], ..., 0] = groups.matrix_group.slopes[key]
+        return np.asarray(groups.chain(form[..., 0]))
+
+    def ports(
+        key: str, pair: tuple[Loads, Loads], powers: tuple[Array, Array, Array], vectors: tuple[Array, Array]
+    ) -> Array:
+        turning = turns if pair[0] is acting and pair[1] is seeing else np.zeros((*_ports(pair), 3))
+        return chained(port_forms(groups, pair, powers, vectors, turning), key)
+
+    def square(key: str) -> Array:
+        """Some of the rows at a time, where all parameters count whichever few were asked for."""
+        powers = _POWERS[key]
+        x = fields(network, motions(network, right), *powers, side=1)
+        step = max(1, m if groups.loaded is None else BLOCK // max(1, groups.size * m))
+        parts = []
+        for start in range(0, max(1, m), step):
+            y = fields(network, motions(network, left[:, start : start + step]), *powers, side=-1)
+            parts.append(chained(groups.forms(y, x), key))
+        return np.concatenate(parts, axis=1)
+
+    at_rest, blind = np.zeros((m, 1, len(i), 1)), np.zeros((m, len(o), 1, 1))
+    seen = {_SEEN[key]: ports(_SEEN[key], (free, seeing), powers, (right, blind)) for key, powers in _POWERS.items()}
+    seen["D"] = ports("D", (acting, seeing), _STILL, (at_rest, blind))
+    if seeing.beside:
+        for key, change in seen.items():
+            change[:, seeing.beside] = groups.variable_slopes[key][:, seeing.beside]
+    return MatrixDerivatives(
+        groups.variables.names, square("M"), square("C"), square("K"),
+        ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], groups,
+    )  # fmt: skip
+
+
+def _ports(pair: tuple[Loads, Loads]) -> tuple[int, int]:
+    return len(pair[1].order), len(pair[0].order)
+
+
+def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array, Array]:
+    network = groups.network
+    m = network.displacements.shape[1]
+    found = fields(network, motions(network, np.eye(m)), *_POWERS[matrix])
+    own = groups.variables.variable == variable
+    rate = np.zeros(groups.size)
+    np.add.at(rate, groups.variables.parameter[own], groups.variables.rate[own])
+    first, second = [np.zeros((0, m))], [np.zeros((0, m))]
+    for group in groups.groups:
+        if isinstance(group, MatrixDerivativeGroup):
+            for row in group.rows[rate[group.rows] != 0.0].tolist():
+                p, q = group.factors(row, matrix, groups.variables.names[variable])
+                first.append(rate[row] * p)
+                second.append(q)
+            continue
+        which = np.flatnonzero(((group.rows >= 0) & (rate[group.rows] != 0.0)).any(axis=1))
+        for k in which.tolist():
+            number, data, rows = group.part(k, k + 1)
+            for row, terms in zip(rows[0].tolist(), group.rule(found, number, data), strict=True):
+                if row >= 0 and rate[row] != 0.0:
+                    first += [rate[row] * p for p, _ in terms]
+                    second += [q for _, q in terms]
+    p, q = np.concatenate(first), np.concatenate(second)
+    size = np.abs(p).max(axis=1, initial=0.0) * np.abs(q).max(axis=1, initial=0.0)
+    acts = size > ACTS * size.max(initial=0.0)
+    return p[acts].T, q[acts].T

@@ -8,40 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from scipy.sparse import csr_array
-
-from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.part import Composed
-from mbsvib.elements.rows import Rows
-from mbsvib.kinematics.relative_motion import relative_motion, twists
-from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sensitivities.applicability import follows, limits
-from mbsvib.sensitivities.balance.forces import forces
-from mbsvib.sensitivities.beams import pieces
-from mbsvib.sensitivities.constraint_forces import constraints
-from mbsvib.sensitivities.maxwell import nodes_and_lines
-from mbsvib.sensitivities.variants import Variants
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from scipy.sparse import csr_array
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements import Body, Bushing, Joint, Spring
     from mbsvib.elements.part import Part
-    from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.applicability import Limit
-    from mbsvib.sensitivities.balance.balanced import Balanced
     from mbsvib.sensitivities.balance.forces import Forces
-    from mbsvib.sensitivities.balance.reference_pose import Described
     from mbsvib.sensitivities.constraint_forces import Constraints
-    from mbsvib.sensitivities.parameter_groups import Plan
-
-_TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
-_SIX = np.eye(6)
 
 
 @dataclass(frozen=True)
@@ -54,8 +32,8 @@ class Network:
     j carries ``sign[j]`` times what acts on ``behind[j]`` and outwards, none where the sign is 0. Sums of
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
     that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
-    of their own; those of all others come from ``variants``. A ``bare`` network has no parts, as no parameter has a
-    rule. ``forces`` are those at the pose of a loaded scene whose derivatives through the equilibrium are known.
+    of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
+    loaded scene whose derivatives through the equilibrium are known.
     """
 
     parts: tuple[Part, ...]
@@ -83,7 +61,6 @@ class Network:
     moves: Index
     floating: Index
     limits: tuple[Limit, ...]
-    variants: Variants
     bare: bool = False
     forces: Forces | None = None
 
@@ -96,186 +73,3 @@ class Network:
     def damped(self) -> bool:
         """Whether any damper acts."""
         return bool(self.damping.any())
-
-    @cached_property
-    def balanced(self) -> Balanced | None:
-        """The network under its forces, where derivatives through the equilibrium are known of all its parts."""
-        from mbsvib.sensitivities.balance.balanced import balanced
-
-        return None if self.forces is None else balanced(self, self.variants.system)
-
-    @cached_property
-    def described(self) -> Described | None:
-        """What parameters as described do, where the equilibrium was found in another pose."""
-        from mbsvib.sensitivities.balance.reference_pose import described
-
-        came = self.variants.system.provenance
-        if self.forces is None or self.balanced is None or not came.settled or came.origin is None:
-            return None
-        return described(self, self.forces, self.balanced.links, came.origin)
-
-    @cached_property
-    def every(self) -> Plan:
-        """All parameters, grouped."""
-        from mbsvib.mechanism.parameters import Parameters
-        from mbsvib.sensitivities.parameter_groups import plan
-        from mbsvib.sensitivities.variables import variables
-
-        return plan(self, variables(Parameters(self.parts), None), every=True)
-
-
-def network(system: Equations) -> Network:
-    """Return the network of a system.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    Network
-        Its bodies and connections in numbers.
-    """
-    topology = system.provenance.topology
-    parts = system.provenance.parts
-    bodies = tuple(part for part in parts if isinstance(part, Body))
-    joints = tuple(part for part in parts if isinstance(part, Joint))
-    springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
-    if any(isinstance(part, (Beam, Maxwell)) for part in parts):
-        (nodes, elements), (others, lines) = pieces(parts), nodes_and_lines(parts)
-        known = {body.name: body for body in (*bodies, *nodes, *others)}
-        bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*elements, *lines)
-    number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
-    coordinates = twists(topology, list(bodies))
-    point = np.array([*(_point(joint, bodies, number) for joint in joints),
-                      *(s.start if isinstance(s, Spring) else s.position for s in springs)]).reshape(-1, 3)  # fmt: skip
-    first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
-                     for end in ("first", "second"))  # fmt: skip
-    behind, sign = _carried(system)
-    axes = np.array([body.orientation for body in bodies])
-    tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
-    position = np.array([body.position for body in bodies])
-    place = np.concatenate((point, position))
-    displacements = system.body_motion.reshape(6 * len(bodies), -1)
-    origin = 0.5 * (place.min(axis=0) + place.max(axis=0))
-    ties = constraints(system, coordinates, bodies, number, origin)
-    return Network(
-        parts, bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
-        axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
-        tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
-        _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
-        _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
-        displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
-        limits(system),
-        Variants(system), forces=forces(system, bodies, joints, springs, number, point) if follows(system) else None,
-    )  # fmt: skip
-
-
-def is_network(system: Equations) -> bool:
-    """Tell whether a system may be a network: no reduced models or modal damping of beams.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    bool
-        Whether it is worth trying; not for parts of mechanisms with loops or massless motions, which ``reachable`` has
-        taken out of them.
-    """
-    came = system.provenance
-    if came.dropped is not None and (came.massless is not None or came.topology.cut):
-        return False
-    return not any(
-        isinstance(part, Composed) and not (isinstance(part, Beam) and not part.damping_ratio) for part in came.parts
-    )  # fmt: skip
-
-
-def bare(system: Equations) -> Network:
-    """Return a network without parts, for a system whose parameters have no rules of their own.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    Network
-        Its minimal coordinates alone.
-    """
-    none, vectors, matrices = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 6, 6))
-    index = np.zeros(0, dtype=np.intp)
-    return Network(
-        system.provenance.parts, (), (), (), None, None, none, np.zeros((0, 3, 3)), vectors, np.zeros((0, 3, 3)),
-        vectors, csr_array((0, system.dof)), matrices, matrices, (), index, none, csr_array((0, 0)), None, None,
-        np.zeros(3), np.zeros((0, system.dof)), index, index, limits(system), Variants(system), True,
-    )  # fmt: skip
-
-
-def _closure(system: Equations) -> Array | None:
-    """Joint coordinates of minimal ones; motions that follow from statics do no work, and need no derivative."""
-    matrix, massless = system.provenance.reduction.matrix, system.provenance.massless
-    condensed = None if massless is None else massless.transform
-    return matrix if condensed is None else condensed if matrix is None else matrix @ condensed
-
-
-def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:
-    return joint.point or bodies[min(number[joint.first], number[joint.second])].position
-
-
-def _relative(coordinates: Twists, first: Index, second: Index, point: Array) -> csr_array:
-    """Relative motions at the points of the connections, six rows each, by the path rule."""
-    n = len(first)
-    six = np.tile(_SIX, (n, 1)).T
-    rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    found = relative_motion(coordinates, rows)
-    return csr_array((found.value, (found.row, found.column)), shape=found.shape)
-
-
-def _carried(system: Equations) -> tuple[Index, Array]:
-    """Body behind each joint of the tree and the joint's sign, 0 for joints that are cut."""
-    topology = system.provenance.topology
-    behind, sign = np.zeros(len(topology.joints), dtype=np.intp), np.zeros(len(topology.joints))
-    for branch in topology.branches:
-        if branch.joint != FLOATS:
-            behind[branch.joint], sign[branch.joint] = branch.body, branch.sign
-    return behind, sign
-
-
-def _incidence(first: Index, second: Index, bodies: int) -> csr_array:
-    """+1 for the second and -1 for the first body of each of n connections, (bodies, n)."""
-    n = len(first)
-    row, column = np.concatenate((second, first)), np.tile(np.arange(n), 2)
-    value = np.repeat([1.0, -1.0], n)
-    moves = row < bodies
-    return csr_array((value[moves], (row[moves], column[moves])), shape=(bodies, n))
-
-
-def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:
-    """Coefficients as 6x6 matrices in world axes, of line springs on the motion at their start."""
-    result = np.zeros((len(springs), 6, 6))
-    if not springs:
-        return result
-    lines = np.array([isinstance(part, Spring) for part in springs])
-    along = np.array([part.line for part in springs if isinstance(part, Spring)]).reshape(-1, 3)
-    values: list[Any] = [getattr(part, field) for part in springs]
-    size = np.array([value for value, line in zip(values, lines.tolist(), strict=True) if line])
-    result[lines, :3, :3] = size[:, None, None] * along[:, :, None] * along[:, None, :]
-    local = np.zeros((len(springs) - len(along), 6, 6))
-    turn = np.zeros_like(local)
-    axes = [part.orientation for part in springs if not isinstance(part, Spring)]
-    if axes:
-        turn[:, :3, :3] = turn[:, 3:, 3:] = np.array(axes)
-        given = [value for value, line in zip(values, lines.tolist(), strict=True) if not line]
-        whole = np.array([isinstance(value[0], tuple) for value in given])
-        diagonal = np.array([value for value in given if not isinstance(value[0], tuple)]).reshape(-1, 6)
-        local[~whole] = diagonal[:, :, None] * _SIX
-        local[whole] = np.array([value for value in given if isinstance(value[0], tuple)]).reshape(-1, 6, 6)
-        result[~lines] = turn @ local @ turn.transpose(0, 2, 1)
-    return result

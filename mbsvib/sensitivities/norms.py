@@ -17,7 +17,6 @@ from mbsvib.equations.controllable_part import chosen, reachable
 from mbsvib.errors import ResponseError
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.basis import SensitivityBasis
-from mbsvib.sensitivities.matrices import in_parts
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 from mbsvib.sensitivities.solutions import solutions
 from mbsvib.sensitivities.states import changed, states
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
     from mbsvib.responses.basis import Basis
-    from mbsvib.sensitivities.eigenvalues import Asked
+    from mbsvib.sensitivities.variables import Asked
 
     Ports = str | Sequence[str] | None
 
@@ -107,7 +106,7 @@ def h2_norm(
     value = float(np.sqrt(max(0.0, np.sum(base.C @ p * base.C))))
     slopes = np.zeros(len(names))
     state, force, seen = (p @ q)[:, k:].T, (q @ base.B)[k:], base.C @ p
-    for which, change in in_parts(basis, parameters, max(1, BLOCK // max(1, system.dof**2))):
+    for which, change in basis.matrix_derivatives_in_parts(parameters, max(1, BLOCK // max(1, system.dof**2))):
         da, db, dc, dd = changed(base, change, *ports)
         total = (da * state).sum(axis=(1, 2)) + (db * force).sum(axis=(1, 2)) + (dc * seen).sum(axis=(1, 2))
         size = np.abs(dd).max(axis=(1, 2), initial=0.0)

@@ -18,9 +18,9 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.relative_motion import relative_motion
-from mbsvib.sensitivities.adjoint_fields import in_joints, momentum
-from mbsvib.sensitivities.joint_release_motion import given_way, seen
-from mbsvib.sensitivities.maxwell import name_of
+from mbsvib.sensitivities.joint_release_motion import joint_release_motion, relative_twists
+from mbsvib.sensitivities.network_parts import line_name
+from mbsvib.sensitivities.transmitted_wrenches import in_joints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,14 +29,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
-    from mbsvib.sensitivities.balance.forces import Forces
-    from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.network import Network
 
-# B, H and D of the network and those of the system are the same numbers but for rounding.
-SAME = 1e-9
-# Rounding of the largest among all rows.
-ROUNDING = 1e-12
+# Forces of a state of self-stress below this share of the largest are rounding.
+STRESSED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,36 +66,6 @@ class Loads:
     turned: Array
     works: NDArray[np.bool_]
     beside: tuple[int, ...] = ()
-
-
-def ported(basis: SensitivityBasis, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
-    """Return the network of a system with some of its ports as loads; one without parts where ports are more than that.
-
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    inputs, outputs : list of int
-        Numbers of the ports.
-
-    Returns
-    -------
-    Network
-        Bodies and connections.
-    Loads, Loads
-        Inputs and outputs.
-    """
-    system, network = basis.equations, basis.network
-    if not network.bare:
-        acting, seeing = (loads(system, network, *each) for each in ((inputs, "inputs"), (outputs, "outputs")))
-        wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
-        if wrong:
-            seeing = loads(system, network, outputs, "outputs", wrong)
-            wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
-        if wrong == []:
-            return network, acting, seeing
-    network = basis.bare_network
-    return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
 
 
 def loads(system: Equations, network: Network, which: list[int], kind: str, beside: Sequence[int] = ()) -> Loads:
@@ -206,14 +172,14 @@ def _worked(system: Equations, network: Network, part: ForceOutput) -> tuple[Arr
     if _shared(network)[k] or (network.joints[k].pitch is not None and wrench[5]):
         return None
     gap[k, :, 0] = (wrench.reshape(2, 3) @ np.array(network.joints[k].axes).T).reshape(6)
-    body = given_way(network, gap)
-    return body[:, :, 0], seen(network, body)[:, :, 0], gap[:, 3:, 0], True
+    body = joint_release_motion(network, gap)
+    return body[:, :, 0], relative_twists(network, body)[:, :, 0], gap[:, 3:, 0], True
 
 
 def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | None:
     """Numbers of springs and the direction of their force that is asked for, world axes; None for joints."""
     maxwell = next((each for each in network.parts if isinstance(each, Maxwell) and each.name == part.element), None)
-    names = [part.element] if maxwell is None else [name_of(maxwell, field) for field in
+    names = [part.element] if maxwell is None else [line_name(maxwell, field) for field in
                                                     ("static_stiffness", "stiffness")]  # fmt: skip
     found = [k for k, spring in enumerate(network.springs) if spring.name in names]
     if not found:
@@ -246,79 +212,12 @@ def _motion(network: Network, first: Index, second: Index, point: Array) -> Arra
     return found.reshape(count, 6, -1)
 
 
-def feedthrough(
-    system: Equations, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
-) -> tuple[Array, Array]:
-    """Return D, what outputs against inertial space see of base motions, and how the base turns there.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    inputs, outputs : pair of list of int and Loads
-        Numbers of the ports, and their loads.
-
-    Returns
-    -------
-    pair of array, shape (outputs, inputs) and (outputs, inputs, 3)
-        D, and the angular acceleration with which it changes as outputs move, dD = wrench . (angular x dp).
-    """
-    known = {(part.name, isinstance(part, (Input, BaseMotion))): part for part in system.provenance.ports}
-    d = np.zeros((len(outputs[0]), len(inputs[0])))
-    turns = np.zeros((*d.shape, 3))
-    for i, k in enumerate(inputs[0]):
-        base = known[system.inputs[k], True]
-        for o, j in enumerate(outputs[0]):
-            seen = known[system.outputs[j], False]
-            if isinstance(base, BaseMotion) and isinstance(seen, Output) and seen.inertial:
-                angular = turns[o, i] = base.wrench[3:]
-                linear = base.wrench[:3] + np.cross(angular, outputs[1].point[o] - base.position)
-                d[o, i] = np.concatenate((linear, angular)) @ outputs[1].wrench[o]
-    return d, turns
-
-
 def _shared(network: Network) -> NDArray[np.bool_]:
     """Joints (j,) whose forces redundant constraints leave open: a state of self-stress goes through them."""
     ties = network.constraints
     if ties is None or not ties.stress.shape[1]:
         return np.zeros(len(network.joints), dtype=bool)
     states = np.abs(in_joints(network, np.zeros((len(network.bodies), 6, ties.stress.shape[1])), ties.stress))
-    return np.asarray((states > SAME * states.max(axis=(0, 1))).any(axis=(1, 2)))
+    return np.asarray((states > STRESSED * states.max(axis=(0, 1))).any(axis=(1, 2)))
 
 
-def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
-    """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
-    turned = seeing.turned if seeing.turned.any() else None
-    wrench = forces.on_bodies(seeing.given * seeing.works, -1, turned)
-    return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
-
-
-def _wrong(
-    system: Equations, network: Network, inputs: tuple[list[int], Loads], outputs: tuple[list[int], Loads]
-) -> list[int] | None:
-    """The outputs whose rows of Cq, Cv, Ca and D these loads do not give, None if they do not give B."""
-    (i, acting), (o, seeing), joints = inputs, outputs, len(network.joints)
-    relative = network.relative if network.reduction is None else network.relative @ network.reduction
-    strains = np.asarray(relative @ np.eye(system.dof)).reshape(len(network.point), 6, system.dof)[joints:]
-    momenta = momentum(network, acting.carried)
-    acts = np.einsum("pi,pim->mp", acting.wrench, acting.motion)
-    acts -= np.einsum("bim,bip->mp", system.body_motion, momenta)
-    moves = np.einsum("pi,pim->pm", seeing.wrench, seeing.motion)
-    felt = seeing.strain - seeing.apart[joints:]
-    forces = [np.einsum("sip,sij,sjm->pm", felt, z, strains) for z in (network.stiffness, network.damping)]
-    forces.append(-np.einsum("bip,bim->pm", seeing.given, momentum(network, system.body_motion)))
-    if network.forces is not None:
-        forces[0] -= _at_rest(network, network.forces, seeing, system.body_motion)
-    ours = [moves * (seeing.order == k)[:, None] + forces[k] for k in range(3)]
-    direct = feedthrough(system, inputs, outputs)[0] - np.einsum("bio,bip->op", seeing.given, momenta)
-    direct += np.einsum("bio,bip->op", seeing.given * seeing.works, acting.on_bodies)
-    if np.abs(acts - system.B[:, i]).max(initial=0.0) > SAME * np.abs(system.B[:, i]).max(initial=0.0):
-        return None
-    off = np.zeros(len(o), dtype=bool)
-    for found, given in zip((direct, *ours), (system.D[np.ix_(o, i)], system.Cq[o], system.Cv[o], system.Ca[o]),
-                            strict=True):  # fmt: skip
-        size = np.abs(given)
-        allowed = SAME * size.max(axis=1, initial=0.0) + ROUNDING * size.max(initial=0.0)
-        off |= np.abs(found - given).max(axis=1, initial=0.0) > allowed
-    off[list(seeing.beside)] = False
-    return np.flatnonzero(off).tolist()

@@ -6,17 +6,14 @@ dG = dD + L^T dB + dH R - L^T dT R: products of what parameters change and of th
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common.expected import angular
 from mbsvib.equations.controllable_part import chosen
-from mbsvib.sensitivities.adjoint_fields import applied, fields, momentum, motions
-from mbsvib.sensitivities.eigenvalues import planned
-from mbsvib.sensitivities.ports import feedthrough, ported
-from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.port_checks import feedthrough
+from mbsvib.sensitivities.port_forms import port_forms
 from mbsvib.sensitivities.solutions import solutions
 
 if TYPE_CHECKING:
@@ -25,13 +22,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.linalg.vectors import Field
     from mbsvib.responses.basis import Basis
-    from mbsvib.sensitivities.adjoint_fields import Field, Fields, Motions
     from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.parameter_groups import Plan
-    from mbsvib.sensitivities.ports import Loads
+    from mbsvib.sensitivities.parameter_groups import ParameterGroups
+    from mbsvib.sensitivities.variables import Asked
 
     Ports = str | Sequence[str] | None
 
@@ -75,13 +70,13 @@ def frequency_response_sensitivities(
     w = angular(omega)
     i = chosen(system.inputs, inputs, "inputs", system.name)
     o = chosen(system.outputs, outputs, "outputs", system.name)
-    network, acting, seeing = ported(basis, i, o)
-    plan = planned(basis, parameters, network)
+    network, acting, seeing = basis.ported(i, o)
+    groups = basis.groups(parameters, network)
     turns = feedthrough(system, (i, acting), (o, seeing))[1]
-    result = np.empty((len(plan.variables.names), len(o), len(i), len(w)), dtype=complex)
+    result = np.empty((len(groups.variables.names), len(o), len(i), len(w)), dtype=complex)
     numbers = (len(network.point) + 1) * 12 * (len(i) + len(o))
-    if plan.balanced is not None:  # forces see each pair of an input and an output
-        numbers += len(plan.balanced.forces.first) * PAIRED * len(i) * len(o)
+    if groups.loaded is not None:  # forces see each pair of an input and an output
+        numbers += len(groups.loaded.forces.first) * PAIRED * len(i) * len(o)
     block = max(1, BLOCK // max(1, numbers))
     for start in range(0, len(w), block):
         part = slice(start, start + block)
@@ -89,12 +84,12 @@ def frequency_response_sensitivities(
         s: Complex = (1j * size).astype(complex)
         powers = np.ones(len(s), dtype=complex), s, s * s
         vectors = _vectors(basis.responses, i, o, size)
-        forms = derivatives(plan, (acting, seeing), powers, vectors, turns)
-        if plan.whole is not None:
-            plan.whole.with_ports(forms, (i, o), powers, vectors, seeing.beside)
-        found = plan.chain(forms)
+        forms = port_forms(groups, (acting, seeing), powers, vectors, turns)
+        if groups.matrix_group is not None:
+            groups.matrix_group.with_ports(forms, (i, o), powers, vectors, seeing.beside)
+        found = groups.chain(forms)
         for k in seeing.beside:
-            found[:, k] += _seen_beside(plan, o[k], i, vectors[0][:, 0], powers)
+            found[:, k] += _seen_beside(groups, o[k], i, vectors[0][:, 0], powers)
         result[..., part] = found
     result[..., w < 0.0] = result[..., w < 0.0].conj()
     return result
@@ -117,104 +112,13 @@ def _vectors(basis: Basis, i: list[int], o: list[int], w: Array) -> tuple[Comple
     return found[:, None], left[:, :, None]
 
 
-def derivatives(
-    plan: Plan, ports: tuple[Loads, Loads], powers: tuple[Field, Field, Field], vectors: tuple[Field, Field],
-    turns: Array,
-) -> Field:  # fmt: skip
-    """Return dD + L^T dB + dH R - L^T dT R, with H = Cq + s Cv + s^2 Ca and T = K + s C + s^2 M.
-
-    Parameters
-    ----------
-    plan : Plan
-        What changes.
-    ports : pair of Loads
-        Inputs and outputs.
-    powers : tuple of three arrays, shape (n,)
-        1, s and s^2, or 1 and 0 to have the derivatives of one matrix only.
-    vectors : pair of array, shape (m, 1, inputs, n) and (m, outputs, 1, n)
-        R and L.
-    turns : array, shape (outputs, inputs, 3)
-        How D changes, see ``feedthrough``.
-
-    Returns
-    -------
-    array, shape (parameters, outputs, inputs, n)
-        Derivatives to all parameters of the plan.
-    """
-    network, (acting, seeing) = plan.network, ports
-    x, y = motions(network, vectors[0]), _with_given(network, motions(network, vectors[1]), seeing)
-    momenta = momentum(network, acting.carried)
-    on_right = (momenta - acting.on_bodies)[:, :, None, :, None]
-    by_order = np.array([powers[k] for k in seeing.order]).reshape(-1, 1, len(powers[0]))
-    on_left = -seeing.on_bodies[:, :, :, None, None] * by_order
-    right = fields(network, x, *powers, load=on_right, side=1)
-    left = _seeing(network, y, seeing, powers, on_left)
-    result: Field = -table(plan, left, right)
-    bodies = plan.only("body")
-    for at in np.flatnonzero(acting.carried.any(axis=(0, 1))):
-        one, carried = np.ones(1), acting.carried[:, :, at, None, None]
-        none = np.zeros((len(network.floating), 6, 1, 1))
-        by_base = replace(right, body=carried, body_wrench=momenta[:, :, at, None, None], support=none, square=one)
-        still = replace(left, body=y.body[..., 0, :], body_wrench=y.momentum[..., 0, :], support=none, square=one)
-        result[:, :, at] -= table(plan, still, by_base, bodies)
-    _move_ports(result, plan, (acting, seeing), vectors, by_order[:, 0], turns)
-    return result
-
-
-def _seen_beside(plan: Plan, output: int, inputs: list[int], right: Field, powers: tuple[Field, Field, Field]) -> Field:
+def _seen_beside(
+    groups: ParameterGroups, output: int, inputs: list[int], right: Field, powers: tuple[Field, Field, Field]
+) -> Field:
     """dD + (dCq + s dCv + s^2 dCa) R (variables, inputs, n) of an output that is no motion, R (m, inputs, n)."""
-    result = plan.beside["D"][:, output][:, inputs, None].astype(complex)
+    result = groups.variable_slopes["D"][:, output][:, inputs, None].astype(complex)
     for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
-        result = result + power * np.tensordot(plan.beside[key][:, output], right, axes=1)
+        result = result + power * np.tensordot(groups.variable_slopes[key][:, output], right, axes=1)
     return result
 
 
-def _with_given(network: Network, motion: Motions, seeing: Loads) -> Motions:
-    """L with the motions on which forces in joints and sums of forces do work."""
-    if not seeing.given.any():
-        return motion
-    body, apart = (each[:, :, :, None, None] for each in (seeing.given, seeing.apart))
-    strained = apart[len(network.joints) :]
-    viscous = None if motion.viscous is None else motion.viscous + applied(network.damping, strained)
-    return replace(motion, body=motion.body + body, relative=motion.relative + apart,
-                   momentum=motion.momentum + momentum(network, body),
-                   elastic=motion.elastic + applied(network.stiffness, strained), viscous=viscous)  # fmt: skip
-
-
-def _seeing(
-    network: Network, motion: Motions, seeing: Loads, powers: tuple[Field, Field, Field], load: Field
-) -> Fields:
-    """Fields of L; forces in springs are seen through strains that lack their directions."""
-    turned = alone = None
-    if network.forces is not None and seeing.given.any():
-        turned, alone = (each[:, :, :, None, None] for each in (seeing.turned, seeing.given * ~seeing.works))
-    if not seeing.strain.any():
-        return fields(network, motion, *powers, load=load, side=-1, turned=turned, alone=alone)
-    asked = seeing.strain[:, :, :, None, None]
-    strain = motion.relative[len(network.joints) :] - asked
-    viscous = None if motion.viscous is None else motion.viscous - applied(network.damping, asked)
-    lacking = replace(motion, elastic=motion.elastic - applied(network.stiffness, asked), viscous=viscous)
-    return fields(network, lacking, *powers, load=load, strain=strain, side=-1, turned=turned,
-                  alone=alone)  # fmt: skip
-
-
-def _move_ports(
-    result: Field, plan: Plan, ports: tuple[Loads, Loads], vectors: tuple[Field, Field], by_order: Field,
-    turns: Array,
-) -> None:  # fmt: skip
-    """Ports move with centres of mass, and with the bodies as the pose moves: dG = wrench . (angular x dp)."""
-    (acting, seeing), (right, left) = ports, (vectors[0][:, 0], vectors[1][:, :, 0])
-    turned = np.concatenate((seeing.given[:, 3:] * seeing.works, np.zeros((1, 3, len(seeing.wrench)))))
-    moves = [(acting, i, result[:, :, i], np.tensordot(acting.motion[i, 3:], left, axes=1)
-              + (turned[acting.ends[i, 1]] - turned[acting.ends[i, 0]])[:, :, None])
-             for i in range(len(acting.wrench))]  # fmt: skip
-    moves += [(seeing, o, result[:, o], np.tensordot(seeing.motion[o, 3:], right, axes=1) * by_order[o]
-               + turns[o][:, :, None].swapaxes(0, 1)) for o in range(len(seeing.wrench))]  # fmt: skip
-    for port, k, own, theta in moves:
-        slope = np.cross(port.wrench[k, :3], theta, axisb=0, axisc=0)
-        if port.carrier[k] >= 0 and plan.balanced is not None:
-            plan.balanced.carry(own, int(port.carrier[k]), port.point[k], slope)
-        for family in plan.only("body", "position"):
-            for rows in family.rows[family.number == port.centre[k]]:
-                asked = rows >= 0
-                own[rows[asked]] += slope[asked]

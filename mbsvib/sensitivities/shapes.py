@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities, planned
-from mbsvib.sensitivities.products import table
+from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.spectrum import TOGETHER
 from mbsvib.sensitivities.states import state_basis
 
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes import Modes
     from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.parameter_groups import Plan
+    from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.states import StateBasis
+    from mbsvib.sensitivities.variables import Asked
 
 
 # Numbers that the forms of some modes may hold.
@@ -48,7 +47,7 @@ class ModeSensitivities:
     modes: Modes = field(repr=False)
     eigenvalues: Complex
     _basis: SensitivityBasis = field(repr=False)
-    _plan: Plan = field(repr=False)
+    _groups: ParameterGroups = field(repr=False)
 
     @cached_property
     def _pairs(self) -> Complex:
@@ -98,7 +97,7 @@ class ModeSensitivities:
         Shapes of eigenvalues that coincide are a basis of their subspace, which moves as a whole: their derivatives
         are those of such a basis. Not a number where a rigid-body mode becomes an elastic one.
         """
-        return shape_sensitivities(self._basis, self._plan, self.modes)
+        return shape_sensitivities(self._basis, self._groups, self.modes)
 
     def __repr__(self) -> str:
         return f"ModeSensitivities({len(self.variables)} variables, {len(self.modes)} modes)"
@@ -126,19 +125,19 @@ def mode_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> Mod
 
     Source: Nelson, AIAA J. 14 (1976) 1201, for shapes; here bordered and for quadratic problems.
     """
-    plan = planned(basis, parameters)
+    groups = basis.groups(parameters)
     values = eigenvalue_sensitivities(basis, parameters)
-    return ModeSensitivities(plan.variables.names, basis.responses.response_modes, values, basis, plan)
+    return ModeSensitivities(groups.variables.names, basis.responses.response_modes, values, basis, groups)
 
 
-def shape_sensitivities(basis: SensitivityBasis, plan: Plan, modes: Modes) -> Complex:
+def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes: Modes) -> Complex:
     """Return the derivatives of the shapes.
 
     Parameters
     ----------
     basis : SensitivityBasis
         The equations of motion, their modes and their network.
-    plan : Plan
+    groups : ParameterGroups
         What changes.
     modes : Modes
         The modes of the system, all of them.
@@ -156,36 +155,36 @@ def shape_sensitivities(basis: SensitivityBasis, plan: Plan, modes: Modes) -> Co
     system, chosen = basis.equations, state_basis(basis.responses)
     vectors, k = chosen.vectors, chosen.massive
     m, values = system.dof, modes.pairs[:, 0].astype(complex)
-    result = np.empty((len(plan.variables.names), m, m), dtype=complex)
+    result = np.empty((len(groups.variables.names), m, m), dtype=complex)
     coordinates = np.concatenate((vectors[:, :k].T @ system.M, vectors[:, k:].T @ system.C)) @ modes.shapes
     resting = np.linalg.norm(coordinates[:k], axis=0) < MOVES
     largest = np.argmax(np.abs(modes.shapes), axis=0)
-    for group in _groups(values):
-        step = max(1, BLOCK // max(1, plan.size * m))
-        pushed = np.concatenate([_pushed(plan, modes.shapes[:, some], values[some])
+    for group in _coinciding(values):
+        step = max(1, BLOCK // max(1, groups.size * m))
+        pushed = np.concatenate([_pushed(groups, modes.shapes[:, some], values[some])
                                  for some in np.array_split(group, -(-len(group) // step))], axis=2)  # fmt: skip
         own = np.asarray(coordinates[:, group])
-        forms = -(vectors.T @ plan.chain(pushed[0]))
+        forms = -(vectors.T @ groups.chain(pushed[0]))
         held = own.conj().T.copy()
         held[:, k:] = 0.0
         still = bool(resting[group].any())
         change = _bordered(chosen, values[group[0]], own, vectors[largest[group]] if still else held, forms)
         if not still:
-            mass = modes.shapes[:, group].conj().T @ plan.chain(pushed[1])
+            mass = modes.shapes[:, group].conj().T @ groups.chain(pushed[1])
             change = change - own @ (held @ change + 0.5 * mass)
         result[:, :, group] = vectors @ change
     return result
 
 
-def _pushed(plan: Plan, shapes: Any, values: Complex) -> Complex:
+def _pushed(groups: ParameterGroups, shapes: Any, values: Complex) -> Complex:
     """dT x and dM x of some modes, (2, parameters, m, modes)."""
-    network = plan.network
+    network = groups.network
     unit = np.eye(len(shapes))[:, :, None]
     x, y = motions(network, shapes[:, None]), motions(network, unit)
     none, one = np.zeros(len(values)), np.ones(len(values))
-    result = np.empty((2, plan.size, len(shapes), len(values)), dtype=complex)
+    result = np.empty((2, groups.size, len(shapes), len(values)), dtype=complex)
     for place, powers in enumerate(((one.astype(complex), values, values * values), (none, none, one))):
-        result[place] = table(plan, fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
+        result[place] = groups.forms(fields(network, y, *powers, side=-1), fields(network, x, *powers, side=1))
     return result
 
 
@@ -213,7 +212,7 @@ def _bordered(chosen: StateBasis, value: complex, own: Any, held: Any, forms: Co
     return np.asarray(result[:, :m])
 
 
-def _groups(values: Complex) -> list[Index]:
+def _coinciding(values: Complex) -> list[Index]:
     """Modes whose eigenvalues coincide, together; rigid-body modes are one group."""
     groups, seen = [], np.zeros(len(values), dtype=bool)
     for i in range(len(values)):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
     from mbsvib.responses.basis import Basis
-    from mbsvib.sensitivities.matrices import MatrixDerivatives
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 
 # A rigid-body mode has the scale of the slowest mode beside it, but not below this share of the fastest.
 SLOWEST = 1e-3

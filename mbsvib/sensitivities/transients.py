@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.responses.time_response import _checked
-from mbsvib.sensitivities.matrices import in_parts
 from mbsvib.sensitivities.states import changed, states, turning
 from mbsvib.sensitivities.variables import variables
 
@@ -22,9 +21,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.sensitivities.basis import SensitivityBasis
-    from mbsvib.sensitivities.eigenvalues import Asked
-    from mbsvib.sensitivities.matrices import MatrixDerivatives
+    from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.states import States
+    from mbsvib.sensitivities.variables import Asked
 
 EPS = float(np.finfo(float).eps)
 # Taylor's series of the exponential and of its derivative are exact to rounding for matrices of this norm.
@@ -78,7 +77,7 @@ def time_response_sensitivities(
     begin = _begin(base, system, start)
     size = len(begin) + 2 * len(force)
     count = max(1, BLOCK // max(size * size * len(steps), len(begin) * len(time), 1))
-    for which, change in in_parts(basis, parameters, count):
+    for which, change in basis.matrix_derivatives_in_parts(parameters, count):
         da, db, dc, dd = changed(base, change, *ports)
         found = [_exponential(base, h, da, db) for h in steps]
         x, z = _march(found, kind, force, (begin, _begun(base, system, change, start)), hold == "first")

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.parameters import Parameter, Parameters
 
     Mask = NDArray[np.bool_]
+    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +122,7 @@ class Variables:
         return flat.reshape(len(self.names), *values.shape[1:])
 
 
-def variables(known: Parameters, asked: str | Iterable[str] | Mapping[str, Mapping[str, float]] | None) -> Variables:
+def variables(known: Parameters, asked: Asked) -> Variables:
     """Return the variables that were asked for.
 
     Parameters

@@ -59,7 +59,7 @@ class Variants:
         self._refused: dict[Rates, ModelError] = {}
 
     def slopes(self, directions: Sequence[Direction], every: bool = False) -> dict[str, Array]:
-        """Return the derivatives of the system's matrices along some directions, each computed once.
+        """Return the derivatives of the matrices of a whole system along some directions, each computed once.
 
         Parameters
         ----------
@@ -79,8 +79,6 @@ class Variants:
         ModelError
             If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
         """
-        if self._whole is not None:
-            return self._of_part(self._whole, directions, every)
         for direction in directions:
             key = direction.rates
             if key not in self._found:
@@ -96,8 +94,8 @@ class Variants:
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
     @cached_property
-    def _whole(self) -> Equations | None:
-        """The system that ``reachable`` took this one out of."""
+    def whole(self) -> Equations | None:
+        """The system that ``reachable`` took this one out of; None where this one is whole."""
         from mbsvib.equilibrium.at_equilibrium import settled
 
         own, came = self.system, self.system.provenance
@@ -109,23 +107,6 @@ class Variants:
         found: Equations | SparseEquations = settled(self._model, independent, self._cut, "dense")[1]
         assert isinstance(found, Equations)
         return found
-
-    def _of_part(self, whole: Equations, directions: Sequence[Direction], every: bool) -> dict[str, Array]:
-        """Derivatives of the matrices of a part, out of those of all coordinates and ports."""
-        own = self.system
-        wanted = {str(k): dict(direction.rates) for k, direction in enumerate(directions)}
-        from mbsvib.sensitivities.basis import SensitivityBasis
-        from mbsvib.sensitivities.matrices import matrix_derivatives
-
-        found = matrix_derivatives(SensitivityBasis.of(whole), None if every else wanted)
-        row = {name: k for k, name in enumerate(found.variables)}
-        rows = [row[next(iter(rates))] if every else row[k] for k, rates in wanted.items()]
-        q, i, o = ([known.index(name) for name in names] for names, known in (
-            (own.coordinates, whole.coordinates), (own.inputs, whole.inputs), (own.outputs, whole.outputs),
-        ))  # fmt: skip
-        ends = {"B": (q, i), "D": (o, i)} | dict.fromkeys(("M", "C", "K"), (q, q)) | dict.fromkeys(
-            ("Cq", "Cv", "Ca"), (o, q))  # fmt: skip
-        return {key: getattr(found, key)[np.ix_(rows, *ends[key])] for key in MATRICES}
 
     def sizes(self, directions: Sequence[Direction]) -> Array:
         """Return the largest of the forces that cancel in the pose, over what is a large change along directions."""

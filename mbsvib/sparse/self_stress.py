@@ -19,12 +19,12 @@ from scipy.linalg import blas, lapack
 
 from mbsvib.common.tables import listed
 from mbsvib.equations.joint_carriers import place as place_of
-from mbsvib.equations.reactions import skew
 from mbsvib.equations.self_stress import DETERMINED, Undetermined, self_stress
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.vectors import skew
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.rows import paths

@@ -161,7 +161,7 @@ def test_sensitivities_through_an_equilibrium_far_from_where_joints_are_describe
     """Axes of coordinates turn with the square root of the rotation, which a bend of 1.5 rad tells from its half."""
     model = bent(loop=loop)
     _, system = settled(model, cut=cut)
-    assert system.sensitivity_basis.network.balanced is not None
+    assert system.sensitivity_basis.loaded is not None
     names = ["a.mass", "u.orientation.ry", "v.position.y"]
     found = system.matrix_derivatives(names)
     for k, name in enumerate(names):

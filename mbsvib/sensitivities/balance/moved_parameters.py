@@ -10,17 +10,17 @@ from mbsvib.elements import Bushing, Load
 from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, wide
 from mbsvib.sensitivities.factors import turning
-from mbsvib.sensitivities.maxwell import maxwells
+from mbsvib.sensitivities.network_parts import maxwell_lines
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.sensitivities.balance.connection_changes import Links
+    from mbsvib.sensitivities.balance.force_changes import ForceChanges
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
 
 
-def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Array:
+def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
     """Return how parameters change as bodies move, as those of a model do that is described in the new pose.
 
     Parameters
@@ -29,7 +29,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
         Bodies and connections.
     forces : Forces
         The forces.
-    links : Links
+    changes : ForceChanges
         Parameters.
     motion : array, shape (bodies, 6, c)
         Motions at the centres of mass.
@@ -39,7 +39,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
     array, shape (parameters, c)
         Changes of the parameters.
     """
-    result = np.zeros((links.count, motion.shape[2]))
+    result = np.zeros((changes.count, motion.shape[2]))
     first, relative = forces.seen(motion)
     second = first + relative
     start = first[:, :3] - cross(first[:, 3:], wide(forces.span, first))
@@ -47,8 +47,8 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
     joints = forces.counts[0]
 
     def put(part: str, field: str, value: Array) -> None:
-        for i in range(3 if (part, field, (0,)) in links.row else 0):  # nodes of Maxwell elements have no parameters
-            result[links.row[part, field, (i,)]] = value[i]
+        for i in range(3 if (part, field, (0,)) in changes.row else 0):  # nodes of Maxwell elements have no parameters
+            result[changes.row[part, field, (i,)]] = value[i]
 
     for k, body in enumerate(network.bodies):
         put(body.name, "position", motion[k, :3])
@@ -67,7 +67,7 @@ def carried(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
         else:
             put(spring.name, "start", start[k])
             put(spring.name, "end", second[k, :3])
-    for maxwell, k in maxwells(network):
+    for maxwell, k in maxwell_lines(network):
         put(maxwell, "start", start[joints + k])
         put(maxwell, "end", second[joints + k, :3])
     for k, load in zip(forces.loads, (part for part in network.parts if isinstance(part, Load)), strict=True):
@@ -86,7 +86,7 @@ def _by_axis(joint: Joint, turn: Array) -> Array:
     return np.asarray(turning(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
 
 
-def shifted(network: Network, forces: Forces, links: Links, motion: Array) -> Array:
+def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
     """Return how forces change as bodies move, beyond what parameters say of it: springs by their stiffness, bushings
     by the turn between their bodies, followers with theirs.
 
@@ -96,7 +96,7 @@ def shifted(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
         Bodies and connections.
     forces : Forces
         The forces.
-    links : Links
+    changes : ForceChanges
         Places of what is no parameter.
     motion : array, shape (bodies, 6, c)
         Motions at the centres of mass.
@@ -106,7 +106,7 @@ def shifted(network: Network, forces: Forces, links: Links, motion: Array) -> Ar
     array, shape (e, c)
         Changes of it.
     """
-    relative, joints, at = forces.seen(motion)[1], forces.counts[0], links.at
+    relative, joints, at = forces.seen(motion)[1], forces.counts[0], changes.at
     result = np.zeros((at.size, motion.shape[2]))
     for k, spring in enumerate(network.springs, joints):
         own, place = relative[k], slice(at.wrench_of(k), at.wrench_of(k) + 6)

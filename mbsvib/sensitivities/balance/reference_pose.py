@@ -15,28 +15,24 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements import Bushing, Load
-from mbsvib.sensitivities.balance.connection_changes import Terms
+from mbsvib.sensitivities.balance.displaced_bodies import Displaced, turned
+from mbsvib.sensitivities.balance.force_changes import RowTerms
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint, Spring
-    from mbsvib.elements.part import Part
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.balance.connection_changes import Links
+    from mbsvib.sensitivities.balance.force_changes import ForceChanges
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
 
     Follows = Callable[[str, str, Array], None]
 
-# Bodies that turned by less than this [rad] against each other did not.
-STRAIGHT = 1e-14
-
-
 @dataclass(frozen=True)
-class Described:
+class ReferencePose:
     """What p parameters as described change in the pose there: parameters by ``rates`` (p, p), forces by ``forces``
     (p, e) beside these, and joints come apart by ``gaps`` (p, 6 joints) at their points. Bushings ``turned`` are those
     whose bodies turned against each other.
@@ -52,53 +48,7 @@ class Described:
         return entry.part not in self.turned or max(entry.index, default=0) < 3
 
 
-class Displaced:
-    """Where bodies went from where they are described."""
-
-    def __init__(self, origin: Mechanism, there: Mapping[str, Any]) -> None:
-        self._origin, self._there = origin.bodies, there
-
-    def turn(self, body: str) -> Array:
-        """Return the rotation matrix (3, 3) of a body since it was described."""
-        if body == "ground":
-            return np.eye(3)
-        return np.asarray(np.array(self._there[body].orientation) @ np.array(self._origin[body].orientation).T)
-
-    def point(self, body: str, at: Any) -> Array:
-        """Return where a point (3,) [m] of a body has gone."""
-        if body == "ground":
-            return np.array(at)
-        return np.asarray(self._there[body].position + self.turn(body) @ np.subtract(at, self._origin[body].position))
-
-
-def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:
-    """Return the bushings whose bodies turned against each other: what they do about axes changes in ways of its own.
-
-    Parameters
-    ----------
-    origin : Mechanism
-        The model as described.
-    parts : iterable of Part
-        Its parts in the pose there.
-
-    Returns
-    -------
-    frozenset of str
-        Their names.
-    """
-    known = {part.name: part for part in parts}
-    pose = Displaced(origin, known)
-    return frozenset(part.name for part in known.values() if isinstance(part, Bushing)
-                     and np.abs(pose.turn(part.first) - pose.turn(part.second)).max() > STRAIGHT)  # fmt: skip
-
-
-def holds_turns(bushing: Bushing) -> bool:
-    """Tell whether a bushing carries moments, or forces by rotations."""
-    blocks = [np.array(value) for value in (bushing.stiffness, bushing.damping, bushing.preload or np.zeros(6))]
-    return any(value[3:].any() or (value.ndim == 2 and value[:, 3:].any()) for value in blocks)
-
-
-def described(network: Network, forces: Forces, links: Links, origin: Mechanism) -> Described:
+def reference_pose(network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> ReferencePose:
     """Return what parameters as described do in the pose there.
 
     Parameters
@@ -107,25 +57,25 @@ def described(network: Network, forces: Forces, links: Links, origin: Mechanism)
         Bodies and connections there.
     forces : Forces
         The forces there.
-    links : Links
+    changes : ForceChanges
         Places of parameters and forces.
     origin : Mechanism
         The model as described.
 
     Returns
     -------
-    Described
+    ReferencePose
         As matrices.
     """
     pose = Displaced(origin, {body.name: body for body in network.bodies})
-    own, beside, gaps = (Terms(links.row, links.at) for _ in range(3))
+    own, beside, gaps = (RowTerms(changes.row, changes.at) for _ in range(3))
     told = set()
 
     def follows(part: str, field: str, turn: Array) -> None:
         for i in range(3):
             told.add((part, field, (i,)))
             for j in range(3):
-                own.put((part, field, (i,)), links.row[part, field, (j,)], (turn[j, i],))
+                own.put((part, field, (i,)), changes.row[part, field, (j,)], (turn[j, i],))
 
     for body in network.bodies:
         for field in ("position", "orientation"):
@@ -141,9 +91,9 @@ def described(network: Network, forces: Forces, links: Links, origin: Mechanism)
         for i in range(3):
             for j in range(3):
                 name = network.joints[k].name
-                own.put((name, "orientation", (i,)), links.row[name, "orientation", (j,)], (turned_axes[k, j, i],))
+                own.put((name, "orientation", (i,)), changes.row[name, "orientation", (j,)], (turned_axes[k, j, i],))
     for k, spring in enumerate(network.springs, len(network.joints)):
-        turns, place = (pose.turn(spring.first), pose.turn(spring.second)), links.at.wrench_of(k)
+        turns, place = (pose.turn(spring.first), pose.turn(spring.second)), changes.at.wrench_of(k)
         given: Any = origin.springs[spring.name]
         if isinstance(spring, Bushing):
             follows(spring.name, "position", turns[1])
@@ -161,14 +111,14 @@ def described(network: Network, forces: Forces, links: Links, origin: Mechanism)
             follows(load.name, field, turn)
         if load.position is not None:
             follows(load.name, "position", turn)
-    for key, row in links.row.items():
+    for key, row in changes.row.items():
         if key not in told:
             own.put(key, row, (1.0,))
-    return Described(own.matrix(links.count), beside.matrix(links.at.size), gaps.matrix(6 * len(network.joints)),
-                     turned(origin, network.parts))  # fmt: skip
+    return ReferencePose(own.matrix(changes.count), beside.matrix(changes.at.size),
+                         gaps.matrix(6 * len(network.joints)), turned(origin, network.parts))  # fmt: skip
 
 
-def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, pose: Displaced) -> None:
+def _joint(follows: Follows, gaps: RowTerms, k: int, given: Joint, joint: Joint, pose: Displaced) -> None:
     """Both bodies carry its point and axes; how far it has moved along its free directions turns with the first."""
     first, second = pose.turn(joint.first), pose.turn(joint.second)
     at = given.position or (0.0, 0.0, 0.0)  # joints without a point turn nothing: any will do
@@ -186,7 +136,7 @@ def _joint(follows: Follows, gaps: Terms, k: int, given: Joint, joint: Joint, po
         gaps.put((joint.name, "pitch", ()), 6 * k, (axis @ gap) / joint.pitch * axis)
 
 
-def _rod(follows: Follows, gaps: Terms, k: int, given: Any, joint: Any, pose: Displaced) -> None:
+def _rod(follows: Follows, gaps: RowTerms, k: int, given: Any, joint: Any, pose: Displaced) -> None:
     """It keeps its length as described."""
     before, after = (np.subtract(rod.end, rod.position) for rod in (given, joint))
     before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
@@ -197,7 +147,7 @@ def _rod(follows: Follows, gaps: Terms, k: int, given: Any, joint: Any, pose: Di
             gaps.put((joint.name, field, (i,)), 6 * k, sign * (before[i] - after @ turn[:, i]) * after)
 
 
-def _spring(beside: Terms, spring: Spring, given: Spring, place: int, turns: tuple[Array, Array]) -> None:
+def _spring(beside: RowTerms, spring: Spring, given: Spring, place: int, turns: tuple[Array, Array]) -> None:
     """Its tension there is T + k (L there - L as described)."""
     before, after = np.array(given.line), np.array(spring.line)
     beside.put((spring.name, "stiffness", ()), place, -(spring.length - given.length) * after)
@@ -208,7 +158,7 @@ def _spring(beside: Terms, spring: Spring, given: Spring, place: int, turns: tup
 
 
 def _bushing(
-    beside: Terms, bushing: Bushing, place: int, stiffness: Array, turns: tuple[Array, Array], gap: Array
+    beside: RowTerms, bushing: Bushing, place: int, stiffness: Array, turns: tuple[Array, Array], gap: Array
 ) -> None:
     """Its force there is its preload less stiffness times how far it has been moved, in axes of the first body."""
     axes = np.array(bushing.orientation)

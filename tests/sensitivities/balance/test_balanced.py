@@ -42,7 +42,7 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     """Forces answer motions by the geometric stiffness, and those along coordinates change by -K as the pose moves."""
     _, system = balanced(seed)
     network = system.sensitivity_basis.network
-    found = network.balanced
+    found = system.sensitivity_basis.loaded
     assert found is not None
     motion = network.displacements.reshape(len(network.bodies), 6, system.dof)
     geometric = np.einsum("bim,bin->mn", motion, network.forces.on_bodies(motion, side=1))
@@ -50,8 +50,8 @@ def test_stiffness_of_forces_and_of_what_the_pose_leaves_over(seed):
     rows, k = system.elastic_rows[springs], system.stiffness[springs]
     size = np.abs(system.K).max() + np.abs(geometric).max()
     assert np.abs((rows.T * k) @ rows + geometric - system.K).max() <= 1e-13 * size
-    count = found.links.count
-    left = found.carried.T @ found.pushes[:count] + found.pushes[count:]
+    count = found.changes.count
+    left = found.parameter_rates.T @ found.generalized_force_jacobian[:count] + found.generalized_force_jacobian[count:]
     assert np.abs(left + system.K.T).max() <= 1e-13 * size
 
 

@@ -57,7 +57,7 @@ def test_differences_of_equilibria_found_for_every_variant(seed):
     except mv.MbsvibError:
         assume(False)
     assume(system.dof > 0 and system.provenance.settled)
-    assert system.sensitivity_basis.network.balanced is not None
+    assert system.sensitivity_basis.loaded is not None
     rng = np.random.default_rng(seed)
     fields = (".mass", ".position.", ".orientation.", ".start.", ".end.", ".stiffness", ".damping.", ".pitch",
               "gravity.")  # fmt: skip

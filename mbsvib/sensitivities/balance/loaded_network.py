@@ -25,48 +25,43 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.vectors import cross, moved, product, wide
-from mbsvib.sensitivities.adjoint_fields import Fields, transmitted
-from mbsvib.sensitivities.balance.connection_changes import links
-from mbsvib.sensitivities.balance.moved_parameters import carried, shifted
-from mbsvib.sensitivities.joint_release_motion import given_way
-from mbsvib.sensitivities.parameter_groups import families_of
-from mbsvib.sensitivities.products import ruled
+from mbsvib.sensitivities.adjoint_fields import Fields
+from mbsvib.sensitivities.balance.force_changes import force_changes
+from mbsvib.sensitivities.balance.moved_parameters import force_rates, parameter_rates
+from mbsvib.sensitivities.joint_release_motion import joint_release_motion
+from mbsvib.sensitivities.parameter_group import groups_by_rule
+from mbsvib.sensitivities.products import form_table
+from mbsvib.sensitivities.transmitted_wrenches import transmitted
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
+    from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.adjoint_fields import Field
-    from mbsvib.sensitivities.balance.connection_changes import Links
+    from mbsvib.sensitivities.balance.force_changes import ForceChanges
     from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.parameter_groups import Family
-
-# Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
-LOOSE = 1e-10
-# What may be left of forces along such motions, against the products that they are sums of: rounding.
-LEFT = 1e-9
+    from mbsvib.sensitivities.parameter_group import ParameterGroup
 
 
 @dataclass(frozen=True)
-class Balanced:
-    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``families`` and ``links``.
+class LoadedNetwork:
+    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``groups`` and ``changes``.
 
     The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then
-    ``carried`` (p, c) along, and forces ``shifted`` (e, c) beside these.
+    carried along at ``parameter_rates`` (p, c), and forces change at ``force_rates`` (e, c) beside these.
     """
 
     network: Network
     forces: Forces
     entries: tuple[Parameter, ...]
-    families: tuple[Family, ...]
-    links: Links
+    groups: tuple[ParameterGroup, ...]
+    changes: ForceChanges
     motions: Array
-    carried: Array
-    shifted: Array
+    parameter_rates: Array
+    force_rates: Array
 
     @property
     def dof(self) -> int:
@@ -76,9 +71,9 @@ class Balanced:
     @property
     def size(self) -> int:
         """Number of rows: all parameters, then the motions of the pose."""
-        return self.links.count + int(self.motions.shape[2])
+        return self.changes.count + int(self.motions.shape[2])
 
-    def add(self, result: Field, left: Fields, right: Fields | None = None) -> None:
+    def add_forms(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
 
         Parameters
@@ -90,20 +85,20 @@ class Balanced:
         """
         twisted = self._twisted(left, right)
         rows = twisted.reshape(3 * len(self.forces.bushings), *twisted.shape[2:])
-        result[self.links.count :] += product(self.shifted[self.links.at.twist].T, rows)
+        result[self.changes.count :] += product(self.force_rates[self.changes.at.twist].T, rows)
         weight = 0.5 * (left.stiff if right is None else left.stiff + right.stiff)
         if weight.any():
             self._add_geometric(result, left, right, weight)
 
     def _add_geometric(self, result: Field, left: Fields, right: Fields | None, weight: Field) -> None:
         """What comes of the geometric stiffness."""
-        at, joints = self.links.at, self.forces.counts[0]
+        at, joints = self.changes.at, self.forces.counts[0]
         x = self.forces.seen(left.carrying)
         y = x if right is None else self.forces.seen(right.carrying)
         gap = self.forces.by_wrench(x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
-        second = self.forces.seen(given_way(self.network, gap[:joints]))[1] - gap
+        second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
         found = self._given(second, gap)
         point, start = self.forces.by_place(x, None if right is None else y)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
@@ -116,11 +111,11 @@ class Balanced:
 
     def _open(self, result: Field, slope: Field) -> None:
         """Add what turning the axes of joints does that are turned open, twice ``slope`` (joints, 3, ...)."""
-        for family in self.families:
-            if family.kind == "joint" and family.field == "orientation":
-                result[family.rows] += 0.5 * slope[family.number]
+        for group in self.groups:
+            if group.kind == "joint" and group.field == "orientation":
+                result[group.rows] += 0.5 * slope[group.number]
 
-    def carry(self, result: Field, body: int, point: Array, slope: Field) -> None:
+    def add_point_motion(self, result: Field, body: int, point: Array, slope: Field) -> None:
         """Add, in place, what the pose does by moving a point that a body carries.
 
         Parameters
@@ -135,10 +130,10 @@ class Balanced:
             Derivatives to the point.
         """
         moves = moved(self.motions[body][None], (point - self.network.position[body])[None])[0, :3]
-        result[self.links.count :] += product(moves.T, slope)
+        result[self.changes.count :] += product(moves.T, slope)
 
     @cached_property
-    def pushes(self) -> Array:
+    def generalized_force_jacobian(self) -> Array:
         """Derivatives (size, m) of the forces along the coordinates to parameters and to motions of the pose; together
         with what these do to parameters, -K for those along the coordinates.
         """
@@ -148,42 +143,7 @@ class Balanced:
         self._fold(result, self._given(relative, np.zeros_like(relative)), relative[: self.forces.counts[0]])
         return result
 
-    def follow(self, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
-        """Return how the pose gives way to variables, along the coordinates dq/dp = K^-1 dR/dp.
-
-        Parameters
-        ----------
-        rates : csr_array or None, shape (variables, parameters)
-            How variables move parameters; None: variables are the parameters.
-
-        Returns
-        -------
-        motion : array, shape (variables, c)
-            Motion of the pose; along the motions behind the coordinates, of which each variable has its own or none.
-        lost : array of bool, shape (variables,)
-            Variables that load a motion which no stiffness holds.
-        """
-        count, m = self.links.count, self.dof
-        own = self.pushes[:count]
-        pushed = own if rates is None else rates @ own
-        beside = np.eye(len(pushed), self.motions.shape[2] - m)
-        if beside.size:
-            pushed = pushed + self.carried[:, m:].T @ own + self.pushes[count + m :]
-        # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
-        stiffness = -(self.carried[:, :m].T @ own + self.pushes[count : count + m]).T
-        unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(stiffness)) + self._works, np.finfo(float).tiny))
-        left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
-        holds = held > LOOSE
-        along = (pushed * unit) @ left
-        motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
-        lost = np.zeros(len(pushed), dtype=bool)
-        if not holds.all():
-            over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
-            size = self._sizes if rates is None else abs(rates) @ self._sizes
-            lost = (over > LEFT * (size @ unit)[:, None] / unit).any(axis=1)
-        return np.concatenate((motion, beside), axis=1), lost
-
-    def following(self, gaps: Array, forces: csr_array) -> Balanced:
+    def with_gaps(self, gaps: Array, forces: csr_array) -> LoadedNetwork:
         """Return the same with further motions of the pose: those in which joints give way.
 
         Parameters
@@ -195,68 +155,34 @@ class Balanced:
 
         Returns
         -------
-        Balanced
+        LoadedNetwork
             With v motions more.
         """
-        motion = given_way(self.network, gaps)
-        more = tuple(each(self.network, self.forces, self.links, motion) for each in (carried, shifted))
+        motion = joint_release_motion(self.network, gaps)
+        more = tuple(each(self.network, self.forces, self.changes, motion) for each in (parameter_rates, force_rates))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
-                       carried=np.concatenate((self.carried, more[0]), axis=1),
-                       shifted=np.concatenate((self.shifted, more[1] + forces.T), axis=1))  # fmt: skip
+                       parameter_rates=np.concatenate((self.parameter_rates, more[0]), axis=1),
+                       force_rates=np.concatenate((self.force_rates, more[1] + forces.T), axis=1))  # fmt: skip
 
     @cached_property
-    def _lengths(self) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
-        """Sizes of forces, torques and T / L (n, 1), and of the relative shifts and turns (n, m) that they see."""
-        forces = self.forces
-        relative = forces.seen(self.motions[:, :, : self.dof])[1]
-        v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
-        f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
-        return (f, t, np.abs(forces.bend)[:, None]), (v, w)
-
-    @cached_property
-    def _works(self) -> Array:
-        """Sizes (m,) of the products whose sums are the geometric stiffness along each coordinate."""
-        (f, t, bend), (v, w) = self._lengths
-        return np.asarray((f * v * w + t * w * w + bend * v * v).sum(axis=0))
-
-    @cached_property
-    def _sizes(self) -> Array:
-        """Sizes (parameters, m) of the products whose sums are the derivatives of the forces along the coordinates."""
-        forces, at = self.forces, self.links.at
-        (f, t, bend), (v, w), joints = self._lengths[0], self._lengths[1], self.forces.counts[0]
-        found = np.zeros((at.size, v.shape[1]))
-        found[at.point] = (f * w + bend * v).repeat(3, axis=0)
-        found[at.start] = (bend * v)[forces.lines].repeat(3, axis=0)
-        both = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1)
-        found[at.wrench] = both.reshape(6 * len(both), v.shape[1])
-        result: Array = abs(self.links.matrix) @ found
-        turned = f * v + t * w
-        of = {"orientation": turned, "pitch": f * w}
-        for family in self.families:
-            if family.kind == "joint":
-                size = of.get(family.field, f * w + turned / forces.length[:, None])[family.number]
-                result[family.rows] += size[:, None]
-        return result
-
-    @cached_property
-    def _through(self) -> tuple[Family, ...]:
-        """The families of what forces go through: joints and couplers."""
-        return tuple(family for family in self.families if family.kind in ("joint", "coupler"))
+    def _through(self) -> tuple[ParameterGroup, ...]:
+        """The groups of what forces go through: joints and couplers."""
+        return tuple(group for group in self.groups if group.kind in ("joint", "coupler"))
 
     def _fold(self, result: Field, found: Field, moves: Field) -> None:
         """Add to parameters what belongs to them, and to the pose the rest; ``moves`` (joints, 6, ...) is what joints
         move to second order.
         """
-        count, tail = self.links.count, found.shape[1:]
+        count, tail = self.changes.count, found.shape[1:]
         flat = found.reshape(len(found), prod(tail))
-        result[:count] += (self.links.matrix @ flat).reshape(count, *tail)
-        result[count:] += product(self.shifted.T, found)
+        result[:count] += (self.changes.matrix @ flat).reshape(count, *tail)
+        result[count:] += product(self.force_rates.T, found)
         if self._through:
-            result += ruled(self._through, self.size, *self._resting(moves))
+            result += form_table(self._through, self.size, *self._resting(moves))
 
     def _given(self, moves: Field, gap: Field) -> Field:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
-        left, at = moves.copy(), self.links.at
+        left, at = moves.copy(), self.changes.at
         left[: self.forces.counts[0]] = 0.0
         wrench, point, start = self.forces.given_way(left, gap)
         found = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
@@ -310,7 +236,7 @@ def _put(found: Field, at: slice, part: Field) -> None:
     found[at] += part.reshape(at.stop - at.start, *found.shape[1:])
 
 
-def balanced(network: Network, system: Equations) -> Balanced:
+def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     """Return a network in balance.
 
     Parameters
@@ -322,14 +248,15 @@ def balanced(network: Network, system: Equations) -> Balanced:
 
     Returns
     -------
-    Balanced
+    LoadedNetwork
         What its parameters do to forces and pose.
     """
     assert network.forces is not None
     forces, entries = network.forces, system.parameters.entries
-    known = links(network, forces, entries)
+    changes = force_changes(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
-    return Balanced(
-        network, forces, entries, families_of(network, entries), known, motions,
-        carried(network, forces, known, motions), shifted(network, forces, known, motions),
+    return LoadedNetwork(
+        network, forces, entries, groups_by_rule(network, entries), changes, motions,
+        parameter_rates(network, forces, changes, motions),
+        force_rates(network, forces, changes, motions),
     )  # fmt: skip

@@ -11,19 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import beam_element as element
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_expansion import elements, node_bodies, turned
+from mbsvib.elements.beam_expansion import turned
 from mbsvib.linalg.differences import slope
-from mbsvib.sensitivities.adjoint_fields import applied
+from mbsvib.linalg.vectors import transformed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Any
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Body, Bushing
-    from mbsvib.elements.part import Part
-    from mbsvib.sensitivities.adjoint_fields import Field, Fields
+    from mbsvib.elements.beam import Beam
+    from mbsvib.linalg.vectors import Field
+    from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network
 
@@ -31,13 +30,6 @@ if TYPE_CHECKING:
 STEP = 2.0**-7
 # Slopes of a mass matrix below this share of the largest are rounding.
 ACTS = 1e-11
-
-
-def pieces(parts: Sequence[Part]) -> tuple[list[Body], list[Bushing]]:
-    """Return the nodes and the springs that beams are made of."""
-    beams = [part for part in parts if isinstance(part, Beam)]
-    return ([node for beam in beams for node in node_bodies(beam)],
-            [spring for beam in beams for _, spring in elements(beam)])  # fmt: skip
 
 
 def beam_rule(network: Network, beam: Beam, field: str) -> Rule:
@@ -72,7 +64,7 @@ def beam_rule(network: Network, beam: Beam, field: str) -> Rule:
 
     def rule(found: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         d = found.strain[which]
-        local = np.concatenate((applied(axes, d[:, :3]), applied(axes, d[:, 3:])), axis=1)
+        local = np.concatenate((transformed(axes, d[:, :3]), transformed(axes, d[:, 3:])), axis=1)
         terms: Terms = []
         for e in range(len(which)):
             for i in range(6):

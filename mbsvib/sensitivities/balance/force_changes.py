@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from mbsvib.elements import Bushing, Load, Spring
 from mbsvib.elements.load import Gravity
-from mbsvib.sensitivities.maxwell import maxwells
+from mbsvib.sensitivities.network_parts import maxwell_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Extras:
+class ForceLayout:
     """Where what is no parameter stands in one long row: points (n, 3) of forces, starts (lines, 3) of lines, wrenches
     (applied, 6) of applied forces, turns (k, 3) of joints with two successive rotations, and twists (bushings, 3) of
     the second bodies of bushings. ``joints`` come before the applied forces, ``lines`` gives the number of each line.
@@ -36,14 +36,15 @@ class Extras:
     lines: dict[int, int]
 
     @staticmethod
-    def of(forces: Forces) -> Extras:
+    def of(forces: Forces) -> ForceLayout:
         """Return the places for some forces."""
         joints, count = forces.counts[0], len(forces.first)
         sizes = (3 * count, 3 * len(forces.lines), 6 * (count - joints), 3 * len(forces.twice),
                  3 * len(forces.bushings))  # fmt: skip
         ends = np.cumsum(sizes).tolist()
         point, start, wrench, turn, twist = (slice(end - size, end) for size, end in zip(sizes, ends, strict=True))
-        return Extras(point, start, wrench, turn, twist, joints, {k: i for i, k in enumerate(forces.lines.tolist())})
+        lines = {k: i for i, k in enumerate(forces.lines.tolist())}
+        return ForceLayout(point, start, wrench, turn, twist, joints, lines)
 
     @property
     def size(self) -> int:
@@ -64,13 +65,13 @@ class Extras:
 
 
 @dataclass(frozen=True)
-class Links:
+class ForceChanges:
     """How parameters, by part, field and index in ``row``, act on what is no parameter: by ``matrix`` (p, e) on a long
     row, in which each has its place ``at``.
     """
 
     row: dict[tuple[str, str, tuple[int, ...]], int]
-    at: Extras
+    at: ForceLayout
     matrix: csr_array
 
     @property
@@ -79,18 +80,18 @@ class Links:
         return len(self.row)
 
 
-class Terms:
-    """Terms of a matrix with a row for each parameter, collected one by one.
+class RowTerms:
+    """RowTerms of a matrix with a row for each parameter, collected one by one.
 
     Parameters
     ----------
     row : dict
         Number of each parameter, by part, field and index.
-    at : Extras
+    at : ForceLayout
         Places of what is no parameter.
     """
 
-    def __init__(self, row: dict[tuple[str, str, tuple[int, ...]], int], at: Extras) -> None:
+    def __init__(self, row: dict[tuple[str, str, tuple[int, ...]], int], at: ForceLayout) -> None:
         self.row, self.at = row, at
         self._terms: list[tuple[int, int, float]] = []
 
@@ -111,7 +112,7 @@ class Terms:
         return csr_array((value, (row, column)), shape=(len(self.row), width))
 
 
-def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Links:
+def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]) -> ForceChanges:
     """Return what parameters change of the forces at the pose.
 
     Parameters
@@ -125,11 +126,11 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
 
     Returns
     -------
-    Links
+    ForceChanges
         As a matrix.
     """
-    at = Extras.of(forces)
-    terms = Terms({(entry.part, entry.field, entry.index): k for k, entry in enumerate(entries)}, at)
+    at = ForceLayout.of(forces)
+    terms = RowTerms({(entry.part, entry.field, entry.index): k for k, entry in enumerate(entries)}, at)
     joints, springs, bodies, _ = forces.counts
     weight = joints + springs
     for k, joint in enumerate(network.joints):
@@ -145,7 +146,7 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
             _bushing(terms, spring, k)
         else:
             _spring(terms, spring, k)
-    for maxwell, k in maxwells(network):
+    for maxwell, k in maxwell_lines(network):
         terms.along(maxwell, "start", at.start_of(joints + k))
         terms.along(maxwell, "end", at.point_of(joints + k))
     for k, body in enumerate(network.bodies):
@@ -159,10 +160,10 @@ def links(network: Network, forces: Forces, entries: Sequence[Parameter]) -> Lin
         terms.along(load.name, "torque", at.wrench_of(k) + 3)
         owner = (load.body, "position") if load.position is None else (load.name, "position")
         terms.along(*owner, at.point_of(k))
-    return Links(terms.row, at, terms.matrix(at.size))
+    return ForceChanges(terms.row, at, terms.matrix(at.size))
 
 
-def _spring(terms: Terms, spring: Spring, k: int) -> None:
+def _spring(terms: RowTerms, spring: Spring, k: int) -> None:
     """Its force is -T e on the second body, with T as given, or k (L - L0)."""
     terms.along(spring.name, "start", terms.at.start_of(k))
     terms.along(spring.name, "end", terms.at.point_of(k))
@@ -178,7 +179,7 @@ def _spring(terms: Terms, spring: Spring, k: int) -> None:
             terms.put((spring.name, field, (i,)), place, sign * spring.stiffness * line[i] * line)
 
 
-def _bushing(terms: Terms, bushing: Bushing, k: int) -> None:
+def _bushing(terms: RowTerms, bushing: Bushing, k: int) -> None:
     """Its wrench is its preload, in axes that turn with its orientation."""
     terms.along(bushing.name, "position", terms.at.point_of(k))
     if bushing.preload is None:

@@ -1,0 +1,96 @@
+"""How the pose of a loaded scene gives way to parameters, along its coordinates: dq/dp = K^-1 dR/dp."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_array
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.sensitivities.balance.loaded_network import LoadedNetwork
+
+    # Of forces f, torques t and T / L (n, 1), and of the relative shifts v and turns w (n, m) that they see.
+    Sizes = tuple[Array, Array, Array, Array, Array]
+
+# Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
+LOOSE = 1e-10
+# What may be left of forces along such motions, against the products that they are sums of: rounding.
+LEFT = 1e-9
+
+
+def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how the pose gives way to variables.
+
+    Parameters
+    ----------
+    loaded : LoadedNetwork
+        The network under its forces.
+    rates : csr_array or None, shape (variables, parameters)
+        How variables move parameters; None: variables are the parameters.
+
+    Returns
+    -------
+    motion : array, shape (variables, c)
+        Motion of the pose; along the motions behind the coordinates, of which each variable has its own or none.
+    lost : array of bool, shape (variables,)
+        Variables that load a motion which no stiffness holds.
+    """
+    count, m = loaded.changes.count, loaded.dof
+    own = loaded.generalized_force_jacobian[:count]
+    pushed = own if rates is None else rates @ own
+    beside = np.eye(len(pushed), loaded.motions.shape[2] - m)
+    if beside.size:
+        pushed = pushed + loaded.parameter_rates[:, m:].T @ own + loaded.generalized_force_jacobian[count + m :]
+    # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
+    stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
+    sizes = _sizes(loaded)
+    unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(stiffness)) + _works(sizes), np.finfo(float).tiny))
+    left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
+    holds = held > LOOSE
+    along = (pushed * unit) @ left
+    motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
+    lost = np.zeros(len(pushed), dtype=bool)
+    if not holds.all():
+        over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
+        terms = _term_sizes(loaded, sizes)
+        size = terms if rates is None else abs(rates) @ terms
+        lost = (over > LEFT * (size @ unit)[:, None] / unit).any(axis=1)
+    return np.concatenate((motion, beside), axis=1), lost
+
+
+def _sizes(loaded: LoadedNetwork) -> Sizes:
+    """Sizes of forces and of what they see of motions along the coordinates."""
+    forces = loaded.forces
+    relative = forces.seen(loaded.motions[:, :, : loaded.dof])[1]
+    v, w = np.linalg.norm(relative[:, :3], axis=1), np.linalg.norm(relative[:, 3:], axis=1)
+    f, t = (np.linalg.norm(part, axis=1)[:, None] for part in (forces.wrench[:, :3], forces.wrench[:, 3:]))
+    return f, t, np.abs(forces.bend)[:, None], v, w
+
+
+def _works(sizes: Sizes) -> Array:
+    """Sizes (m,) of the products whose sums are the geometric stiffness along each coordinate."""
+    f, t, bend, v, w = sizes
+    return np.asarray((f * v * w + t * w * w + bend * v * v).sum(axis=0))
+
+
+def _term_sizes(loaded: LoadedNetwork, sizes: Sizes) -> Array:
+    """Sizes (parameters, m) of the products whose sums are the derivatives of the forces along the coordinates."""
+    forces, at = loaded.forces, loaded.changes.at
+    (f, t, bend, v, w), joints = sizes, forces.counts[0]
+    rows = np.zeros((at.size, v.shape[1]))
+    rows[at.point] = (f * w + bend * v).repeat(3, axis=0)
+    rows[at.start] = (bend * v)[forces.lines].repeat(3, axis=0)
+    both = np.stack((v, w), axis=1)[joints:].repeat(3, axis=1)
+    rows[at.wrench] = both.reshape(6 * len(both), v.shape[1])
+    result: Array = abs(loaded.changes.matrix) @ rows
+    turned = f * v + t * w
+    of = {"orientation": turned, "pitch": f * w}
+    for group in loaded.groups:
+        if group.kind == "joint":
+            size = of.get(group.field, f * w + turned / forces.length[:, None])[group.number]
+            result[group.rows] += size[:, None]
+    return result

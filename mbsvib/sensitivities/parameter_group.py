@@ -1,0 +1,166 @@
+"""Groups of parameters: one field of many parts of a kind, which one rule holds for, whatever motions are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements import Joint, Maxwell
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.coupler import Coupling
+from mbsvib.sensitivities.beam_rules import beam_rule
+from mbsvib.sensitivities.coupler_rules import coupler_rule
+from mbsvib.sensitivities.factors import constants, moved_floating, rule
+from mbsvib.sensitivities.maxwell_rules import maxwell_rule
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.mechanism.parameters import Parameter
+    from mbsvib.sensitivities.factors import Rule
+    from mbsvib.sensitivities.network import Network
+
+# Parts whose entries have rules of their own, one by one.
+_SINGLE: dict[str, Callable[..., Rule]] = {"coupler": coupler_rule, "maxwell": maxwell_rule}
+# Fields of springs that say what force they have at the pose, and are no part of K by themselves.
+FORCES = ("preload", "free_length")
+_PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterGroup:
+    """One ``field`` of bodies or connections of one ``kind`` (body, joint, spring): their ``number`` (parts,), a
+    ``rule``, its ``data``, and the parameter in each place of ``rows`` (parts, entries), -1 where none was asked for;
+    ``stride`` leads from part to part where the entries of each follow each other, 0 elsewhere.
+    """
+
+    kind: str
+    field: str
+    number: Index
+    rule: Rule
+    data: tuple[Array, ...]
+    rows: Index
+    stride: int
+
+    def part(self, start: int, stop: int) -> tuple[Any, tuple[Array, ...], Index]:
+        """Return numbers, data and rows of some of the parts; numbers as a slice where they follow each other."""
+        number = self.number[start:stop]
+        first, last = int(number[0]), int(number[-1])
+        if last - first == len(number) - 1:
+            return slice(first, last + 1), tuple(each[start:stop] for each in self.data), self.rows[start:stop]
+        return number, tuple(each[start:stop] for each in self.data), self.rows[start:stop]
+
+
+def have_rules(network: Network, parameters: Sequence[Parameter]) -> NDArray[np.bool_]:
+    """Tell which parameters act by what their own parts do alone.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    parameters : sequence of Parameter
+        The parameters.
+
+    Returns
+    -------
+    array of bool, shape (parameters,)
+        Whether a rule holds for each.
+    """
+    parts = _parts(network)
+    known: dict[tuple[str, str], bool] = {}
+    for parameter in parameters:
+        own = (parameter.part, parameter.field)
+        if own not in known:
+            known[own] = _has_rule(network, parameter, parts.get(parameter.part))
+    return np.array([known[each.part, each.field] for each in parameters], dtype=np.bool_)
+
+
+def groups_by_rule(network: Network, entries: Sequence[Parameter]) -> tuple[ParameterGroup, ...]:
+    """Return the groups of parameters as if all of them acted by what their own parts do alone.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    entries : sequence of Parameter
+        The parameters.
+
+    Returns
+    -------
+    tuple of ParameterGroup
+        Groups of those that have a rule.
+    """
+    parts = _parts(network)
+    return tuple(numbered_groups(network, [(place, each) for place, each in enumerate(entries) if each.part in parts
+                                           and each.field not in FORCES]))  # fmt: skip
+
+
+def numbered_groups(network: Network, members: Sequence[tuple[int, Parameter]]) -> list[ParameterGroup]:
+    """Return the groups of parameters that have a rule, each with the number of its row."""
+    parts = _parts(network)
+    members_of: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
+    for place, parameter in members:
+        kind, number, part = parts[parameter.part]
+        index = parameter.index
+        slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
+        apart = (isinstance(part, Joint) and part.end is not None) or (
+            kind == "body" and parameter.field == "position" and number in network.floating)  # fmt: skip
+        own: Any = number if kind == "beam" else (number, index) if kind in _SINGLE else type(part)
+        key = (kind, parameter.field, own, len(index), apart)
+        members_of.setdefault(key, []).append((place, number, slot))
+    return [_group(network, key, members) for key, members in members_of.items()]
+
+
+def _parts(network: Network) -> dict[str, tuple[str, int, Any]]:
+    """Kind, number and part of each name."""
+    joints = len(network.joints)
+    parts: dict[str, tuple[str, int, Any]] = {}
+    for kind, shift, members in (("body", 0, network.bodies), ("joint", 0, network.joints),
+                                 ("spring", joints, network.springs)):  # fmt: skip
+        parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
+    if not network.bare:
+        parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
+        for kind, what in (("coupler", Coupling), ("maxwell", Maxwell)):
+            parts.update((part.name, (kind, i, part)) for i, part in enumerate(network.parts) if isinstance(part, what))
+    return parts
+
+
+def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any] | None) -> bool:
+    """Whether a parameter acts by what its own part does alone."""
+    if known is None or parameter.field in FORCES:
+        return False
+    # the tension of a spring with a free length comes from its stiffness
+    pulls = parameter.field == "stiffness" and getattr(known[2], "free_length", None) is not None
+    return all((known[0], parameter.field) in limit and not pulls for limit in network.limits)
+
+
+def _group(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> ParameterGroup:
+    kind, field, _, depth, apart = key
+    if kind in _SINGLE or kind == "beam":
+        place, index, _ = members[0]
+        part: Any = network.parts[index]
+        own_rule = beam_rule(network, part, field) if kind == "beam" else _SINGLE[kind](network, part, field, key[2][1])
+        return ParameterGroup(kind, field, np.zeros(1, dtype=np.intp), own_rule, (), np.array([[place]]), 0)
+    table = np.array(members, dtype=np.intp)
+    number, inverse = np.unique(table[:, 1], return_inverse=True)
+    known: Any = network.bodies if kind == "body" else network.joints + network.springs
+    same = [known[i] for i in number.tolist()]
+    width = 1 if depth == 0 else 21 if depth == 2 else 6 if field in ("inertia", "stiffness", "damping") else 3
+    rows = np.full((len(number), width), -1, dtype=np.intp)
+    rows[inverse, table[:, 2]] = table[:, 0]
+    if kind == "body" and apart:
+        among = (number[:, None] == network.floating).argmax(axis=1)
+        return ParameterGroup(kind, field, number, moved_floating, (among,), rows, _stride(rows))
+    return ParameterGroup(kind, field, number, rule(same[0], field), constants(same, field), rows, _stride(rows))
+
+
+def _stride(rows: Index) -> int:
+    count, width = rows.shape
+    stride = int(rows[1, 0] - rows[0, 0]) if count > 1 else width
+    regular = rows[0, 0] + stride * np.arange(count)[:, None] + np.arange(width)
+    return stride if stride >= width and rows[0, 0] >= 0 and bool((rows == regular).all()) else 0

@@ -1,0 +1,122 @@
+"""The wrenches that joints transmit where wrenches act on bodies and springs.
+
+What a joint transmits is all that acts behind it: the sum over what it carries, and over the loops through it what
+their closing constraints transmit, which the dependent coordinates give, Phi_d^T mu = (B'^T F)_d.
+"""
+
+from __future__ import annotations
+
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.vectors import incidence_sum, moved_wrench, transformed
+
+if TYPE_CHECKING:
+    from mbsvib.linalg.vectors import Field
+    from mbsvib.sensitivities.network import Network
+
+
+def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:
+    """Return what goes through joints where bodies and springs take wrenches.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    body_wrench : array, shape (b, 6, ...)
+        At the centres of mass.
+    spring_wrench : array, shape (s, 6, ...)
+        At the points of springs.
+
+    Returns
+    -------
+    tuple of array, shape (j, 6, ...), (f, 6, ...) and (rows, ...)
+        Wrenches in joints at their points, what bodies that float would ask of ground, and the forces in the rows that
+        close loops.
+    """
+    tail = body_wrench.shape[2:]
+    on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
+                             for wrench in (body_wrench, spring_wrench))  # fmt: skip
+    load = moved_wrench(on_bodies, network.position - network.origin)
+    if len(on_springs):
+        at = network.point[len(network.joints) :] - network.origin
+        load += incidence_sum(network.acting, moved_wrench(on_springs, at))
+    behind = _behind(network, load)
+    if network.constraints is None:
+        carried, mu = _at_joints(network, behind), np.zeros((0, behind.shape[2]), dtype=behind.dtype)
+    else:
+        mu = multipliers(network, behind)
+        behind, closing = _closed(network, behind, mu)
+        carried = _at_joints(network, behind) + closing
+    floating = network.floating
+    support = moved_wrench(behind[floating], network.origin - network.position[floating])
+    return (carried.reshape(len(network.joints), 6, *tail), support.reshape(len(floating), 6, *tail),
+            mu.reshape(len(mu), *tail))  # fmt: skip
+
+
+def in_joints(network: Network, behind: Field, mu: Field) -> Field:
+    """Return the wrenches in joints, from what acts behind them and from the forces that close loops.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    behind : array, shape (b, 6, n)
+        What acts on each body and those outwards from it, about the network's origin.
+    mu : array, shape (rows, n)
+        Forces in the locked rows of cut joints.
+
+    Returns
+    -------
+    array, shape (j, 6, n)
+        Wrenches at the joints' points.
+    """
+    behind, closing = _closed(network, behind, mu)
+    return np.asarray(_at_joints(network, behind) + closing)
+
+
+def _closed(network: Network, behind: Field, mu: Field) -> tuple[Field, Field]:
+    """What acts on each body and outwards once loops are closed, and the wrenches (j, 6, n) that close them."""
+    ties, closes = network.constraints, network.closing
+    assert ties is not None
+    assert closes is not None
+    closing = incidence_sum(ties.closing, ties.wrench[:, :, None] * (ties.share @ mu)[:, None])
+    pull = incidence_sum(closes, moved_wrench(closing, network.point[: len(network.joints)] - network.origin))
+    return behind - _behind(network, pull), closing
+
+
+def _behind(network: Network, load: Field) -> Field:
+    """What acts on each body and those outwards from it; ``load`` is used up."""
+    for body, parent in reversed(network.tree):
+        if parent < len(load):
+            load[parent] += load[body]
+    return load
+
+
+def _at_joints(network: Network, behind: Field) -> Field:
+    joints = network.point[: len(network.joints)]
+    return moved_wrench(behind[network.behind] * network.sign[:, None, None], network.origin - joints)
+
+
+def multipliers(network: Network, behind: Field) -> Field:
+    """Return the forces mu (rows, n) in the locked rows of cut joints, the smallest where rows are redundant.
+
+    Parameters
+    ----------
+    network : Network
+        Bodies and connections.
+    behind : array, shape (b, 6, n)
+        What acts on each body and those outwards from it, about the network's origin.
+
+    Returns
+    -------
+    array, shape (rows, n)
+        Forces [N] and moments [N m].
+    """
+    ties = network.constraints
+    assert ties is not None
+    own = moved_wrench(behind[ties.carried], ties.arm)
+    felt = transformed(ties.twist[:, None], own)[:, 0]
+    return np.asarray(ties.pull @ felt)
