@@ -1,30 +1,40 @@
 """Sensitivities of everything that a system answers to every number it was made of.
 
-network       the mechanism as bodies and connections with their parameters, in numbers
-ties          the forces that close loops and couple coordinates
-fields        motions, and the wrenches that they put into every connection
-factors       derivatives of the equations as products of such motions and wrenches
-variables     names, patterns and linear maps of parameters
-plans         parameters grouped into families that one rule holds for
-products      derivatives of the equations between many pairs of motions
-eigenvalues   derivatives of the eigenvalues, repeated ones included
-loads         inputs and outputs as connections of the network
-gaps          motions in which joints come apart, on which their forces do work
-responses     derivatives of frequency responses
-matrices      derivatives of the matrices, whole and as factors
-shapes        derivatives of frequencies, damping ratios and mode shapes
-flexible      beams: material, section and damping
-coupled       couplers: their coefficients
-relaxing      Maxwell elements: lines, a node and their numbers
-balance       loaded scenes: through the equilibrium, by what the forces at the pose do to second order
-limits        which parameters act by rules of their own under load, with spin or beams, and where balance is known
-variants      all others: differences of whole equations, through the equilibrium where loads act
-differences   slopes of smooth functions, extrapolated to rounding
-whole         parameters whose derivatives are whole matrices, as a family of a plan
-vectors       vector algebra of many parts at once
-states        first-order equations and their derivatives
-transients    derivatives of time responses
-norms         H2 and Hinf norms with their derivatives
+Verbs, one for each kind of answer:
+eigenvalues            derivatives of the eigenvalues, repeated ones included
+shapes                 derivatives of frequencies, damping ratios and mode shapes
+responses              derivatives of frequency responses, by the adjoint
+transients             derivatives of time responses
+norms                  H2 and Hinf norms with their derivatives
+
+What they share:
+basis                  all that is kept for repeated questions, derivatives of the matrices among it
+matrix_derivatives     derivatives of the matrices, whole and as factors of low rank
+port_forms             derivatives of a response, from the motions of its inputs and outputs
+spectrum               eigenvalues with right and left vectors
+solutions, states      solutions at many frequencies; first-order equations and their derivatives
+
+Parameters:
+variables              names, patterns and linear maps of parameters
+parameter_groups       the variables asked for with the groups of the parameters that they move
+parameter_group        one field of many parts of a kind, which one rule holds for
+matrix_group           parameters whose derivatives are whole matrices
+applicability          which parameters act by rules under load, with spin or beams
+variants               derivatives of whole matrices by differences, for all other parameters
+lost_freedoms          parameters that take degrees of freedom away
+
+Rules, the derivatives of the equations as products of motions and wrenches:
+products               forms of many parameters between many pairs of motions
+part_rules             bodies, joints, bushings and line springs; rule_terms has their common terms
+beam_rules, coupler_rules, maxwell_rules
+
+The mechanism in numbers:
+network                bodies and connections; network_assembly makes it of a system, network_parts names its parts
+adjoint_fields         motions, with the wrenches that they put into bodies and connections
+transmitted_wrenches   what joints transmit, loops included; constraint_forces has what closes loops
+joint_release_motion   motions in which joints come apart, on which their forces do work
+ports                  inputs and outputs as loads of the network; port_checks compares them with the system
+balance                loaded scenes: derivatives through the equilibrium
 """
 
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.vectors import transformed
+from mbsvib.sensitivities.balance.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ def fields(
     on_bodies = body_wrench if load is None else body_wrench + load
     if network.forces is not None:
         carrying = motion.body if alone is None else motion.body - alone
-        on_bodies = on_bodies + network.forces.on_bodies(carrying, side, turned) * stiff
+        on_bodies = on_bodies + geometric_wrenches(network.forces, carrying, side, turned) * stiff
     wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
     seen = motion.relative[joints:] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.beam import Beam
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.rule_terms import Rule, Terms
 
 # The first step of differences, against the value.
 STEP = 2.0**-7
@@ -62,17 +62,17 @@ def beam_rule(network: Network, beam: Beam, field: str) -> Rule:
     # what dampers in proportion to the mass do: their factor for C, of M or of its slope
     by_mass = 1.0 if field == "alpha" else beam.alpha
 
-    def rule(found: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        d = found.strain[which]
+    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+        d = fields.strain[which]
         local = np.concatenate((transformed(axes, d[:, :3]), transformed(axes, d[:, 3:])), axis=1)
         terms: Terms = []
         for e in range(len(which)):
             for i in range(6):
-                weight = 0.5 * (stiff[e, i] * found.stiff + rate[e, i] * found.rate)
+                weight = 0.5 * (stiff[e, i] * fields.stiff + rate[e, i] * fields.rate)
                 terms.append((weight * local[e : e + 1, i], local[e : e + 1, i]))
-        weight = 0.5 * by_mass * found.rate + (0.0 if field == "alpha" else 0.5 * found.square)
+        weight = 0.5 * by_mass * fields.rate + (0.0 if field == "alpha" else 0.5 * fields.square)
         for e, (sizes, rows) in enumerate(factors):
-            moved = np.tensordot(rows, _ends(network, found.body, ends[e : e + 2]), axes=1)
+            moved = np.tensordot(rows, _ends(network, fields.body, ends[e : e + 2]), axes=1)
             terms += [(size * weight * row[None], row[None]) for size, row in zip(sizes, moved, strict=True)]
         return [terms]
 
@@ -89,11 +89,11 @@ def slopes(beam: Beam, field: str, lengths: list[float]) -> tuple[Array, Array]:
                          for length, factor in zip(lengths, rows, strict=True)])  # fmt: skip
 
     if field in ("alpha", "beta"):
-        found = values(beam) * np.repeat((0.0, 1.0 if field == "alpha" else 0.0), (6, 144))
+        rows = values(beam) * np.repeat((0.0, 1.0 if field == "alpha" else 0.0), (6, 144))
     else:
         start = beam.number(field)
-        found, _ = slope(lambda change: values(beam.with_numbers({field: start + change})), STEP * (abs(start) or 1.0))
-    return found[:, :6], found[:, 6:].reshape(-1, 12, 12)
+        rows, _ = slope(lambda change: values(beam.with_numbers({field: start + change})), STEP * (abs(start) or 1.0))
+    return rows[:, :6], rows[:, 6:].reshape(-1, 12, 12)
 
 
 def _factors(matrix: Array, axes: Any) -> tuple[Array, Array]:

@@ -16,8 +16,8 @@ from mbsvib.kinematics.couplers import measure
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.rule_terms import Rule, Terms
 
 
 def coupler_rule(network: Network, coupler: Coupling, field: str, index: tuple[int, ...]) -> Rule:
@@ -50,8 +50,8 @@ def coupler_rule(network: Network, coupler: Coupling, field: str, index: tuple[i
         if rate:
             reads.append((place[owner], np.concatenate((force, moment)), rate))
 
-    def rule(found: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        return [[(-rate * found.tied[row : row + 1], np.tensordot(six, found.relative[k], axes=1)[None])
+    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+        return [[(-rate * fields.tied[row : row + 1], np.tensordot(six, fields.relative[k], axes=1)[None])
                  for k, six, rate in reads]]  # fmt: skip
 
     return rule

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mbsvib.sensitivities.factors import Terms
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_group import ParameterGroup
+    from mbsvib.sensitivities.rule_terms import Terms
 
 # Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
 WORKS = 1e-9

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.sensitivities.factors import along, moved_end
 from mbsvib.sensitivities.network_parts import line_name
+from mbsvib.sensitivities.rule_terms import along, moved_end
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Maxwell
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.factors import Rule, Terms
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.rule_terms import Rule, Terms
 
 
 def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> Rule:
@@ -45,16 +45,16 @@ def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, 
     line, joints = np.array([part.line]), len(network.joints)
     span = np.array([np.subtract(part.end, part.start)])
 
-    def coefficient(found: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+    def coefficient(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         own = place[line_name(part, field)]
-        seen = along(line, found.strain[own : own + 1, :3])
-        return [[(0.5 * (found.rate if field == "damping" else found.stiff) * seen, seen)]]
+        seen = along(line, fields.strain[own : own + 1, :3])
+        return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * seen, seen)]]
 
-    def point(found: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+    def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         own = slice(joints + static, joints + static + 1)
-        change = moved_end(line, span, found.relative[own], field == "end")
+        change = moved_end(line, span, fields.relative[own], field == "end")
         beside = joints + spring
-        tension = along(line, found.wrench[own, :3] + found.wrench[beside : beside + 1, :3])
+        tension = along(line, fields.wrench[own, :3] + fields.wrench[beside : beside + 1, :3])
         return [[(tension, change[:, index[0]])]]
 
     return point if field in ("start", "end") else coefficient

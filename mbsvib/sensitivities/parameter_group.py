@@ -12,8 +12,8 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.sensitivities.beam_rules import beam_rule
 from mbsvib.sensitivities.coupler_rules import coupler_rule
-from mbsvib.sensitivities.factors import constants, moved_floating, rule
 from mbsvib.sensitivities.maxwell_rules import maxwell_rule
+from mbsvib.sensitivities.part_rules import constants, moved_floating, rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.factors import Rule
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.rule_terms import Rule
 
 # Parts whose entries have rules of their own, one by one.
 _SINGLE: dict[str, Callable[..., Rule]] = {"coupler": coupler_rule, "maxwell": maxwell_rule}

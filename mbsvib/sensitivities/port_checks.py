@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.elements import BaseMotion, Input, Output
 from mbsvib.sensitivities.adjoint_fields import momentum
+from mbsvib.sensitivities.balance.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.ports import loads
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def feedthrough(
 def _at_rest(network: Network, forces: Forces, seeing: Loads, motion: Array) -> Array:
     """What forces at rest do to those seen in joints, (p, m) per unit of the motion (b, 6, m) of the bodies."""
     turned = seeing.turned if seeing.turned.any() else None
-    wrench = forces.on_bodies(seeing.given * seeing.works, -1, turned)
+    wrench = geometric_wrenches(forces, seeing.given * seeing.works, -1, turned)
     return np.asarray(np.einsum("bip,bim->pm", wrench, motion))
 
 

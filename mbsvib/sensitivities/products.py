@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Index
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.factors import Terms
     from mbsvib.sensitivities.parameter_group import ParameterGroup
+    from mbsvib.sensitivities.rule_terms import Terms
 
 # Numbers that one block of forms may hold, so that it stays in the cache.
 BLOCK = 80_000

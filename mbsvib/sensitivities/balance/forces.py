@@ -1,18 +1,4 @@
-"""The forces at the pose, and the stiffness that they have against small motions of the bodies that they act between.
-
-Bodies move by exponentials of twists. A force f and torque t at p on a second body, that go with the first one as those
-of joints and bushings do, see its motion (v, w) at p and the relative one (V, W) to second order; between motions x, y
-
-H = f . (w_x x V_y - W_x x v_y - W_x x V_y) / 2 + t . (w_x x W_y) / 2 + the same with x and y exchanged
-
-and across a line e of length L that carries T, T/L V_x . (1 - e e^T) V_y more. With two successive rotations about a
-and b, by x_a and x_b, half of t . (a x b) (x_a y_b + x_b y_a) is added. Weights and dead forces are forces against
-ground. What has no potential is antisymmetric: t . (w_x x W_y) / 2 of dead torques, -f . (w_x x v_y - w_y x v_x) / 2 -
-t . (w_x x w_y) / 2 of forces and torques that follow their body, all of their part. At rest, where the forces on every
-body cancel, the sum of H is the geometric stiffness.
-
-Source: Baker-Campbell-Hausdorff, log(exp(-x) exp(y)) = y - x - [x, y] / 2, put into the Lagrangian.
-"""
+"""The forces at the pose of a loaded scene, with the geometry that their work to second order asks for."""
 
 from __future__ import annotations
 
@@ -76,22 +62,22 @@ class Forces:
         return np.asarray(-(self.wrench[:, :3] * self.line).sum(axis=1) / self.length)
 
     @cached_property
-    def _normal(self) -> Array:
+    def normal(self) -> Array:
         """a x b (n, 3) of two successive rotations, 0 elsewhere."""
         return np.cross(self.axes[:, 0], self.axes[:, 1])
 
     @cached_property
-    def _picks(self) -> tuple[Array, Array]:
+    def picks(self) -> tuple[Array, Array]:
         """Vectors (n, 3) that pick x_a and x_b out of a relative rotation, 0 elsewhere."""
         a, b = self.axes[:, 0], self.axes[:, 1]
-        square = (self._normal * self._normal).sum(axis=1)[:, None]
+        square = (self.normal * self.normal).sum(axis=1)[:, None]
         share = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0.0)
-        return share * np.cross(b, self._normal), share * np.cross(self._normal, a)
+        return share * np.cross(b, self.normal), share * np.cross(self.normal, a)
 
     @cached_property
     def twice(self) -> Index:
         """Numbers of the joints with two successive rotations."""
-        return np.flatnonzero(self._normal.any(axis=1))
+        return np.flatnonzero(self.normal.any(axis=1))
 
     @cached_property
     def lines(self) -> Index:
@@ -110,7 +96,7 @@ class Forces:
         return np.setdiff1d(np.arange(joints, joints + springs), self.lines)
 
     @cached_property
-    def _onto(self) -> tuple[csr_array, csr_array]:
+    def _incidences(self) -> tuple[csr_array, csr_array]:
         """Which forces act on bodies (bodies, n), as on the second and as on the first."""
         bodies, every = len(self.centre), np.arange(len(self.first))
 
@@ -147,124 +133,27 @@ class Forces:
         centre = np.concatenate((self.centre, np.zeros((1, 3))))
         return np.where((which < len(self.centre))[:, None], self.point - centre[which], 0.0)
 
-    def slopes(self, seen: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
-        """Return the derivatives of H(x, y) to what forces see of one motion, for what they see of the other.
-
-        Parameters
-        ----------
-        seen : pair of array, shape (n, 6, ...)
-            What they see of the other.
-        side : int
-            1: that is y; -1: that is x; 0: both are the same motion, for which nothing antisymmetric counts.
-
-        Returns
-        -------
-        pair of array, shape (n, 6, ...)
-            Derivatives to the motions of the first body and to the relative ones.
-        """
-        (first, relative), like = seen, seen[0]
-        f, t = wide(self.wrench[:, :3], like), wide(self.wrench[:, 3:], like)
-        v, w, rv, rw = first[:, :3], first[:, 3:], relative[:, :3], relative[:, 3:]
-        across = rv - wide(self.line, like) * dot(wide(self.line, like), rv)
-        on_first = 0.5 * np.concatenate((cross(rw, f), cross(rw, t) + cross(rv, f)), axis=1)
-        on_both = 0.5 * np.concatenate((cross(f, w - rw), cross(t, w) + cross(f, v + rv)), axis=1)
-        on_both[:, :3] += wide(self.bend[:, None], like) * across
-        if len(self.twice):
-            on_both[self.twice, 3:] += 0.5 * wide(self._couple, like) * self._coupled(rw[self.twice])
-        k = self.follower
-        on_both[k] = 0.0
-        if side:
-            on_both[self.dead, 3:] += 0.5 * side * cross(rw, t)[self.dead]
-            on_both[k, :3] = 0.5 * side * cross(f[k], rw[k])
-            on_both[k, 3:] = -0.5 * side * (cross(rw[k], t[k]) + cross(rv[k], f[k]))
-        return on_first, on_both
-
     @cached_property
-    def _couple(self) -> Array:
+    def couple(self) -> Array:
         """t . (a x b) of joints with two successive rotations, (joints, 1)."""
-        return np.asarray((self.wrench[self.twice, 3:] * self._normal[self.twice]).sum(axis=1, keepdims=True))
-
-    def _coupled(self, turn: Field) -> Field:
-        """The derivatives of x_a y_b + x_b y_a to the relative rotation of y, for that of x (joints, 3, ...)."""
-        p, q = (wide(each[self.twice], turn) for each in self._picks)
-        return np.asarray(p * dot(q, turn) + q * dot(p, turn))
-
-    def on_bodies(self, body: Field, side: int, turned: Field | None = None) -> Field:
-        """Return the wrenches (bodies, 6, ...) at the centres of mass by which forces answer motions, as springs do;
-        ``side`` as of ``slopes``, joints ``turned`` open (joints, 3, ...): t . (turned x W) / 2 more in H.
-        """
-        on_first, on_both = self.slopes(self.seen(body), side)
-        if turned is not None:
-            joints = self.counts[0]
-            on_both[:joints, 3:] += 0.5 * cross(wide(self.wrench[:joints, 3:], turned), turned)
-        second, first = self._onto
-        return self._summed(second, self.second, on_both) + self._summed(first, self.first, on_first - on_both)
+        return np.asarray((self.wrench[self.twice, 3:] * self.normal[self.twice]).sum(axis=1, keepdims=True))
 
     @cached_property
     def applied(self) -> Array:
         """Wrenches (bodies, 6) of all forces but those in joints, at the centres of mass."""
         wrench = self.wrench.copy()
         wrench[: self.counts[0]] = 0.0
-        second, first = self._onto
-        return np.asarray(self._summed(second, self.second, wrench) - self._summed(first, self.first, wrench))
+        return np.asarray(self.onto_bodies(-wrench, wrench))
+
+    def onto_bodies(self, on_first: Field, on_second: Field) -> Field:
+        """Return sums (bodies, 6, ...) of wrenches (n, 6, ...) on first and second bodies, at the centres of mass."""
+        second, first = self._incidences
+        return self._summed(second, self.second, on_second) + self._summed(first, self.first, on_first)
 
     def _summed(self, incidence: csr_array, which: Index, wrench: Field) -> Field:
         flat = wrench.reshape(len(wrench), 6, prod(wrench.shape[2:]))
         total = incidence_sum(incidence, moved_wrench(flat, self._arms(which)))
         return total.reshape(len(self.centre), *wrench.shape[1:])
-
-    def by_wrench(self, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> Field:
-        """Return the derivatives of H(x, y) to the wrenches, (n, 6, ...), by which bodies give way. None: y = x."""
-        alone, y = y is None, x if y is None else y
-        (a, r), (b, s) = x, y
-        force = 0.5 * (cross(a[:, 3:], s[:, :3]) - cross(s[:, 3:], a[:, :3]) + cross(b[:, 3:], r[:, :3])
-                       - cross(r[:, 3:], b[:, :3]) - cross(r[:, 3:], s[:, :3]) - cross(s[:, 3:], r[:, :3]))  # fmt: skip
-        torque = 0.5 * (cross(a[:, 3:], s[:, 3:]) + cross(b[:, 3:], r[:, 3:]))
-        line = wide(self.line, force)
-        across = dot(r[:, :3], s[:, :3]) - dot(line, r[:, :3]) * dot(line, s[:, :3])
-        force -= line * wide(1.0 / self.length[:, None], force) * across
-        if len(k := self.twice):
-            torque[k] += 0.5 * wide(self._normal[k], torque) * dot(self._coupled(r[k, 3:]), s[k, 3:])
-        follower = self.follower
-        force[follower] = 0.0
-        if not alone:
-            turned = 0.5 * cross(r[:, 3:], s[:, 3:])
-            torque[self.dead] += turned[self.dead]
-            torque[follower] = -turned[follower]
-            r, s = r[follower], s[follower]
-            force[follower] = 0.5 * (cross(s[:, 3:], r[:, :3]) - cross(r[:, 3:], s[:, :3]))
-        return np.concatenate((force, torque), axis=1)
-
-    def by_place(self, x: tuple[Field, Field], y: tuple[Field, Field] | None) -> tuple[Field, Field]:
-        """Return the derivatives of H(x, y) to the points of forces and to the starts of lines, (n, 3, ...) each, while
-        bodies move and are loaded as they are. None: y = x.
-        """
-        if y is None:
-            point, y = 2.0 * self._levers(self.slopes(x), x), x
-        else:
-            point = self._levers(self.slopes(x, -1), y) + self._levers(self.slopes(y, 1), x)
-        r, s = x[1][:, :3], y[1][:, :3]
-        line = wide(self.line, point)
-        bend, inverse = wide(self.bend[:, None], point), wide(1.0 / self.length[:, None], point)
-        along, beside = dot(line, r), dot(line, s)
-        turned = r * beside + s * along
-        turned = turned - line * dot(line, turned)
-        stretched = -bend * inverse * (turned + line * (dot(r, s) - along * beside))
-        return point + stretched, -stretched
-
-    @staticmethod
-    def _levers(slopes: tuple[Field, Field], seen: tuple[Field, Field]) -> Field:
-        """What moving the points of forces does to slopes times motions."""
-        (on_first, on_both), (first, relative) = slopes, seen
-        return np.asarray(cross(on_first[:, :3], first[:, 3:]) + cross(on_both[:, :3], relative[:, 3:]))
-
-    def by_turn(self, x: tuple[Field, Field], y: tuple[Field, Field]) -> Field:
-        """Return the derivatives of H(x, y) to turns of joints with two successive rotations, (joints, 3, ...)."""
-        k = self.twice
-        r, s = x[1][k, 3:], y[1][k, 3:]
-        on_r, on_s = self._coupled(s), self._coupled(r)
-        normal = wide(np.cross(self._normal[k], self.wrench[k, 3:]), on_r)
-        return np.asarray(0.5 * (normal * dot(on_r, r) - wide(self._couple, on_r) * (cross(r, on_r) + cross(s, on_s))))
 
     def turned_axes(self, relative: Field) -> Field:
         """Return how the axes of joints turn against their first bodies (n, 3, ...), 0 of all but two kinds.
@@ -274,30 +163,8 @@ class Forces:
         """
         result = np.zeros((len(relative), 3, *relative.shape[2:]), dtype=relative.dtype)
         k, own = self.twice, relative[self.twice, 3:]
-        result[k] = dot(wide(self._picks[0][k], own), own) * wide(self.axes[k, 0], own)
+        result[k] = dot(wide(self.picks[0][k], own), own) * wide(self.axes[k, 0], own)
         own, size = relative[self.halves, 3:], np.linalg.norm(self.angle, axis=1, keepdims=True)
         bend = self.angle * np.divide(np.tan(0.25 * size), size, out=np.zeros_like(size), where=size > 0.0)
         result[self.halves] = 0.5 * (own - cross(wide(bend, own), own))
         return result
-
-    def given_way(self, left: Field, gap: Field) -> tuple[Field, Field, Field]:
-        """Return the derivatives of minus the work of the forces on relative motions ``left`` + ``gap``, (n, 6, ...).
-
-        Parameters
-        ----------
-        left : array, shape (n, 6, ...)
-            What is left of the motions where bodies give way by ``gap``; 0 in joints, which allow it.
-        gap : array, shape (n, 6, ...)
-            How far bodies give way, see ``by_wrench``.
-
-        Returns
-        -------
-        tuple of array, shape (n, 6, ...), (n, 3, ...) and (n, 3, ...)
-            Derivatives to the wrenches, their points and the starts of lines.
-        """
-        f, line = wide(self.wrench[:, :3], left), wide(self.line, left)
-        across = left[:, :3] - line * dot(line, left[:, :3])
-        stretched = wide(self.bend[:, None], left) * across
-        return -left, stretched - cross(f, left[:, 3:] + gap[:, 3:]), -stretched
-
-

@@ -28,6 +28,7 @@ from mbsvib.linalg.vectors import cross, moved, product, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.balance.force_changes import force_changes
 from mbsvib.sensitivities.balance.moved_parameters import force_rates, parameter_rates
+from mbsvib.sensitivities.balance.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
 from mbsvib.sensitivities.joint_release_motion import joint_release_motion
 from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
@@ -95,14 +96,14 @@ class LoadedNetwork:
         at, joints = self.changes.at, self.forces.counts[0]
         x = self.forces.seen(left.carrying)
         y = x if right is None else self.forces.seen(right.carrying)
-        gap = self.forces.by_wrench(x, None if right is None else y)
+        gap = wrench_slopes(self.forces, x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
         second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
         found = self._given(second, gap)
-        point, start = self.forces.by_place(x, None if right is None else y)
-        for key, part in (("point", point), ("start", start[self.forces.lines]),
-                          ("turn", self.forces.by_turn(x, y)), ("twist", self._stiffened(left, right))):  # fmt: skip
+        point, start = point_slopes(self.forces, x, None if right is None else y)
+        turn, twist = turn_slopes(self.forces, x, y), self._stiffened(left, right)
+        for key, part in (("point", point), ("start", start[self.forces.lines]), ("turn", turn), ("twist", twist)):
             _put(found, getattr(at, key), part)
         self._fold(result, found * weight, weight * second[:joints])
         if left.turned is not None:
@@ -184,7 +185,7 @@ class LoadedNetwork:
         """What is no parameter, as far as applied forces do work on the motion of second order, (extras, ...)."""
         left, at = moves.copy(), self.changes.at
         left[: self.forces.counts[0]] = 0.0
-        wrench, point, start = self.forces.given_way(left, gap)
+        wrench, point, start = work_slopes(self.forces, left, gap)
         found = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("wrench", wrench[self.forces.counts[0] :])):  # fmt: skip

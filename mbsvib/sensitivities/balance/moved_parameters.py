@@ -9,8 +9,8 @@ import numpy as np
 from mbsvib.elements import Bushing, Load
 from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.factors import turning
 from mbsvib.sensitivities.network_parts import maxwell_lines
+from mbsvib.sensitivities.rule_terms import line_turn_rates
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -83,7 +83,7 @@ def _by_axis(joint: Joint, turn: Array) -> Array:
     if joint.axis is None or joint.kind not in ALONG_AXIS:
         return turn
     line = np.array(joint.axes)[:, 2]
-    return np.asarray(turning(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
+    return np.asarray(line_turn_rates(line[None])[0].T @ np.cross(turn, line, axisa=0).T)
 
 
 def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:

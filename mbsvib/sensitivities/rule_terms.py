@@ -1,0 +1,93 @@
+"""Derivatives of the equations as products of motions and wrenches.
+
+With T(s) = K + s C + s^2 M every derivative is symmetric and of low rank:
+x^T dT y = sum_t P_t(x) Q_t(y) + Q_t(x) P_t(y).
+Stiffness, damping and inertia see motions only. Where a part moves, the wrench in it works on what the change does to
+the motion: a connection at p turned by rho and moved by dp sees (u + theta x dp, theta) turned back by rho, a joint of
+the tree hands on the same with the other sign.
+
+A rule lists the terms (P, Q), each (parts, ...), of every entry of a field.
+
+Source: Jiang, Chen & Luo (2011), equations 78-87; here by the wrenches that connections transmit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.linalg.vectors import any_nonzero, cross, transformed, wide
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.linalg.vectors import Field
+    from mbsvib.sensitivities.adjoint_fields import Fields
+
+    Terms = list[tuple[Field, Field]]
+
+# fields, numbers of the bodies or connections, and what is constant of each
+Rule = Callable[["Fields", Any, "tuple[Array, ...]"], "list[Terms]"]
+# Fields of so many numbers are looked through for components that are zero, as planar mechanisms have many.
+LARGE = 12_000
+
+
+def square_terms(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) -> list[Terms]:
+    """A symmetric matrix on d: d_i^2 for entries on the diagonal, 2 d_i d_j beside it; none of what does not move."""
+    moves = [True] * d.shape[1]
+    if d.size > LARGE:
+        moves = [any_nonzero(d[:, i]) for i in range(d.shape[1])]
+    half = [d[:, i] * (0.5 * factor) if moves[i] else None for i in range(d.shape[1])]
+    return [[] if (p := half[i]) is None or not moves[j] else [(p if i == j else 2.0 * p, d[:, j])] for i, j in pairs]
+
+
+def cross_terms(force: Field, theta: Field) -> list[Terms]:
+    """force . (theta x e) for the three unit vectors e."""
+    return [[(force[:, j], theta[:, k]), (force[:, k], -theta[:, j])] for j, k in ((1, 2), (2, 0), (0, 1))]
+
+
+def along(axis: Array, vectors: Field) -> Field:
+    """Return components (k, ...) of vectors (k, 3, ...) along axes (k, 3)."""
+    return transformed(axis[:, None], vectors)[:, 0]
+
+
+def moved_end(line: Array, span: Array, relative: Field, end: bool) -> Field:
+    """Return how elongations change as an end of lines moves, (parts, 3, ...).
+
+    With e the line and L its length, moving an end by dp changes the elongation by
+    dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
+
+    Parameters
+    ----------
+    line, span : array, shape (parts, 3)
+        Directions, and the ways from start to end [m].
+    relative : array, shape (parts, 6, ...)
+        Motions of second bodies against first ones at the starts.
+    end : bool
+        Whether the end moves, or the start.
+
+    Returns
+    -------
+    array, shape (parts, 3, ...)
+        Per unit motion of the end.
+    """
+    u, theta = relative[:, :3], relative[:, 3:]
+    if end:
+        u = u + cross(theta, wide(span, relative))
+    e, sign = wide(line, u), 1.0 if end else -1.0
+    across = u - e * along(line, u)[:, None]
+    return np.asarray(across * wide(sign / np.linalg.norm(span, axis=1), u) + cross(e, theta))
+
+
+def line_turn_rates(span: Array) -> Array:
+    """Return how axes that a line gives (parts, 3) turn as its end moves, (parts, direction of the motion, 3).
+
+    They are the least turn that takes the z axis of the world along the line, or against it where the line points down.
+    """
+    length = np.linalg.norm(span, axis=1, keepdims=True)
+    u = span / length
+    across = np.cross(u[:, None], np.eye(3) / length[:, None])
+    pole = np.where(u[:, 2] < -0.5, -1.0, 1.0)[:, None]
+    spin = across[:, :, 2] / (pole + u[:, 2, None])
+    return np.asarray(across - spin[:, :, None] * u[:, None])
