@@ -18,16 +18,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.assembly import linearized
+from mbsvib.equations.assembly import assembled, linearized
 from mbsvib.equations.equations import MATRICES, Equations
+from mbsvib.equations.expansion import expanded
+from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
+from mbsvib.equations.scene import scene
+from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.equilibrium.flexible_parts import stiffened
+from mbsvib.equilibrium.motion import size_of
+from mbsvib.equilibrium.moved import coordinates_of, moved
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
+from mbsvib.sensitivities.matrix_entries import MatrixEntries
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.statics import Statics
@@ -43,8 +49,6 @@ STEP, SMALLER, TRIALS = 2.0**-6, 0.125, 4
 AGREED = 1e-11
 # Slopes that agree no better than this are refused.
 WORST = 1e-7
-# Entries are as good as this share of the largest in their matrix deserves.
-SMALL = 1e-6
 # Forces that are rounding of those that cancel, and what may be left of them where nothing holds a motion: one whose
 # stiffness is less than this share of the largest.
 STILL, LEFT, LOOSE = 1e-12, 1e-9, 1e-10
@@ -55,7 +59,8 @@ class Variants:
 
     def __init__(self, system: Equations) -> None:
         self.system = system
-        self._found: dict[Rates, Array] = {}
+        self._entries = MatrixEntries(system)
+        self._slopes: dict[Rates, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
 
     def slopes(self, directions: Sequence[Direction], every: bool = False) -> dict[str, Array]:
@@ -81,14 +86,14 @@ class Variants:
         """
         for direction in directions:
             key = direction.rates
-            if key not in self._found:
+            if key not in self._slopes:
                 try:
-                    self._found[key] = self._slope(direction)
+                    self._slopes[key] = self._slope(direction)
                 except ModelError as refusal:
-                    self._found[key], self._refused[key] = np.full(self._count, np.nan), refusal
+                    self._slopes[key], self._refused[key] = np.full(self._entries.count, np.nan), refusal
             if key in self._refused and not every:
                 raise self._refused[key]
-        flat = np.array([self._found[direction.rates] for direction in directions])
+        flat = np.array([self._slopes[direction.rates] for direction in directions])
         shapes = [getattr(self.system, key).shape for key in MATRICES]
         parts = np.split(flat, np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1], axis=1)
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
@@ -96,21 +101,19 @@ class Variants:
     @cached_property
     def whole(self) -> Equations | None:
         """The system that ``reachable`` took this one out of; None where this one is whole."""
-        from mbsvib.equilibrium.at_equilibrium import settled
-
         own, came = self.system, self.system.provenance
         if came.dropped is None:
             return None
         independent = (*own.coordinates, *came.dropped.names)
         if not came.settled:
             return linearized(self._model, independent, self._cut)
-        found: Equations | SparseEquations = settled(self._model, independent, self._cut, "dense")[1]
-        assert isinstance(found, Equations)
-        return found
+        whole: Equations | SparseEquations = settled(self._model, independent, self._cut, "dense")[1]
+        assert isinstance(whole, Equations)
+        return whole
 
     def sizes(self, directions: Sequence[Direction]) -> Array:
         """Return the largest of the forces that cancel in the pose, over what is a large change along directions."""
-        return np.array([self._loads * max((abs(rate) / self._scale(name) for name, rate in direction.rates),
+        return np.array([self._entries.loads * max((abs(rate) / self._scale(name) for name, rate in direction.rates),
                                            default=0.0)
                          for direction in directions])  # fmt: skip
 
@@ -122,19 +125,19 @@ class Variants:
             return self._equations({name: values[name] + change * rate for name, rate in direction.rates}, {})
 
         try:
-            found = self._extrapolated(at, scale, f"'{direction.name}'")
+            slopes = self._extrapolated(at, scale, f"'{direction.name}'")
         except _OtherMobility:
-            return np.full(self._count, np.nan)
-        return self._settled(found, scale, direction.name)
+            return np.full(self._entries.count, np.nan)
+        return self._through_equilibrium(slopes, scale, direction.name)
 
-    def _settled(self, found: Array, scale: float, name: str) -> Array:
+    def _through_equilibrium(self, slopes: Array, scale: float, name: str) -> Array:
         """Let the equilibrium give way to the forces that a parameter leaves over."""
-        change, force = found[: self._count], found[self._count :]
-        rounding = self._loads / scale
+        change, force = slopes[: self._entries.count], slopes[self._entries.count :]
+        rounding = self._entries.loads / scale
         if not np.abs(force).max(initial=0.0) > STILL * rounding:
             return change
         along = self._poses
-        stiffness = -along[:, self._count :].T
+        stiffness = -along[:, self._entries.count :].T
         unit = 1.0 / np.sqrt(np.maximum(np.abs(stiffness).max(axis=0, initial=0.0), np.finfo(float).tiny))
         row = 1.0 / np.sqrt(np.maximum(np.abs(stiffness).max(axis=1, initial=0.0), np.finfo(float).tiny))
         left, sizes, right = np.linalg.svd(row[:, None] * stiffness * unit, full_matrices=False)
@@ -144,11 +147,7 @@ class Variants:
         over = pushed - row * (stiffness @ (unit * motion))
         if (np.abs(over) > LEFT * (np.abs(pushed).max(initial=0.0) + row * rounding)).any():
             raise not_held(name, self.system.name)
-        return np.asarray(change + (unit * motion) @ along[:, : self._count])
-
-    @cached_property
-    def _count(self) -> int:
-        return sum(getattr(self.system, key).size for key in MATRICES)
+        return np.asarray(change + (unit * motion) @ along[:, : self._entries.count])
 
     @cached_property
     def _model(self) -> Mechanism:
@@ -167,51 +166,8 @@ class Variants:
         return tuple(name for k in topology.cut if (name := topology.joints[k].name) in own)
 
     @cached_property
-    def _sizes(self) -> Array:
-        """What entries are measured by: those of the system's own matrices, and the forces that cancel."""
-        own = self.system
-        sizes = self._measured(np.concatenate([*(getattr(own, key).reshape(-1) for key in MATRICES), np.zeros(
-            len(own.provenance.reduction.independent))]))  # fmt: skip
-        sizes[self._count :] = self._loads
-        return sizes
-
-    @cached_property
-    def _empty(self) -> NDArray[np.bool_]:
-        """Entries of matrices that are zero, as C is without dampers: they are measured by what they become."""
-        own = [getattr(self.system, key) for key in MATRICES]
-        return np.concatenate([*(np.full(matrix.size, not matrix.any()) for matrix in own),
-                               np.zeros(len(self._sizes) - self._count, dtype=bool)])  # fmt: skip
-
-    def _measured(self, values: Array) -> Array:
-        """The geometric mean of the largest of the row and of the column of entries, and at least a small share of the
-        largest in their matrix, coordinates being scaled alike.
-        """
-        own, parts, start = self.system, [], 0
-        unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
-        unit[unit == 0.0] = 1.0
-        scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
-        for key in MATRICES:
-            shape = getattr(own, key).shape
-            start, stop = start + getattr(own, key).size, start
-            size = np.abs(values[stop:start]).reshape(shape)
-            mean = np.sqrt(np.multiply.outer(size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)))
-            left, right = (np.ones(n) if scale is None else scale
-                           for n, scale in zip(size.shape, scales.get(key, (unit, unit)), strict=True))  # fmt: skip
-            unlike = np.multiply.outer(left, right)
-            parts.append((mean + SMALL * float((size / unlike).max(initial=0.0)) * unlike).reshape(-1))
-        return np.concatenate([*parts, np.zeros(len(values) - start)])
-
-    @cached_property
-    def _loads(self) -> float:
-        """The largest of the forces that cancel in the pose along a coordinate, 0 without any load."""
-        statics = self.system.provenance.statics
-        return 0.0 if statics is None else float(statics.size.max(initial=0.0))
-
-    @cached_property
     def _poses(self) -> Array:
         """Derivatives along the motions of the pose, (coordinates, ...)."""
-        from mbsvib.equilibrium.moved import coordinates_of
-
         came = self.system.provenance
         names = [came.joint_coordinates[i] for i in came.reduction.independent.tolist()]
         size, known = coordinates_of(self._model, self._cut)
@@ -222,14 +178,11 @@ class Variants:
             return self._extrapolated(lambda q: self._equations({}, still | {name: q}), 1.0 if known[name] else size,
                                       f"coordinate '{name}'")  # fmt: skip
 
-        return np.array([along(name) for name in names]).reshape(len(names), len(self._sizes))
+        return np.array([along(name) for name in names]).reshape(len(names), len(self._entries.sizes))
 
     @cached_property
     def _size(self) -> float:
         """The size of the mechanism [m], nodes of beams included."""
-        from mbsvib.equilibrium.flexible_parts import stiffened
-        from mbsvib.equilibrium.motion import size_of
-
         return size_of(stiffened(self._model))
 
     def _scale(self, name: str) -> float:
@@ -239,23 +192,24 @@ class Variants:
 
     def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
         """A slope, with steps made smaller until the differences agree."""
+        entries = self._entries
         best, least, refusal, moves = None, np.inf, None, 0
         for step in (STEP * scale * SMALLER**k for k in range(TRIALS)):
             for sides in (0, 1, -1):
                 try:
-                    found, error = slope(at, step, sides)
+                    slopes, error = slope(at, step, sides)
                 except _OtherMobility:
                     moves += 1
                     continue
                 except MbsvibError as problem:
                     refusal = problem
                     continue
-                size = np.where(self._empty, self._measured(scale * found), self._sizes) + scale * np.abs(found)
-                size[self._count :] += scale * np.abs(found[self._count :]).max(initial=0.0)
+                size = entries.compared(scale * slopes) + scale * np.abs(slopes)
+                size[entries.count :] += scale * np.abs(slopes[entries.count :]).max(initial=0.0)
                 ratio = scale * error / np.where(size > 0.0, size, np.inf)
                 off = float(ratio.max(initial=0.0))
                 if off < least:
-                    best, least = found, off
+                    best, least = slopes, off
                 break
             if least <= AGREED:
                 break
@@ -271,33 +225,26 @@ class Variants:
 
     def _equations(self, values: Mapping[str, float], motion: Mapping[str, float]) -> Array:
         """All matrices of a variant in another pose, then the forces that are left over."""
-        from mbsvib.equations.assembly import assembled
-        from mbsvib.equations.expansion import expanded
-        from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
-        from mbsvib.equations.scene import scene
-        from mbsvib.equilibrium.at_equilibrium import settled
-        from mbsvib.equilibrium.moved import moved
-
         own = self.system
-        found: Equations | SparseEquations
+        variant: Equations | SparseEquations
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model = self._model.with_values(values) if values else self._model
             if own.provenance.settled:
-                _, found = settled(model, independent=own.coordinates, cut=self._cut, method="dense")
+                _, variant = settled(model, independent=own.coordinates, cut=self._cut, method="dense")
             else:
                 if motion:
                     model = moved(model, motion, cut=self._cut)
                 model = expanded(model)
                 view = scene(with_maxwell_nodes(model), self._cut)
-                found = assembled(model, view, own.coordinates, checked=False)
-        assert isinstance(found, Equations)
-        kept, before = (each.provenance.reduction.independent for each in (found, own))
-        if found.coordinates != own.coordinates or not np.array_equal(kept, before):
+                variant = assembled(model, view, own.coordinates, checked=False)
+        assert isinstance(variant, Equations)
+        kept, before = (each.provenance.reduction.independent for each in (variant, own))
+        if variant.coordinates != own.coordinates or not np.array_equal(kept, before):
             raise _OtherMobility
-        statics: Statics | None = found.provenance.statics
+        statics: Statics | None = variant.provenance.statics
         left = np.zeros(len(kept)) if statics is None or own.provenance.settled else statics.residual
-        return np.concatenate([*(getattr(found, key).reshape(-1) for key in MATRICES), left])
+        return np.concatenate([*(getattr(variant, key).reshape(-1) for key in MATRICES), left])
 
 
 def not_held(name: str, system: str) -> ModelError:

@@ -1,0 +1,76 @@
+"""Sizes of the entries of all matrices of a system, by which differences of them are judged."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.equations import MATRICES
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+
+# Entries are as good as this share of the largest in their matrix deserves.
+SMALL = 1e-6
+
+
+class MatrixEntries:
+    """Entries of M, C, K, B, Cq, Cv, Ca and D in one row, behind them the forces along the independent coordinates."""
+
+    def __init__(self, system: Equations) -> None:
+        self.system = system
+
+    @cached_property
+    def count(self) -> int:
+        """Number of all entries."""
+        return sum(getattr(self.system, key).size for key in MATRICES)
+
+    @cached_property
+    def loads(self) -> float:
+        """The largest of the forces that cancel in the pose along a coordinate, 0 without any load."""
+        statics = self.system.provenance.statics
+        return 0.0 if statics is None else float(statics.size.max(initial=0.0))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """What entries are measured by: those of the system's own matrices, and the forces that cancel."""
+        own = self.system
+        sizes = self.measured(np.concatenate([*(getattr(own, key).reshape(-1) for key in MATRICES), np.zeros(
+            len(own.provenance.reduction.independent))]))  # fmt: skip
+        sizes[self.count :] = self.loads
+        return sizes
+
+    @cached_property
+    def empty(self) -> NDArray[np.bool_]:
+        """Entries of matrices that are zero, as C is without dampers: they are measured by what they become."""
+        own = [getattr(self.system, key) for key in MATRICES]
+        return np.concatenate([*(np.full(matrix.size, not matrix.any()) for matrix in own),
+                               np.zeros(len(self.sizes) - self.count, dtype=bool)])  # fmt: skip
+
+    def measured(self, values: Array) -> Array:
+        """The geometric mean of the largest of the row and of the column of entries, and at least a small share of the
+        largest in their matrix, coordinates being scaled alike.
+        """
+        own, parts, start = self.system, [], 0
+        unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
+        unit[unit == 0.0] = 1.0
+        scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
+        for key in MATRICES:
+            shape = getattr(own, key).shape
+            start, stop = start + getattr(own, key).size, start
+            size = np.abs(values[stop:start]).reshape(shape)
+            mean = np.sqrt(np.multiply.outer(size.max(axis=1, initial=0.0), size.max(axis=0, initial=0.0)))
+            left, right = (np.ones(n) if scale is None else scale
+                           for n, scale in zip(size.shape, scales.get(key, (unit, unit)), strict=True))  # fmt: skip
+            unlike = np.multiply.outer(left, right)
+            parts.append((mean + SMALL * float((size / unlike).max(initial=0.0)) * unlike).reshape(-1))
+        return np.concatenate([*parts, np.zeros(len(values) - start)])
+
+    def compared(self, values: Array) -> Array:
+        """Return what the entries of changed matrices are compared with: ``sizes``, of empty matrices their change."""
+        return np.where(self.empty, self.measured(values), self.sizes)
