@@ -21,8 +21,8 @@ import numpy as np
 
 from mbsvib.elements.contribution import Contribution, Weights, turns
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.reactions import skew
 from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.vectors import skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

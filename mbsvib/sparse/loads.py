@@ -23,7 +23,6 @@ from mbsvib.equations.wrench_pairs import Pairs
 from mbsvib.equations.wrenches import applied
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.mobility import crossed_product
-from mbsvib.linalg.vectors import skew
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.statement import signed_squares, unknown_rows
 
