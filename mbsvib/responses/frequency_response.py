@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
-# The sum over modes solves the equations to this residual: rounding, for each eigenvalue, of some hundred at most.
-SUMMED, BACKWARD = 8.0 * EPS, 5e-14
+# The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
+BACKWARD = 5e-14
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
@@ -90,9 +90,11 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
 
     system = basis.equations
     s, cancels = 1j * np.abs(w), responses.cancels(system, modal.state)
-    if not cancels and responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w)):
+    symmetric = system.gyroscopic is None and system.circulatory is None
+    residual = min(responses.SUMMED * len(modal.values), BACKWARD) if symmetric else BACKWARD
+    if not cancels and responses.trusted(modal, modal.state.basis.T @ system.B, np.abs(w), residual):
         result = basis.modal_sum.at(s)
-    elif system.gyroscopic is not None or system.circulatory is not None:
+    elif not symmetric:
         result = responses.solved(system, modal.state, s)
     else:
         result = responses.refined_solutions(system, modal.state, np.abs(w))
@@ -135,8 +137,7 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
     s: Complex = 1j * inside[at]
     # one combination of all inputs stands for each of them
     mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
-    residual = _residual(modal, s, mixed, sum_of_motions(modal, mixed).at(s))[1]
-    return bool((residual <= min(SUMMED * modal.pairs.size, BACKWARD)).all())
+    return bool((_residual(modal, s, mixed, sum_of_motions(modal, mixed).at(s))[1] <= BACKWARD).all())
 
 
 def conditions(modal: Damped) -> Array:

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
-# The sum over modes solves the equations to this residual: rounding, for each eigenvalue, of some hundred at most.
-SUMMED, BACKWARD = 8.0 * EPS, 5e-14
+# The sum over modes solves the equations to this residual: rounding of some hundred modes; for each eigenvalue, where
+# solutions that are refined take its place.
+BACKWARD, SUMMED = 5e-14, 8.0 * EPS
 GIVES_WAY = 1e3  # a spring so many times as stiff as what is left where its damper gives way costs digits
 CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
 
@@ -95,7 +96,7 @@ def summable(modal: General) -> bool:
     return not modal.state.long and bool(modal.spectrum.slopes.all())
 
 
-def trusted(modal: General, b: Array, w: Array) -> bool:
+def trusted(modal: General, b: Array, w: Array, residual: float = BACKWARD) -> bool:
     """Tell whether the sum over modes solves the equations, at a few frequencies next to the worst eigenvalues.
 
     Parameters
@@ -106,6 +107,8 @@ def trusted(modal: General, b: Array, w: Array) -> bool:
         Inputs in the basis.
     w : array, shape (n,)
         Angular frequencies [rad/s], none negative.
+    residual : float
+        What may be left of the equations, relative to their terms.
 
     Returns
     -------
@@ -126,7 +129,7 @@ def trusted(modal: General, b: Array, w: Array) -> bool:
     mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
     answer = general_motions(modal, mixed).at(s)
     with np.errstate(invalid="ignore"):
-        return bool((_residual(modal.state, s, mixed, answer) <= min(SUMMED * len(modal.values), BACKWARD)).all())
+        return bool((_residual(modal.state, s, mixed, answer) <= residual).all())
 
 
 def _residual(state: EnergyState, s: Complex, b: Array, eta: Complex) -> Array:
