@@ -33,6 +33,7 @@ HOLDS = ("zero", "first")
 EPS = float(np.finfo(float).eps)
 # Condition numbers of eigenvalues up to which a sum over modes loses less than the exponential beside strong dampers.
 DEPENDENT = 1e3
+BESIDE = 1.001  # of the frequency of an undamped pole, where there is no response, it is looked at whether modes add up
 CHUNK = 4096  # samples whose states are held in memory at a time
 SEGMENTS = 64  # of one chunk, side by side
 STEPS_AT_ONCE = 256  # uneven steps whose closed forms are computed at a time
@@ -291,7 +292,7 @@ def _general(system: Equations, modal: General, record: tuple[Array, Array, Arra
     equations = responses.realization(system, state)
     start = state.position @ initial[0] + state.rate @ initial[1]
     speeds = np.sort(np.abs(modal.spectrum.values))
-    if not responses.trusted(modal, np.eye(len(state.basis)), speeds):
+    if not responses.trusted(modal, np.eye(len(state.basis)), BESIDE * speeds):
         return equations.c @ _stepped(equations.a, equations.b, start, (time, u, first)) + equations.d @ u
     y: Array = equations.d @ u
     for block in _general_blocks(system, modal, (initial, start)):
