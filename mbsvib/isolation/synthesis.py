@@ -56,23 +56,9 @@ def lqg(
         if not 0.0 < value < np.inf:
             raise ResponseError(f"lqg: {name} = {value!r}; expected a positive number.")
     a, b, bw, c, d, dw, z, zd, scale = _weighed(plant, sensors, performance)
-    from scipy.linalg import solve_continuous_are
-
     m, n = b.shape[1], len(c)
-    none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
-                         "sensors, or effort and noise are too small against the rest.")  # fmt: skip
-    try:
-        cost = solve_continuous_are(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), s=z.T @ zd)
-        spread = solve_continuous_are(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n),
-                                      s=base * bw @ dw.T)  # fmt: skip
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise none from error
-    back = np.linalg.solve(zd.T @ zd + effort * np.eye(m), b.T @ cost + zd.T @ z)
-    inject = np.linalg.solve(base * dw @ dw.T + noise * np.eye(n), c @ spread + base * dw @ bw.T).T
-    poles = np.linalg.eigvals([a - b @ back, a - inject @ c])
-    if poles.size and poles.real.max() > -UNDAMPED * np.abs(poles).max():
-        # rounding decides whether the equations of a mode that is out of reach count as solved
-        raise none
+    back = _feedback(a, b, z.T @ z, zd.T @ zd + effort * np.eye(m), z.T @ zd)
+    inject = _feedback(a.T, c.T, base * bw @ bw.T, base * dw @ dw.T + noise * np.eye(n), base * bw @ dw.T).T
     law = a - b @ back - inject @ c + inject @ d @ back
     return Controller("LQG", law * scale, inject * scale, -back, np.zeros((m, n)), tuple(sensors),
                       plant.names("actuator"))  # fmt: skip
@@ -135,6 +121,37 @@ def hinf(
         raise ResponseError(f"hinf: no controller was found: {error}") from error
     return Controller("Hinf", law.A * scale, law.B * scale, law.C, law.D, tuple(sensors),
                       plant.names("actuator")), float(norm)  # fmt: skip
+
+
+def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> Array:
+    """The gain R^-1 (B^T X + S^T) of Riccati's stabilising solution X for the weights Q, R and S.
+
+    X = U2 U1^-1 from the decaying invariant subspace (U1, U2) of the Hamiltonian matrix. Its complex Schur form is
+    ordered whatever eigenvalues coincide, as those of a symmetric platform do; the real one of
+    ``scipy.linalg.solve_continuous_are`` is not.
+
+    Source: A. J. Laub, A Schur method for solving algebraic Riccati equations, IEEE Trans. Automatic Control 24 (1979).
+    """
+    from scipy.linalg import schur
+
+    none = ResponseError("lqg: no stabilising controller was found; a mode may be out of reach of the actuators or "
+                         "sensors, or effort and noise are too small against the rest.")  # fmt: skip
+    n = len(a)
+    drive, direct = np.linalg.solve(effort, b.T), np.linalg.solve(effort, both.T)
+    free, push, weight = a - b @ direct, b @ drive, state - both @ direct
+    sizes = float(np.linalg.norm(weight)), float(np.linalg.norm(push))
+    size = np.sqrt(sizes[0] / sizes[1]) if all(sizes) else 1.0
+    try:
+        _, basis, count = schur(np.block([[free, -size * push], [-weight / size, -free.T]]), "complex", sort="lhp")
+        cost = size * np.linalg.solve(basis[:n, :n].T, basis[n:, :n].T).real
+    except np.linalg.LinAlgError as error:
+        raise none from error
+    gain = drive @ (0.5 * (cost + cost.T)) + direct
+    poles = np.linalg.eigvals(a - b @ gain)
+    # rounding moves poles that no gain moves to either side of the imaginary axis
+    if count != n or not (poles.real < -UNDAMPED * np.abs(poles).max()).all():
+        raise none
+    return np.asarray(gain)
 
 
 def _weighed(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -> tuple[Array, ...]:

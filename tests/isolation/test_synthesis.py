@@ -8,7 +8,7 @@ import pytest
 
 import mbsvib as mv
 from mbsvib import isolation, library
-from tests.isolation.scenes import MASS, active_strut
+from tests.isolation.scenes import MASS, active_strut, relaxing_hexapod
 
 
 def plant(**words):
@@ -55,6 +55,14 @@ def test_lqg_on_the_platform_beats_the_open_loop():
     assert loop.stable
     assert loop.isolation(f).amplification < 0.1 * p.isolation(f).amplification
     assert len(law.A) == 12
+
+
+@pytest.mark.parametrize("noise", [1e-10, 1e-6, 1e-2])
+def test_lqg_of_modes_that_coincide(noise):
+    """A cubic hexapod is alike along three axes: each eigenvalue is there several times but for rounding."""
+    p = isolation.actuated(relaxing_hexapod(), "platform")
+    controller = isolation.lqg(p, p.names("acceleration"), 1e-4, noise=noise)
+    assert p.with_gains(controller).stable
 
 
 def test_what_is_refused():
