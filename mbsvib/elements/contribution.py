@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,15 +29,20 @@ class Weights:
     value: Array
     owner: Index
 
-    @staticmethod
-    def none() -> Weights:
-        """Return no weights."""
-        empty = np.zeros(0, dtype=np.intp)
-        return Weights(empty, empty, np.zeros(0), empty)
-
     def shifted(self, by: int) -> Weights:
         """Return the same weights of rows that stand behind ``by`` others."""
-        return Weights(self.first + by, self.second + by, self.value, self.owner)
+        return Weights(self.first + by, self.second + by, self.value, self.owner) if by else self
+
+    @staticmethod
+    def join(parts: Sequence[Weights]) -> Weights:
+        """Return all weights in one."""
+        parts = [part for part in parts if len(part.value)]
+        if len(parts) < 2:
+            return parts[0] if parts else NONE
+        return Weights(*(np.concatenate([getattr(part, name) for part in parts]) for name in Weights.__slots__))
+
+
+NONE = Weights(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), np.zeros(0, dtype=np.intp))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,22 +68,22 @@ class Contribution:
     ) -> Contribution:  # fmt: skip
         """Return a contribution whose rows are single relative displacements unless ``row`` adds some of them up."""
         row = np.arange(len(rows.first)) if row is None else row
-        none = Weights.none()
-        return Contribution(rows, row, int(row.max(initial=-1)) + 1, stiffness or none, circulatory or none,
-                            gyroscopic or none)  # fmt: skip
+        return Contribution(rows, row, int(row.max(initial=-1)) + 1, stiffness or NONE, circulatory or NONE,
+                            gyroscopic or NONE)  # fmt: skip
 
     @staticmethod
     def join(parts: Sequence[Contribution]) -> Contribution:
         """Return all contributions as one."""
-        start = np.cumsum([0, *(part.count for part in parts)]).tolist()
-
-        def weights(key: str) -> Weights:
-            each = [getattr(part, key).shifted(at) for part, at in zip(parts, start, strict=False)]
-            return Weights(*(np.concatenate([getattr(one, name) for one in each]) for name in Weights.__slots__))
-
-        row = np.concatenate([part.row + at for part, at in zip(parts, start, strict=False)])
-        return Contribution(Rows.join([part.rows for part in parts]), row, start[-1], weights("stiffness"),
-                            weights("circulatory"), weights("gyroscopic"))  # fmt: skip
+        if len(parts) == 1:
+            return parts[0]
+        *start, count = accumulate((part.count for part in parts), initial=0)
+        placed = list(zip(parts, start, strict=True))
+        return Contribution(
+            Rows.join([part.rows for part in parts]), np.concatenate([part.row + at for part, at in placed]), count,
+            Weights.join([part.stiffness.shifted(at) for part, at in placed]),
+            Weights.join([part.circulatory.shifted(at) for part, at in placed]),
+            Weights.join([part.gyroscopic.shifted(at) for part, at in placed]),
+        )  # fmt: skip
 
 
 def turns(body: Index, along: Array, ground: int) -> Rows:

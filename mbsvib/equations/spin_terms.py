@@ -94,7 +94,7 @@ def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[
         If a spin is not steady, or a body is not symmetric about the axis on which it spins.
     """
     part = spin_contribution(model, scene)
-    rows = minimal_rows(part, scene.coordinates, reduction)
+    rows = minimal_rows(part, scene.coordinates, reduction, found["body_motion"])
     _with_forces(model, scene, reduction, found)
     result = dict(found)
     for name, letter, weights in (("gyroscopic", "C", part.gyroscopic), ("circulatory", "K", part.circulatory)):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ZERO_ENTRY = 64.0 * EPS
 
 
-def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction) -> Array:
+def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction, motion: Array) -> Array:
     """Return the rows of a contribution in minimal coordinates.
 
     Parameters
@@ -34,13 +34,23 @@ def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction) 
         The joint coordinates of the tree.
     reduction : Reduction
         The minimal ones.
+    motion : array, shape (bodies, 6, m)
+        Motion of the bodies in minimal coordinates, of which their rotations are parts.
 
     Returns
     -------
     array, shape (count, m)
         Rows, with exact zeros where loops hold them still.
     """
-    base = reduction.apply_exactly(relative_motion(coordinates, part.rows).dense(0, len(part.rows.first)))
+    rows = part.rows
+    turns = (rows.first == len(motion)) & ~rows.force.any(axis=0)
+    alone, others = turns.nonzero()[0], (~turns).nonzero()[0]
+    base = np.empty((len(turns), motion.shape[2]))
+    rotations = motion.take(rows.second.take(alone), axis=0)[:, 3:]
+    base[alone] = (rows.moment.take(alone, axis=1).T[:, None] @ rotations)[:, 0]
+    if len(others):
+        between = relative_motion(coordinates, rows.take(others)).dense(0, len(others))
+        base[others] = reduction.apply_exactly(between)
     if part.count == len(base):
         return base
     result = np.zeros((part.count, base.shape[1]))
