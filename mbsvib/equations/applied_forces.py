@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.joint_carriers import carriers
+from mbsvib.equations.wrench_pairs import Pairs
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.geometric_stiffness import GeometricTerms
     from mbsvib.equations.joint_carriers import Carriers
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrenches import Applied
 
 
@@ -23,8 +27,8 @@ class Acting:
     ``ways`` lead from bodies to joints. ``wrench`` (6, bodies + 1) acts on the bodies, ``sizes`` (2, bodies + 1) are
     those of all forces and moments in it; ``pairs`` (6, applied) are the wrenches on the second bodies, then ``first``
     and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``owners`` are the names of all pairs and of
-    the bodies. The joints of the open tree carry ``tree`` (6, joints, 1), and ``loops`` (6 joints, locked rows) is what
-    multipliers add to that in all joints.
+    the bodies, ``terms`` the rows of geometric stiffness. The joints of the open tree carry ``tree`` (6, joints, 1),
+    and ``loops`` (6 joints, locked rows) is what multipliers add to that in all joints.
     """
 
     ways: Carriers
@@ -36,17 +40,20 @@ class Acting:
     start: Array
     end: Array
     owners: tuple[str, ...]
+    terms: GeometricTerms
     tree: Array
     loops: Array
 
 
-def acting(applied: Applied, scene: Scene, memory: dict[str, Any]) -> Acting:
+def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -> Acting:
     """Return what acts on a mechanism; as long as its tree is the same, what was found before.
 
     Parameters
     ----------
     applied : Applied
         What loads the mechanism.
+    felt : Felt
+        What forces feel.
     scene : Scene
         The mechanism in numbers.
     memory : dict
@@ -73,6 +80,7 @@ def acting(applied: Applied, scene: Scene, memory: dict[str, Any]) -> Acting:
     memory["acting"] = result = Acting(
         ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
         (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
+        geometric_terms(Pairs(first, second, start, end, end, end), applied, felt, position),
         ways.of_tree(wrench[:, :, None]), ways.of_locked(scene.cuts),
     )  # fmt: skip
     return result

@@ -15,6 +15,7 @@ The rows and their weights are the same for dense and for sparse equations.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +26,7 @@ from mbsvib.kinematics.loops import EPS
 from mbsvib.linalg.vectors import skew
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.second_order_rows import Felt
     from mbsvib.equations.wrench_pairs import Pairs
     from mbsvib.equations.wrenches import Applied
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 # Values of a body's form below this share of the forces that make it are rounding.
 ZERO_FORM = 16.0 * EPS
 _DIAGONAL = np.arange(3)
+# what forces and what torques are multiplied with: v x f + 1/2 w x tau
+_PARTS = np.array((1.0, 0.5)).reshape(2, 1, 1)
 # Six rotations (x, y, z, x + y, x + z, y + z), and what each of their squares gets of S_ij, in the order of S's rows.
 SUMS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float)
 SQUARES = np.array([
@@ -65,13 +68,76 @@ def forms(pairs: Pairs, position: Array) -> tuple[Array, Array]:
     return result[0], result[1]
 
 
-def geometric(pairs: Pairs, applied: Applied, felt: Felt, position: Array) -> Contribution:
-    """Return the geometric stiffness of all forces at the pose.
+@dataclass(frozen=True, slots=True)
+class GeometricTerms:
+    """Geometric stiffness as far as it does not depend on the size of forces: which rows there are, and their products.
+
+    ``rows`` and ``row`` are those of a contribution; ``first``, ``second`` and ``owner`` are its weights: six squares
+    for each of ``bodies`` that a force acts on, products of ``turning`` rows with rotations, products of two successive
+    rotations, squares across lines. Forces act on bodies ``ends`` (2 pairs,) at ``arms`` (3, 2 pairs) with ``sign``,
+    which is 0 for follower loads: ``load_stiffness`` has these. ``twist`` (k, 3, 6) times a wrench is the moment of the
+    rows ``lever`` (k,), v x f + 1/2 w x tau.
+    """
+
+    felt: Felt
+    rows: Rows
+    row: Index
+    first: Index
+    second: Index
+    owner: Index
+    bodies: Index
+    ends: Index
+    arms: Array
+    sign: Array
+    turning: Index
+    twist: Array
+    lever: slice
+
+    def contribution(self, force: Array, torque: Array) -> Contribution:
+        """Return the geometric stiffness of forces.
+
+        Parameters
+        ----------
+        force, torque : array, shape (3, pairs)
+            Wrenches on the second bodies of all pairs [N, N m].
+
+        Returns
+        -------
+        Contribution
+            Rows and their weights.
+        """
+        felt = self.felt
+        moment = self.rows.moment.copy()
+        owner = felt.owner[self.turning]
+        wrench = np.concatenate((force, torque)).take(owner, axis=1)
+        moment[:, self.lever] = (self.twist @ wrench.T[:, :, None])[:, :, 0].T
+        half = 0.5 * (torque.take(felt.two[0], axis=1) * felt.cross).sum(axis=0)
+        tension = -(force.take(felt.line_owner, axis=1) * felt.line).sum(axis=0) / felt.length
+        value = np.concatenate((self._of_bodies(force), np.ones(len(self.turning)), half, tension))
+        return Contribution.of(replace(self.rows, moment=moment), row=self.row,
+                               stiffness=Weights(self.first, self.second, value, self.owner))  # fmt: skip
+
+    def _of_bodies(self, force: Array) -> Array:
+        """Weights of the squares of six rotations of each body: about x, y, z, and the sums of two of these.
+
+        With H = tr(S) 1 - sym S, theta . H theta = sum of H_xy (theta_x + theta_y)^2 and of the rest times theta_x^2.
+        """
+        outer = ((self.sign * np.tile(force, 2))[:, None] * self.arms).reshape(9, -1).T
+        sums, bound = np.zeros((2, int(self.ends.max(initial=0)) + 1, 9))
+        np.add.at(sums, self.ends, outer)
+        np.add.at(bound, self.ends, np.abs(outer))
+        values = sums[self.bodies] @ SQUARES.T
+        values[np.abs(values) <= ZERO_FORM * bound[self.bodies].max(axis=1, initial=0.0)[:, None]] = 0.0
+        return np.asarray(values.reshape(-1))
+
+
+def geometric_terms(pairs: Pairs, applied: Applied, felt: Felt, position: Array) -> GeometricTerms:
+    """Return the rows of geometric stiffness of all forces at the pose.
 
     Parameters
     ----------
     pairs : Pairs
-        All forces: the applied ones, then those in joints.
+        Where all forces act: the applied ones, then those in joints.
     applied : Applied
         What loads the mechanism.
     felt : Felt
@@ -81,60 +147,29 @@ def geometric(pairs: Pairs, applied: Applied, felt: Felt, position: Array) -> Co
 
     Returns
     -------
-    Contribution
-        Rows and their weights; owners are numbers of pairs, and behind them of bodies.
+    GeometricTerms
+        Rows and products; owners are numbers of pairs, and behind them of bodies.
     """
-    parts = [_of_bodies(pairs, applied, position), _turning(pairs, felt, position.shape[1] - 1)]
-    if len(felt.line_owner):
-        parts.append(_across_lines(pairs, felt, position.shape[1] - 1))
-    return Contribution.join(parts)
-
-
-def _of_bodies(pairs: Pairs, applied: Applied, position: Array) -> Contribution:
-    """The forms of bodies as weighted squares of six rotations: about x, y, z, and the sums of two of these.
-
-    With H = tr(S) 1 - sym S, theta . H theta = sum of H_xy (theta_x + theta_y)^2 and of the rest times theta_x^2.
-    Follower loads are left out: ``load_stiffness`` has them.
-    """
-    ground = position.shape[1] - 1
-    fixed = np.ones(len(pairs.first))
-    fixed[: applied.loads][applied.follower] = 0.0
-    sums, bound = np.zeros((2, ground + 1, 9))
-    for arm, body, sign in zip(pairs.arms(position), (pairs.first, pairs.second), (-fixed, fixed), strict=True):
-        outer = (sign * pairs.force[:, None] * arm).reshape(9, -1).T
-        np.add.at(sums, body, outer)
-        np.add.at(bound, body, np.abs(outer))
-    values = sums[:ground] @ SQUARES.T
-    values[np.abs(values) <= ZERO_FORM * bound[:ground].max(axis=1)[:, None]] = 0.0
-    body, which = np.nonzero(values)
-    number = np.arange(len(body))
-    weights = Weights(number, number, values[body, which], len(pairs.first) + body)
-    return Contribution.of(turns(body, SUMS[which].T, ground), stiffness=weights)
-
-
-def _turning(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
-    """What forces add that turn with their first body, and joints with two successive rotations: products of rows."""
-    free = len(felt.owner)
-    used = np.flatnonzero(felt.carrier < ground)
-    twist, owner = felt.twist[:, used], felt.owner[used]
-    both = np.concatenate((skew(twist[:3]), 0.5 * skew(twist[3:])), axis=1)
-    lever = np.einsum("ijk,jk->ik", both, np.concatenate((pairs.force, pairs.torque))[:, owner])
-    rows = Rows.join([felt.rows.take(slice(0, free)), turns(felt.carrier[used], lever, ground)])
-    first, second, value = used, free + np.arange(len(used)), np.ones(len(used))
-    if felt.two.size:
-        who, one, other = felt.two
-        half = 0.5 * np.einsum("cn,cn->n", pairs.torque[:, who], felt.cross)
-        first, second = np.concatenate((first, one)), np.concatenate((second, other))
-        value, owner = np.concatenate((value, half)), np.concatenate((owner, who))
-    return Contribution.of(rows, stiffness=Weights(first, second, value, owner))
-
-
-def _across_lines(pairs: Pairs, felt: Felt, ground: int) -> Contribution:
-    """What line springs and rods add: the squares of what their ends move across them, with F / L."""
-    across = felt.rows.take(slice(len(felt.owner), None))
-    swings = np.flatnonzero(felt.line_carrier < ground)
-    rows = Rows.join([across, turns(felt.line_carrier[swings], felt.swing[:, swings], ground)])
-    number = np.arange(len(felt.line_owner))
-    tension = -(pairs.force[:, felt.line_owner] * felt.line).sum(axis=0) / felt.length
-    weights = Weights(number, number, tension, felt.line_owner)
-    return Contribution.of(rows, stiffness=weights, row=np.concatenate((number, swings)))
+    ground, count, free = position.shape[1] - 1, len(pairs.first), len(felt.owner)
+    ends = np.concatenate((pairs.first, pairs.second))
+    sign = np.concatenate((-np.ones(count), np.ones(count)))
+    sign.reshape(2, count)[:, : applied.loads][:, applied.follower] = 0.0
+    bodies = np.unique(ends[ends < ground])
+    six, turning = 6 * len(bodies), np.flatnonzero(felt.carrier < ground)
+    swings, lines = np.flatnonzero(felt.line_carrier < ground), len(felt.line_owner)
+    of_bodies = turns(bodies.repeat(6), np.tile(SUMS.T, len(bodies)), ground)
+    levers = turns(felt.carrier[turning], np.zeros((3, len(turning))), ground)
+    swung = turns(felt.line_carrier[swings], felt.swing[:, swings], ground)
+    start = six + free + lines  # rows: of bodies, those that are felt, levers; swings add to rows across lines
+    number = np.arange(six)
+    across = six + free + np.arange(lines)
+    parts = felt.twist[:, turning].reshape(2, 3, -1) * _PARTS
+    return GeometricTerms(
+        felt, Rows.join([of_bodies, felt.rows, levers, swung]),
+        np.concatenate((np.arange(start + len(turning)), six + free + swings)),
+        np.concatenate((number, six + turning, six + felt.two[1], across)),
+        np.concatenate((number, start + np.arange(len(turning)), six + felt.two[2], across)),
+        np.concatenate((count + bodies.repeat(6), felt.owner[turning], felt.two[0], felt.line_owner)),
+        bodies, ends, np.concatenate(pairs.arms(position), axis=1), sign, turning,
+        skew(parts.swapaxes(0, 1)).transpose(3, 0, 2, 1).reshape(-1, 3, 6), slice(start, start + len(turning)),
+    )  # fmt: skip

@@ -8,7 +8,6 @@ import numpy as np
 
 from mbsvib.elements.contribution import Contribution
 from mbsvib.equations.applied_forces import acting
-from mbsvib.equations.geometric_stiffness import geometric
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.statement import antisymmetric, minimal_rows, signed_squares
 from mbsvib.equations.statics import ROUNDING, Statics, balance, check_balance
@@ -59,7 +58,7 @@ def load(
     """
     assert scene.loads is not None
     applied, felt, memory = scene.loads
-    known = acting(applied, scene, memory)
+    known = acting(applied, felt, scene, memory)
     motion = found["body_motion"]
     reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
     residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion, reach)
@@ -75,7 +74,7 @@ def load(
         applied, carried, pairs, known.ways.position, felt, residual, size, known.owners,
         tuple([stress.undetermined(names, {}) for stress in to_joints.stress]),
     )
-    parts = [geometric(pairs, applied, felt, known.ways.position)]
+    parts = [known.terms.contribution(pairs.force, pairs.torque)]
     unsymmetric = load_stiffness(applied, known.ways.position)
     if unsymmetric is not None:
         parts.append(unsymmetric)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.geometric_stiffness import geometric as kg
+from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.joint_carriers import carrier_of
 from mbsvib.equations.joint_carriers import place as place_of
 from mbsvib.equations.second_order_rows import felt
@@ -145,7 +145,7 @@ def geometric(
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
     feels = felt(acting, joints, number, coupled)
-    part = kg(every, acting, feels, position)
+    part = geometric_terms(every, acting, feels, position).contribution(every.force, every.torque)
     rows, stiffness, owner = signed_squares(part.stiffness, unknown_rows(part, tree, place))
     moved_with = [carrier_of(joint, number) for joint in joints]
     carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
