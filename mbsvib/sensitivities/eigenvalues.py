@@ -63,48 +63,48 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
     repeated ones.
     """
     system, groups = basis.equations, basis.groups(parameters)
-    found, pairs = basis.spectrum
-    if len(pairs.groups) and found.left is None and groups.unsymmetric:
-        found = replace(found, left=found.right)
-    widened = found if found.left is not None else found.with_sums(pairs)
+    spectrum, pairs = basis.spectrum
+    if len(pairs.groups) and spectrum.left is None and groups.unsymmetric:
+        spectrum = replace(spectrum, left=spectrum.right)
+    widened = spectrum if spectrum.left is not None else spectrum.with_sums(pairs)
     x = motions(groups.network, widened.right[:, None])
-    y = x if found.left is None else motions(groups.network, found.left[:, None])
+    y = x if spectrum.left is None else motions(groups.network, spectrum.left[:, None])
     gram = _gram(x, y, 2.0 * widened.lead)
     if groups.network.partial:
-        gram = _whole_gram(system, widened, widened.right, found.left)
+        gram = _whole_gram(system, widened, widened.right, spectrum.left)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = -1.0 / gram
-    resting = np.flatnonzero(found.lead == 0.0)
-    scale[len(found.lead) :] = 1.0
+    resting = np.flatnonzero(spectrum.lead == 0.0)
+    scale[len(spectrum.lead) :] = 1.0
     for some in (resting, *pairs.groups):
         scale[some] = 1.0
-    alone = found.left is None
+    alone = spectrum.left is None
     right = _fields(groups.network, x, widened.lead, 2.0 * scale if alone else scale, 0 if alone else 1)
-    left = None if alone else _fields(groups.network, y, found.lead, scale, -1)
-    result, beside = _simple(groups, found, left, right)
+    left = None if alone else _fields(groups.network, y, spectrum.lead, scale, -1)
+    result, beside = _simple(groups, spectrum, left, right)
     if len(resting):
-        lead = np.abs(result[:, found.place])
-        size = (lead / np.abs(scale[: len(found.lead)])).max(axis=1, keepdims=True)
+        lead = np.abs(result[:, spectrum.place])
+        size = (lead / np.abs(scale[: len(spectrum.lead)])).max(axis=1, keepdims=True)
         zero = ZERO_FORM
         if groups.matrix_group is not None or groups.loaded is not None:
             zero = ZERO_WHOLE
-            work = basis.variants.sizes(groups.variables.each()) * float(np.abs(found.right).max()) ** 2
+            work = basis.variants.sizes(groups.variables.each()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
-        _set(result, found, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
+        _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
     if len(pairs.groups) and left is not None:
         first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
-        cross = _gram(x.take(second), y.take(first), found.lead[first] + found.lead[second])
+        cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
         if groups.network.partial:
-            twice = replace(found, lead=0.5 * (found.lead[first] + found.lead[second]))
-            cross = _whole_gram(system, twice, found.right[:, second], np.asarray(found.left)[:, first])
+            twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
+            cross = _whole_gram(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
         form = _joined(groups.chain(groups.forms(left.take(first), right.take(second))))
-        _part(result, found, pairs, (gram, cross), form)
+        _part(result, spectrum, pairs, (gram, cross), form)
     elif len(pairs.groups):
         # between two motions: half of what both together have beyond each
-        cross = 0.5 * (gram[len(found.lead) :] - gram[pairs.first] - gram[pairs.second])
-        own = result[:, found.place]
+        cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
+        own = result[:, spectrum.place]
         form = 0.5 * (beside - own[:, pairs.first] - own[:, pairs.second])
-        _part(result, found, pairs, (gram, np.tile(cross, 2)), np.tile(form, 2))
+        _part(result, spectrum, pairs, (gram, np.tile(cross, 2)), np.tile(form, 2))
     return result
 
 
@@ -116,10 +116,10 @@ def _gram(x: Motions, y: Motions, twice: Complex) -> Complex:
     return result
 
 
-def _whole_gram(system: Equations, found: Spectrum, right: Field, left: Field | None) -> Complex:
+def _whole_gram(system: Equations, spectrum: Spectrum, right: Field, left: Field | None) -> Complex:
     """Return y^T (2 lambda M + C) x with all that there is in M and C."""
     y = right if left is None else left
-    return np.asarray((y * (2.0 * found.lead * (system.M @ right) + system.C @ right)).sum(axis=0), dtype=complex)
+    return np.asarray((y * (2.0 * spectrum.lead * (system.M @ right) + system.C @ right)).sum(axis=0), dtype=complex)
 
 
 def _fields(network: Network, motion: Motions, values: Complex, scale: Complex, side: int) -> Fields:
@@ -130,19 +130,19 @@ def _fields(network: Network, motion: Motions, values: Complex, scale: Complex, 
     return fields(network, motion, powers[0], powers[1], powers[2], side=side)
 
 
-def _simple(groups: ParameterGroups, found: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
+def _simple(groups: ParameterGroups, spectrum: Spectrum, left: Fields | None, right: Fields) -> tuple[Complex, Complex]:
     """Forms of all eigenvalues, conjugates included, (variables, eigenvalues), and those of sums behind them."""
     first, second = (right, None) if left is None else (left, right)
-    lead = len(found.lead)
-    if groups.variables.identity and groups.loaded is None and found.alternates:
+    lead = len(spectrum.lead)
+    if groups.variables.identity and groups.loaded is None and spectrum.alternates:
         padded = groups.size + PADDING
-        result = np.zeros((padded, found.count), dtype=complex)
+        result = np.zeros((padded, spectrum.count), dtype=complex)
         beside = np.zeros((padded, right.wrench.shape[-1] - lead), dtype=complex)
-        for rows, stride, block in forms(groups.groups, first, second):
+        for rows, stride, block in forms(groups.members, first, second):
             view, sums = picked(result, rows, stride), picked(beside, rows, stride)
             if view is None:
                 asked = rows >= 0
-                into = np.empty((*rows.shape, found.count), dtype=complex)
+                into = np.empty((*rows.shape, spectrum.count), dtype=complex)
                 _with_conjugates(into, block, lead)
                 result[rows[asked]], beside[rows[asked]] = into[asked], _joined(block[..., lead:])[asked]
             else:
@@ -153,8 +153,8 @@ def _simple(groups: ParameterGroups, found: Spectrum, left: Fields | None, right
         result[groups.loses_freedom] = np.nan
         return result, beside
     form = _joined(groups.chain(groups.forms(first, second)))
-    result = np.empty((len(form), found.count), dtype=complex)
-    _set(result, found, np.arange(lead), form[:, :lead])
+    result = np.empty((len(form), spectrum.count), dtype=complex)
+    _set(result, spectrum, np.arange(lead), form[:, :lead])
     return result, form[:, lead:]
 
 
@@ -180,22 +180,22 @@ def _joined(form: Field) -> Complex:
     return result
 
 
-def _set(result: Complex, found: Spectrum, which: Index, form: Complex | Array) -> None:
+def _set(result: Complex, spectrum: Spectrum, which: Index, form: Complex | Array) -> None:
     """Set the columns of some of the lead eigenvalues, and of their conjugates."""
-    result[:, found.place[which]] = form
-    mirror = np.full(len(found.lead), -1)
-    mirror[found.mirrored] = found.mirror
+    result[:, spectrum.place[which]] = form
+    mirror = np.full(len(spectrum.lead), -1)
+    mirror[spectrum.mirrored] = spectrum.mirror
     paired = mirror[which] >= 0
     result[:, mirror[which][paired]] = form[:, paired].conj()
 
 
 def _part(
-    result: Complex, found: Spectrum, pairs: Pairs, gram: tuple[Complex, Complex], cross: Complex
+    result: Complex, spectrum: Spectrum, pairs: Pairs, gram: tuple[Complex, Complex], cross: Complex
 ) -> None:  # fmt: skip
     """Eigenvalues that coincide part along branches of their own: ``gram`` is y^T (2 lambda M + C) x of each and of the
     pairs, first with second and second with first, ``cross`` the form of these.
     """
-    own, half = result[:, found.place], len(pairs.first)
+    own, half = result[:, spectrum.place], len(pairs.first)
     size = np.array([len(group) for group in pairs.groups])
     start = np.cumsum(size * (size - 1) // 2) - size * (size - 1) // 2
     for k in np.unique(size).tolist():  # groups of one size together
@@ -207,7 +207,7 @@ def _part(
         form[..., which, which], pair[:, which, which] = own[:, members], gram[0][members]
         form[..., upper, lower], pair[:, upper, lower] = cross[:, first], gram[1][first]
         form[..., lower, upper], pair[:, lower, upper] = cross[:, half + first], gram[1][half + first]
-        _set(result, found, members.reshape(-1), _branches(form, pair).reshape(len(result), members.size))
+        _set(result, spectrum, members.reshape(-1), _branches(form, pair).reshape(len(result), members.size))
 
 
 def _branches(form: Complex, pair: Complex) -> Complex:

@@ -53,5 +53,6 @@ def relative_twists(network: Network, body: Field) -> Field:
     """Return the relative motions of connections (j + s, 6, n) at their points, for those of bodies (b, 6, n)."""
     assert network.closing is not None
     at_origin = moved(body, network.origin - network.position)
-    found = np.concatenate([incidence_sum(each.T, at_origin) for each in (network.closing, network.acting)])
-    return moved(found, network.point - network.origin)
+    incidences = network.closing, network.acting
+    relative = np.concatenate([incidence_sum(incidence.T, at_origin) for incidence in incidences])
+    return moved(relative, network.point - network.origin)

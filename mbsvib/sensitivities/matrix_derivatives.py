@@ -39,7 +39,7 @@ class MatrixDerivatives:
 
     ``M``, ``C``, ``K`` (v, m, m), ``B`` (v, m, inputs), ``Cq``, ``Cv``, ``Ca`` (v, outputs, m), ``D`` (v, outputs,
     inputs) [unit of the entry per unit of the parameter]. Not a number where a parameter, changed alone, takes degrees
-    of freedom away. ``groups`` are those of the parameters that the variables move.
+    of freedom away.
     """
 
     variables: tuple[str, ...]
@@ -51,7 +51,7 @@ class MatrixDerivatives:
     Cv: Array
     Ca: Array
     D: Array
-    groups: ParameterGroups = field(repr=False)
+    _groups: ParameterGroups = field(repr=False)
 
     def factors(self, variable: str, matrix: str) -> tuple[Array, Array]:
         """Return the derivative of M, C or K to one variable as a product of low rank, P Q^T + Q P^T.
@@ -82,10 +82,10 @@ class MatrixDerivatives:
                 f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
             )  # fmt: skip
         place = self.variables.index(variable)
-        if self.groups.loaded is not None:  # what the equilibrium does is no product of few parts
+        if self._groups.loaded is not None:  # what the equilibrium does is no product of few parts
             p, q = factored(getattr(self, matrix)[place], matrix, variable, SYMMETRIC)
             return p.T, q.T
-        return _factors(self.groups, place, matrix)
+        return _factors(self._groups, place, matrix)
 
     def __repr__(self) -> str:
         return f"MatrixDerivatives({len(self.variables)} variables, {self.M.shape[1]} DOF)"
@@ -158,12 +158,12 @@ def _ports(pair: tuple[Loads, Loads]) -> tuple[int, int]:
 def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array, Array]:
     network = groups.network
     m = network.displacements.shape[1]
-    found = fields(network, motions(network, np.eye(m)), *_POWERS[matrix])
+    motion = fields(network, motions(network, np.eye(m)), *_POWERS[matrix])
     own = groups.variables.variable == variable
     rate = np.zeros(groups.size)
     np.add.at(rate, groups.variables.parameter[own], groups.variables.rate[own])
     first, second = [np.zeros((0, m))], [np.zeros((0, m))]
-    for group in groups.groups:
+    for group in groups.members:
         if isinstance(group, MatrixDerivativeGroup):
             for row in group.rows[rate[group.rows] != 0.0].tolist():
                 p, q = group.factors(row, matrix, groups.variables.names[variable])
@@ -173,7 +173,7 @@ def _factors(groups: ParameterGroups, variable: int, matrix: str) -> tuple[Array
         which = np.flatnonzero(((group.rows >= 0) & (rate[group.rows] != 0.0)).any(axis=1))
         for k in which.tolist():
             number, data, rows = group.part(k, k + 1)
-            for row, terms in zip(rows[0].tolist(), group.rule(found, number, data), strict=True):
+            for row, terms in zip(rows[0].tolist(), group.rule(motion, number, data), strict=True):
                 if row >= 0 and rate[row] != 0.0:
                     first += [rate[row] * p for p, _ in terms]
                     second += [q for _, q in terms]

@@ -183,8 +183,8 @@ def _relative(coordinates: Twists, first: Index, second: Index, point: Array) ->
     n = len(first)
     six = np.tile(_SIX, (n, 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    found = relative_motion(coordinates, rows)
-    return csr_array((found.value, (found.row, found.column)), shape=found.shape)
+    relative = relative_motion(coordinates, rows)
+    return csr_array((relative.value, (relative.row, relative.column)), shape=relative.shape)
 
 
 def _carried(system: Equations) -> tuple[Index, Array]:

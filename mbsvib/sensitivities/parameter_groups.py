@@ -46,7 +46,7 @@ class ParameterGroups:
 
     network: Network
     variables: Variables
-    groups: tuple[ParameterGroup | MatrixDerivativeGroup, ...]
+    members: tuple[ParameterGroup | MatrixDerivativeGroup, ...]
     slopes: MatrixSlopes
     loaded: LoadedNetwork | None = None
     rates: csr_array | None = None
@@ -76,12 +76,12 @@ class ParameterGroups:
     @property
     def by_rule(self) -> tuple[ParameterGroup, ...]:
         """The groups that have rules."""
-        return tuple(group for group in self.groups if isinstance(group, ParameterGroup))
+        return tuple(group for group in self.members if isinstance(group, ParameterGroup))
 
     @cached_property
     def matrix_group(self) -> MatrixDerivativeGroup | None:
         """The parameters whose derivatives are whole matrices, if there are any."""
-        return next((group for group in self.groups if isinstance(group, MatrixDerivativeGroup)), None)
+        return next((group for group in self.members if isinstance(group, MatrixDerivativeGroup)), None)
 
     @cached_property
     def variable_slopes(self) -> Mapping[str, Array]:
@@ -105,7 +105,7 @@ class ParameterGroups:
         array, shape (size, ...)
             Forms.
         """
-        result = form_table(self.groups, self.size, left, right)
+        result = form_table(self.members, self.size, left, right)
         if self.loaded is not None:
             self.loaded.add_forms(result, left, right)
         return result

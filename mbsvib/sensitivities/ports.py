@@ -181,13 +181,13 @@ def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | No
     maxwell = next((each for each in network.parts if isinstance(each, Maxwell) and each.name == part.element), None)
     names = [part.element] if maxwell is None else [line_name(maxwell, field) for field in
                                                     ("static_stiffness", "stiffness")]  # fmt: skip
-    found = [k for k, spring in enumerate(network.springs) if spring.name in names]
-    if not found:
+    numbers = [k for k, spring in enumerate(network.springs) if spring.name in names]
+    if not numbers:
         return None
-    spring, six = network.springs[found[0]], np.array(part.wrench)
+    spring, six = network.springs[numbers[0]], np.array(part.wrench)
     if isinstance(spring, Spring):
-        return found, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
-    return found, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
+        return numbers, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
+    return numbers, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
 
 
 def _carried(network: Network, part: BaseMotion) -> Array:
@@ -206,10 +206,10 @@ def _motion(network: Network, first: Index, second: Index, point: Array) -> Arra
         return np.zeros((0, 6, network.displacements.shape[1]))
     six = np.tile(np.eye(6), (count, 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    found = relative_motion(network.coordinates, rows).dense(0, 6 * count)
+    relative = relative_motion(network.coordinates, rows).dense(0, 6 * count)
     if network.reduction is not None:
-        found = found @ network.reduction
-    return found.reshape(count, 6, -1)
+        relative = relative @ network.reduction
+    return relative.reshape(count, 6, -1)
 
 
 def _shared(network: Network) -> NDArray[np.bool_]:

@@ -152,8 +152,8 @@ def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes:
     ModelError
         If the system has motions without mass and spin.
     """
-    system, chosen = basis.equations, state_basis(basis.responses)
-    vectors, k = chosen.vectors, chosen.massive
+    system, states = basis.equations, state_basis(basis.responses)
+    vectors, k = states.vectors, states.massive
     m, values = system.dof, modes.pairs[:, 0].astype(complex)
     result = np.empty((len(groups.variables.names), m, m), dtype=complex)
     coordinates = np.concatenate((vectors[:, :k].T @ system.M, vectors[:, k:].T @ system.C)) @ modes.shapes
@@ -168,7 +168,7 @@ def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes:
         held = own.conj().T.copy()
         held[:, k:] = 0.0
         still = bool(resting[group].any())
-        change = _bordered(chosen, values[group[0]], own, vectors[largest[group]] if still else held, forms)
+        change = _bordered(states, values[group[0]], own, vectors[largest[group]] if still else held, forms)
         if not still:
             mass = modes.shapes[:, group].conj().T @ groups.chain(pushed[1])
             change = change - own @ (held @ change + 0.5 * mass)
@@ -188,14 +188,14 @@ def _pushed(groups: ParameterGroups, shapes: Any, values: Complex) -> Complex:
     return result
 
 
-def _bordered(chosen: StateBasis, value: complex, own: Any, held: Any, forms: Complex) -> Complex:
+def _bordered(states: StateBasis, value: complex, own: Any, held: Any, forms: Complex) -> Complex:
     """Solve T X' + T' X lambda' = F, H X' = 0 in a basis, (v, m, k), with rows and columns balanced."""
     m, k = own.shape
-    mass = np.where(np.arange(m) < chosen.massive, 1.0, 0.0)
+    mass = np.where(np.arange(m) < states.massive, 1.0, 0.0)
     matrix = np.zeros((m + k, m + k), dtype=complex)
-    matrix[:m, :m] = chosen.stiffness + value * chosen.damping + value * value * np.diag(mass)
+    matrix[:m, :m] = states.stiffness + value * states.damping + value * value * np.diag(mass)
     # rigid-body modes stay at 0: what would move them must vanish, whichever damper brakes them
-    matrix[:m, m:] = own if value == 0.0 else 2.0 * value * mass[:, None] * own + chosen.damping @ own
+    matrix[:m, m:] = own if value == 0.0 else 2.0 * value * mass[:, None] * own + states.damping @ own
     matrix[m:, :m] = held
     row = 1.0 / np.maximum(np.abs(matrix).max(axis=1), np.finfo(float).tiny)
     matrix *= row[:, None]

@@ -73,8 +73,8 @@ class Spectrum:
         if not groups:
             none = np.zeros(0, dtype=np.intp)
             return Pairs(groups, none, none)
-        chosen = [np.triu_indices(len(group), 1) for group in groups]
-        first, second = (np.concatenate([group[which[side]] for group, which in zip(groups, chosen, strict=True)])
+        upper = [np.triu_indices(len(group), 1) for group in groups]
+        first, second = (np.concatenate([group[which[side]] for group, which in zip(groups, upper, strict=True)])
                          for side in (0, 1))  # fmt: skip
         return Pairs(groups, first, second)
 
@@ -101,30 +101,30 @@ def spectrum(basis: Basis) -> Spectrum:
         Eigenvalues in the order of ``modes().eigenvalues``.
     """
     modes = basis.response_modes
-    found = modes.damped
-    if isinstance(found, Damped):
-        return _symmetric(found)
-    return _general(modes.eigenvalues, found)
+    damped = modes.damped
+    if isinstance(damped, Damped):
+        return _symmetric(damped)
+    return _general(modes.eigenvalues, damped)
 
 
-def _symmetric(found: Damped) -> Spectrum:
-    values = found.pairs.reshape(-1)
-    turns = found.pairs[:, 0].imag != 0.0
-    keep = np.ones(found.pairs.shape, dtype=bool)
+def _symmetric(damped: Damped) -> Spectrum:
+    values = damped.pairs.reshape(-1)
+    turns = damped.pairs[:, 0].imag != 0.0
+    keep = np.ones(damped.pairs.shape, dtype=bool)
     keep[turns, 1] = False
     place = np.flatnonzero(keep)
     mirror = np.flatnonzero(~keep)
     position = np.cumsum(keep) - 1
     right: Field
-    if found.vectors is None:
-        right = found.shapes[:, place // 2]
+    if damped.vectors is None:
+        right = damped.shapes[:, place // 2]
     else:
-        right = found.shapes @ found.vectors.reshape(len(found.pairs), -1)[:, place]
+        right = damped.shapes @ damped.vectors.reshape(len(damped.pairs), -1)[:, place]
     return Spectrum(values[place], right, None, place, mirror, position[mirror - 1], len(values))
 
 
-def _general(values: Complex, found: General) -> Spectrum:
-    known, right, left, _ = found.spectrum.whole()
+def _general(values: Complex, general: General) -> Spectrum:
+    known, right, left, _ = general.spectrum.whole()
     m = len(right)
     x, y = np.zeros((m, len(values)), dtype=complex), np.zeros((m, len(values)), dtype=complex)
     free = np.ones(len(known), dtype=bool)

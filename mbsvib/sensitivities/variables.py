@@ -75,7 +75,7 @@ class Variables:
             moved = ((self.parameters[p].name, 1.0),) if p < count else self.directions[p - count].rates
             for name, share in moved:
                 rates[v][name] = rates[v].get(name, 0.0) + rate * share
-        return tuple(Direction(name, tuple(found.items())) for name, found in zip(self.names, rates, strict=True))
+        return tuple(Direction(name, tuple(moves.items())) for name, moves in zip(self.names, rates, strict=True))
 
     def joined(self, together: Mask) -> Variables:
         """Return the same variables, in which all of some parameters that one variable moves are one direction.
@@ -100,10 +100,10 @@ class Variables:
         rates: dict[int, dict[str, float]] = {}
         for v, p, rate in zip(self.variable[own].tolist(), self.parameter[own].tolist(), self.rate[own].tolist(),
                               strict=True):  # fmt: skip
-            found, name = rates.setdefault(v, {}), self.parameters[p].name
-            found[name] = found.get(name, 0.0) + rate
-        for v, found in rates.items():
-            moved = tuple((name, rate) for name, rate in found.items() if rate)
+            own_rates, name = rates.setdefault(v, {}), self.parameters[p].name
+            own_rates[name] = own_rates.get(name, 0.0) + rate
+        for v, own_rates in rates.items():
+            moved = tuple((name, rate) for name, rate in own_rates.items() if rate)
             if moved:
                 terms.append((v, len(left) + len(directions), 1.0))
                 directions.append(Direction(self.names[v], moved))
@@ -160,8 +160,8 @@ def variables(known: Parameters, asked: Asked) -> Variables:
                              f"{{name or pattern: rate}}.", element=str(name))  # fmt: skip
         for pattern, rate in maps[name].items():
             rate = check.number(rate, f"variable '{name}'", pattern, "a finite rate")
-            for found in known.matching(pattern):
-                terms.append((i, place.setdefault(found, len(place)), rate))
+            for match in known.matching(pattern):
+                terms.append((i, place.setdefault(match, len(place)), rate))
     table = np.array(terms, dtype=float).reshape(-1, 3)
     return Variables(tuple(names), tuple(known.entry(name) for name in place), table[:, 0].astype(np.intp),
                      table[:, 1].astype(np.intp), table[:, 2])  # fmt: skip

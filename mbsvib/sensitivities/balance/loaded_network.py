@@ -100,12 +100,12 @@ class LoadedNetwork:
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
         second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
-        found = self._given(second, gap)
+        row = self._given(second, gap)
         point, start = point_slopes(self.forces, x, None if right is None else y)
         turn, twist = turn_slopes(self.forces, x, y), self._stiffened(left, right)
         for key, part in (("point", point), ("start", start[self.forces.lines]), ("turn", turn), ("twist", twist)):
-            _put(found, getattr(at, key), part)
-        self._fold(result, found * weight, weight * second[:joints])
+            _put(row, getattr(at, key), part)
+        self._fold(result, row * weight, weight * second[:joints])
         if left.turned is not None:
             self._open(result, weight * cross(left.turned, cross(y[1][:joints, 3:], wide(
                 self.forces.wrench[:joints, 3:], y[1]))))  # fmt: skip
@@ -170,14 +170,14 @@ class LoadedNetwork:
         """The groups of what forces go through: joints and couplers."""
         return tuple(group for group in self.groups if group.kind in ("joint", "coupler"))
 
-    def _fold(self, result: Field, found: Field, moves: Field) -> None:
+    def _fold(self, result: Field, row: Field, moves: Field) -> None:
         """Add to parameters what belongs to them, and to the pose the rest; ``moves`` (joints, 6, ...) is what joints
         move to second order.
         """
-        count, tail = self.changes.count, found.shape[1:]
-        flat = found.reshape(len(found), prod(tail))
+        count, tail = self.changes.count, row.shape[1:]
+        flat = row.reshape(len(row), prod(tail))
         result[:count] += (self.changes.matrix @ flat).reshape(count, *tail)
-        result[count:] += product(self.force_rates.T, found)
+        result[count:] += product(self.force_rates.T, row)
         if self._through:
             result += form_table(self._through, self.size, *self._resting(moves))
 
@@ -186,11 +186,11 @@ class LoadedNetwork:
         left, at = moves.copy(), self.changes.at
         left[: self.forces.counts[0]] = 0.0
         wrench, point, start = work_slopes(self.forces, left, gap)
-        found = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
+        row = np.zeros((at.size, *moves.shape[2:]), dtype=moves.dtype)
         for key, part in (("point", point), ("start", start[self.forces.lines]),
                           ("wrench", wrench[self.forces.counts[0] :])):  # fmt: skip
-            _put(found, getattr(at, key), part)
-        return found
+            _put(row, getattr(at, key), part)
+        return row
 
     def _resting(self, moves: Field) -> tuple[Fields, Fields]:
         """The forces in joints at rest, and what joints move (joints, 6, ...), as fields."""
@@ -226,15 +226,15 @@ class LoadedNetwork:
         """The same for its stiffness and damping: K and C go with (1 - [rho]x / 2) on both sides."""
         own = self.forces.bushings
         strained = own - self.forces.counts[0]
-        found = -0.5 * cross(left.strain[strained, 3:], (left if right is None else right).wrench[own, 3:])
+        twisted = -0.5 * cross(left.strain[strained, 3:], (left if right is None else right).wrench[own, 3:])
         if right is not None:
-            found = found - 0.5 * cross(right.strain[strained, 3:], left.wrench[own, 3:])
-        return found
+            twisted = twisted - 0.5 * cross(right.strain[strained, 3:], left.wrench[own, 3:])
+        return twisted
 
 
-def _put(found: Field, at: slice, part: Field) -> None:
+def _put(row: Field, at: slice, part: Field) -> None:
     """Add derivatives (k, 3, ...) or (k, 6, ...) at their place in a row."""
-    found[at] += part.reshape(at.stop - at.start, *found.shape[1:])
+    row[at] += part.reshape(at.stop - at.start, *row.shape[1:])
 
 
 def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
