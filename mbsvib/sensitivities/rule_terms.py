@@ -43,7 +43,7 @@ def square_terms(d: Field, pairs: tuple[tuple[int, int], ...], factor: Field) ->
 
 
 def cross_terms(force: Field, theta: Field) -> list[Terms]:
-    """force . (theta x e) for the three unit vectors e."""
+    """Return the terms of force . (theta x e) for the three unit vectors e."""
     return [[(force[:, j], theta[:, k]), (force[:, k], -theta[:, j])] for j, k in ((1, 2), (2, 0), (0, 1))]
 
 

@@ -63,7 +63,7 @@ class Forces:
 
     @cached_property
     def normal(self) -> Array:
-        """a x b (n, 3) of two successive rotations, 0 elsewhere."""
+        """Products a x b (n, 3) of two successive rotations, 0 elsewhere."""
         return np.cross(self.axes[:, 0], self.axes[:, 1])
 
     @cached_property
