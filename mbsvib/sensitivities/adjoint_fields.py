@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.balance.second_order_work import geometric_wrenches
+from mbsvib.sensitivities.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
-from mbsvib.sensitivities.balance.displaced_bodies import holds_turns, turned
+from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations

@@ -10,14 +10,14 @@ import numpy as np
 
 from mbsvib.equations.equations import MATRICES
 from mbsvib.responses.basis import Basis
-from mbsvib.sensitivities.balance.loaded_network import loaded_network
-from mbsvib.sensitivities.balance.reference_pose import reference_pose
+from mbsvib.sensitivities.loaded_network import loaded_network
 from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
 from mbsvib.sensitivities.parameter_group import have_rules
 from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_through_equilibrium
 from mbsvib.sensitivities.port_checks import checked_loads
 from mbsvib.sensitivities.ports import no_loads
+from mbsvib.sensitivities.reference_pose import reference_pose
 from mbsvib.sensitivities.spectrum import spectrum
 from mbsvib.sensitivities.variables import variables
 from mbsvib.sensitivities.variants import Variants, not_held
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
-    from mbsvib.sensitivities.balance.loaded_network import LoadedNetwork
-    from mbsvib.sensitivities.balance.reference_pose import ReferencePose
+    from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
     from mbsvib.sensitivities.ports import Loads
+    from mbsvib.sensitivities.reference_pose import ReferencePose
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
     from mbsvib.sensitivities.variables import Asked, Direction, Variables
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.part import Part
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.applicability import Limit
-    from mbsvib.sensitivities.balance.forces import Forces
     from mbsvib.sensitivities.constraint_forces import Constraints
+    from mbsvib.sensitivities.forces import Forces
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, limits
-from mbsvib.sensitivities.balance.forces_at_rest import forces_at_rest
 from mbsvib.sensitivities.constraint_forces import constraints
+from mbsvib.sensitivities.forces_at_rest import forces_at_rest
 from mbsvib.sensitivities.network import Network
 from mbsvib.sensitivities.network_parts import beam_parts, maxwell_parts
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.vectors import incidence_sum, product
-from mbsvib.sensitivities.balance.pose_motion import pose_motion
 from mbsvib.sensitivities.lost_freedoms import lost_freedoms
 from mbsvib.sensitivities.matrix_group import MatrixDerivativeGroup
 from mbsvib.sensitivities.parameter_group import ParameterGroup, numbered_groups
+from mbsvib.sensitivities.pose_motion import pose_motion
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.variables import Direction
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
-    from mbsvib.sensitivities.balance.loaded_network import LoadedNetwork
-    from mbsvib.sensitivities.balance.reference_pose import ReferencePose
+    from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.reference_pose import ReferencePose
     from mbsvib.sensitivities.variables import Variables
 
     # Derivatives of all matrices by name along some directions; True where these are all parameters there are.

@@ -8,13 +8,13 @@ import numpy as np
 
 from mbsvib.elements import BaseMotion, Input, Output
 from mbsvib.sensitivities.adjoint_fields import momentum
-from mbsvib.sensitivities.balance.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.ports import loads
+from mbsvib.sensitivities.second_order_work import geometric_wrenches
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
-    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.ports import Loads
 

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 
 import mbsvib as mv
 from mbsvib import library
-from mbsvib.sensitivities.balance.second_order_work import geometric_wrenches
+from mbsvib.sensitivities.second_order_work import geometric_wrenches
 from mbsvib.sensitivities.variants import Variants
 from tests.sensitivities.differences import assert_as_variants, of_variants
 from tests.support.loaded_models import loaded, stiffened

@@ -135,7 +135,7 @@ class Forces:
 
     @cached_property
     def couple(self) -> Array:
-        """t . (a x b) of joints with two successive rotations, (joints, 1)."""
+        """Products t . (a x b) of joints with two successive rotations, (joints, 1)."""
         return np.asarray((self.wrench[self.twice, 3:] * self.normal[self.twice]).sum(axis=1, keepdims=True))
 
     @cached_property

@@ -9,8 +9,8 @@ import numpy as np
 from mbsvib.elements import Bushing, Load
 from mbsvib.elements.load import Gravity
 from mbsvib.linalg.rotations import logarithm
-from mbsvib.sensitivities.balance.displaced_bodies import Displaced
-from mbsvib.sensitivities.balance.forces import Forces
+from mbsvib.sensitivities.displaced_bodies import Displaced
+from mbsvib.sensitivities.forces import Forces
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -26,12 +26,12 @@ import numpy as np
 
 from mbsvib.linalg.vectors import cross, moved, product, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
-from mbsvib.sensitivities.balance.force_changes import force_changes
-from mbsvib.sensitivities.balance.moved_parameters import force_rates, parameter_rates
-from mbsvib.sensitivities.balance.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
+from mbsvib.sensitivities.force_changes import force_changes
 from mbsvib.sensitivities.joint_release_motion import joint_release_motion
+from mbsvib.sensitivities.moved_parameters import force_rates, parameter_rates
 from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
+from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.balance.force_changes import ForceChanges
-    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.force_changes import ForceChanges
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_group import ParameterGroup
 

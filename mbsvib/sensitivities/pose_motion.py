@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from mbsvib.common.arrays import Array
-    from mbsvib.sensitivities.balance.loaded_network import LoadedNetwork
+    from mbsvib.sensitivities.loaded_network import LoadedNetwork
 
     # Of forces f, torques t and T / L (n, 1), and of the relative shifts v and turns w (n, m) that they see.
     Sizes = tuple[Array, Array, Array, Array, Array]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
 
 

@@ -24,7 +24,7 @@ from mbsvib.linalg.vectors import cross, dot, wide
 
 if TYPE_CHECKING:
     from mbsvib.linalg.vectors import Field
-    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.forces import Forces
 
 
 def motion_slopes(forces: Forces, seen: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements import Bushing, Load
-from mbsvib.sensitivities.balance.displaced_bodies import Displaced, turned
-from mbsvib.sensitivities.balance.force_changes import RowTerms
+from mbsvib.sensitivities.displaced_bodies import Displaced, turned
+from mbsvib.sensitivities.force_changes import RowTerms
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from mbsvib.elements import Joint, Spring
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameter
-    from mbsvib.sensitivities.balance.force_changes import ForceChanges
-    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.force_changes import ForceChanges
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
 
     Follows = Callable[[str, str, Array], None]

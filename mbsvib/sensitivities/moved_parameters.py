@@ -15,8 +15,8 @@ from mbsvib.sensitivities.rule_terms import line_turn_rates
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.sensitivities.balance.force_changes import ForceChanges
-    from mbsvib.sensitivities.balance.forces import Forces
+    from mbsvib.sensitivities.force_changes import ForceChanges
+    from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network import Network
 
 
