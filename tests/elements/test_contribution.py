@@ -1,0 +1,92 @@
+"""Contributions: sums of weights over rows are the matrices that their definition says, dense and sparse."""
+
+import numpy as np
+import pytest
+
+from mbsvib.elements.contribution import NONE, Contribution, Weights, shifts, turns
+from mbsvib.elements.rows import Rows
+from mbsvib.equations.scene import scene
+from mbsvib.equations.statement import antisymmetric, minimal_rows, products, signed_squares
+from tests.support.random_models import spatial
+
+RNG = np.random.default_rng(3)
+
+
+def weights(first, second, owner=None):
+    first, second = np.array(first), np.array(second)
+    return Weights(first, second, RNG.uniform(-2, 2, len(first)), np.arange(len(first)) if owner is None else owner)
+
+
+def symmetric(part, rows):
+    """The form by its definition."""
+    result = np.zeros((rows.shape[1],) * 2)
+    for i, j, value in zip(part.first, part.second, part.value, strict=True):
+        outer = value * np.outer(rows[i], rows[j])
+        result += outer if i == j else outer + outer.T
+    return result
+
+
+def test_signed_squares_are_the_symmetric_form():
+    rows, part = RNG.normal(size=(5, 4)), weights([0, 1, 2, 3, 1], [0, 4, 2, 0, 2])
+    squares, value, owner = signed_squares(part, rows)
+    np.testing.assert_allclose(squares.T @ (value[:, None] * squares), symmetric(part, rows), atol=1e-14)
+    assert owner.tolist() == [0, 2, 1, 3, 4, 1, 3, 4]
+
+
+def test_products_of_sizes_far_apart_keep_their_digits():
+    one, other = RNG.normal(size=(3, 4)), 1e12 * RNG.normal(size=(3, 4))
+    rows, value = products(one, other)
+    expected = one.T @ other + other.T @ one
+    np.testing.assert_allclose(rows.T @ (value[:, None] * rows), expected, atol=1e-15 * np.abs(expected).max() * 8)
+
+
+def test_a_product_with_nothing_is_nothing():
+    rows, value = products(np.zeros((1, 3)), np.ones((1, 3)))
+    assert not value.any()
+    assert np.isfinite(rows).all()
+
+
+def test_antisymmetric_form():
+    rows, part = RNG.normal(size=(4, 3)), weights([0, 2], [1, 3])
+    expected = sum(v * (np.outer(rows[i], rows[j]) - np.outer(rows[j], rows[i]))
+                   for i, j, v in zip(part.first, part.second, part.value, strict=True))  # fmt: skip
+    found = antisymmetric(part, rows)
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+    assert np.array_equal(found, -found.T)
+
+
+def test_an_antisymmetric_form_that_is_rounding_is_none():
+    axis = RNG.normal(size=3)
+    rows = np.outer([1.0, 1.0 + 1e-16, 3.0], axis)
+    part = Weights(np.array([0, 1]), np.array([2, 2]), np.array([1.0, -1.0]), np.zeros(2, dtype=np.intp))
+    assert antisymmetric(part, rows) is None
+    assert antisymmetric(NONE, rows) is None
+
+
+@pytest.mark.parametrize("loops", [0, 1])
+def test_rows_in_minimal_coordinates(loops):
+    """Turns and shifts of bodies are those of their motion; rows that add up do."""
+    model = spatial(5, bodies=4, loops=loops)
+    system, view = model.linearize(), scene(model)
+    ground, bodies = len(view.bodies), np.array([0, 2, 3])
+    along, point = RNG.normal(size=(3, 3)), RNG.normal(size=(3, 3))
+    rows = Rows.join([turns(bodies, along, ground), shifts(bodies, along, point, ground)])
+    part = Contribution.of(rows, row=np.array([0, 1, 2, 3, 4, 0]))
+    motion = system.body_motion
+    found = minimal_rows(part, view.coordinates, system.provenance.reduction, motion)
+    turned = np.einsum("in,nim->nm", along, motion[bodies, 3:])
+    arm = point.T - view.position[bodies]
+    moved = motion[bodies, :3] + np.cross(motion[bodies, 3:], arm[:, :, None], axis=1)
+    shifted = np.einsum("in,nim->nm", along, moved)
+    expected = np.array([turned[0] + shifted[2], turned[1], turned[2], shifted[0], shifted[1]])
+    np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(motion).max())
+
+
+def test_joined_contributions_number_their_rows_one_after_the_other():
+    one = Contribution.of(turns(np.array([0, 1]), np.eye(3)[:, :2], 2), stiffness=weights([0, 1], [0, 1]))
+    two = Contribution.of(turns(np.array([1]), np.eye(3)[:, :1], 2), stiffness=weights([0], [0]), gyroscopic=NONE)
+    both = Contribution.join([one, two, one])
+    assert both.count == 5
+    assert both.stiffness.first.tolist() == [0, 1, 2, 3, 4]
+    assert both.gyroscopic is NONE
+    assert Contribution.join([one]) is one
