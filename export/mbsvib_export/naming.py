@@ -139,9 +139,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
         many = isinstance(result, list)  # balred of several orders
         return [named(each, plant) for each in result] if many else named(result, plant)
     controller, *rest = result if isinstance(result, tuple) else (result,)
-    made = [named(controller, plant, controller=True)]
-    for each in rest:
-        made.append(_loop(each, plant, controller) if hasattr(each, "input_labels") else each)
+    loops = (_loop(each, plant, controller) if hasattr(each, "input_labels") else each for each in rest)
+    made = [named(controller, plant, controller=True), *loops]
     return tuple(made) if isinstance(result, tuple) else made[0]
 
 

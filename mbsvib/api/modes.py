@@ -15,7 +15,15 @@ if TYPE_CHECKING:
 
 
 class Modes(result.Modes):
-    __doc__ = result.Modes.__doc__
+    """The modes of a system, one for each degree of freedom or a choice of them, in ascending natural frequency.
+
+    ``eigenvalues`` (2n,) [1/s] of n modes come in pairs, two for each mode: conjugate where the mode oscillates, real
+    where it creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2n,) estimates the relative error of each.
+    ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
+    classical (``classical`` says why, and is empty elsewhere). ``rigid`` counts the rigid-body modes; ``first_order``
+    (n,) marks massless motions that dampers hold, which have one eigenvalue in place of two, and is None where there is
+    none. ``rung`` names the solver of undamped modes that was accurate enough.
+    """
 
     def animate(
         self, mode: int, path: str | os.PathLike[str] | None = None, *, amplitude: float = 0.1,
@@ -59,4 +67,9 @@ class Modes(result.Modes):
 
 
 class SomeModes(Modes, sparse.SomeModes):
-    __doc__ = sparse.SomeModes.__doc__
+    """Some modes of a large system: ``Modes`` with the system ``reduced`` that they make.
+
+    ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
+    ``missed`` is the number of modes that the count of eigenvalues says are below the highest one and not among these
+    (0; None where rows were exchanged so that they could not be counted).
+    """

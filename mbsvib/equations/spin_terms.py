@@ -51,14 +51,12 @@ def spin_contribution(model: Mechanism, scene: Scene) -> Contribution:
     check_steady(model, scene)
     _check_surroundings(model)
     ground = len(scene.bodies)
-    none = Rows.stack([])
-    parts = [Contribution.of(none)]
-    for i, momentum in momenta(model, scene):
-        rows = turns(np.full(3, i), np.eye(3), ground)
-        parts.append(Contribution.of(rows, gyroscopic=_antisymmetric(cross(momentum))))
-    for damper in rotating_dampers(model, scene):
-        parts.append(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix)))
-    return Contribution.join(parts)
+    return Contribution.join([
+        *(Contribution.of(turns(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(cross(momentum)))
+          for i, momentum in momenta(model, scene)),
+        *(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix))
+          for damper in rotating_dampers(model, scene)),
+    ])  # fmt: skip
 
 
 def _antisymmetric(matrix: Array) -> Weights:

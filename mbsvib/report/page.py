@@ -57,11 +57,7 @@ def html(source: Model | System, inputs: Names = None, outputs: Names = None) ->
         "DATA": embedded(data),
         "SCRIPT": "\n".join(_read(name) for name in ("page.js", "motion.js", "panels.js")),
     }
-    page = _read("page.html")
-    parts = []
-    for piece in page.split("@@"):
-        parts.append(pieces.get(piece, piece))
-    return "".join(parts)
+    return "".join([pieces.get(piece, piece) for piece in _read("page.html").split("@@")])
 
 
 def write(

@@ -160,8 +160,7 @@ def variables(known: Parameters, asked: Asked) -> Variables:
                              f"{{name or pattern: rate}}.", element=str(name))  # fmt: skip
         for pattern, rate in maps[name].items():
             rate = check.number(rate, f"variable '{name}'", pattern, "a finite rate")
-            for match in known.matching(pattern):
-                terms.append((i, place.setdefault(match, len(place)), rate))
+            terms += [(i, place.setdefault(match, len(place)), rate) for match in known.matching(pattern)]
     table = np.array(terms, dtype=float).reshape(-1, 3)
     return Variables(tuple(names), tuple(known.entry(name) for name in place), table[:, 0].astype(np.intp),
                      table[:, 1].astype(np.intp), table[:, 2])  # fmt: skip

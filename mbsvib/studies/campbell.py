@@ -109,9 +109,8 @@ class Campbell:
                 for speed, row, which in zip(self.speeds, self.frequencies, self.directions, strict=True)]  # fmt: skip
         columns = [("speed [rad/s]", "right"), *((f"mode {i + 1} [Hz]", "right") for i in range(self.whirl.shape[1]))]
         notes = ["F: forward whirl, B: backward."]
-        for point in self.critical:
-            notes.append(f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode} at {point.order:g} x "
-                         f"speed ({digits(point.frequency)} Hz, {_word(point.whirl)}).")  # fmt: skip
+        notes += [f"Critical speed: {digits(point.speed)} rad/s, mode {point.mode} at {point.order:g} x speed "
+                  f"({digits(point.frequency)} Hz, {_word(point.whirl)})." for point in self.critical]  # fmt: skip
         growing = self.speeds[~self.stable]
         if len(growing):
             limits = f"; stability changes at {', '.join(map(digits, self.limits))} rad/s" if self.limits else ""
