@@ -154,7 +154,7 @@ def _of_rotors(model: Mechanism, scene: Scene, motion: Array) -> Array:
     from mbsvib.equations.spin_terms import momenta
 
     result = np.zeros((6, len(motion), motion.shape[2]))
-    for body, momentum in momenta(model, scene):
+    for body, momentum in momenta(model, scene.bodies):
         result[3:, body] += np.cross(momentum, motion[body, 3:], axis=0)
     return result
 
@@ -164,7 +164,7 @@ def _of_rotating_dampers(model: Mechanism, scene: Scene, reduction: Reduction, p
     from mbsvib.equations.spin_terms import rotating_dampers
 
     result = np.zeros((6, position.shape[1], len(reduction.independent)))
-    for damper in rotating_dampers(model, scene):
+    for damper in rotating_dampers(model, scene.bodies, scene.elements):
         wrench = damper.wrench(scene.coordinates, reduction)
         force, moment = wrench[:3], wrench[3:]
         for body, sign in ((damper.second, 1.0), (damper.first, -1.0)):

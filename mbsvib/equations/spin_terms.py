@@ -21,22 +21,27 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import relative_motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
+    from mbsvib.elements import Body, Spring
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
 
 
-def spin_contribution(model: Mechanism, scene: Scene) -> Contribution:
+def spin_contribution(
+    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]
+) -> Contribution:
     """Return what rotors add to C, and dampers that turn along with them to K.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
-    scene : Scene
-        The same in numbers.
+    bodies, elements : sequence
+        Its bodies and its spring-dampers, as they are numbered.
 
     Returns
     -------
@@ -48,14 +53,14 @@ def spin_contribution(model: Mechanism, scene: Scene) -> Contribution:
     ModelError
         If a spin is not steady, or a body is not symmetric about the axis on which it spins.
     """
-    check_steady(model, scene)
+    check_steady(model, bodies, elements)
     _check_surroundings(model)
-    ground = len(scene.bodies)
+    ground = len(bodies)
     return Contribution.join([
         *(Contribution.of(turns(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(cross(momentum)))
-          for i, momentum in momenta(model, scene)),
+          for i, momentum in momenta(model, bodies)),
         *(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix))
-          for damper in rotating_dampers(model, scene)),
+          for damper in rotating_dampers(model, bodies, elements)),
     ])  # fmt: skip
 
 
@@ -91,7 +96,7 @@ def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[
     ModelError
         If a spin is not steady, or a body is not symmetric about the axis on which it spins.
     """
-    part = spin_contribution(model, scene)
+    part = spin_contribution(model, scene.bodies, scene.elements)
     rows = minimal_rows(part, scene.coordinates, reduction, found["body_motion"])
     _with_forces(model, scene, reduction, found)
     result = dict(found)
@@ -130,46 +135,48 @@ class RotatingDamper:
         return np.asarray(self.matrix @ relative)
 
 
-def momenta(model: Mechanism, scene: Scene) -> list[tuple[int, Array]]:
+def momenta(model: Mechanism, bodies: Sequence[Body]) -> list[tuple[int, Array]]:
     """Return the number of each body with a rotor, and the rotor's angular momentum (3,) [kg m^2/s], world axes.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
-    scene : Scene
-        The same in numbers.
+    bodies : sequence of Body
+        Its bodies, as they are numbered.
 
     Returns
     -------
     list of (int, array)
         One for each rotor.
     """
-    number, result = {body.name: i for i, body in enumerate(scene.bodies)}, []
+    number, result = {body.name: i for i, body in enumerate(bodies)}, []
     for rotor in model.rotors.values():
         i, axis = number[rotor.body], np.array(rotor.axis)
-        moment = float(axis @ tensor(scene.bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
+        moment = float(axis @ tensor(bodies[i]) @ axis) if rotor.inertia is None else rotor.inertia
         result.append((i, moment * rotor.speed * axis))
     return result
 
 
-def rotating_dampers(model: Mechanism, scene: Scene) -> list[RotatingDamper]:
+def rotating_dampers(
+    model: Mechanism, bodies: Sequence[Body], elements: Sequence[Bushing | Spring]
+) -> list[RotatingDamper]:
     """Return the bushings that turn along with spinning bodies, and what their dampers do on that account.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
-    scene : Scene
-        The same in numbers.
+    bodies, elements : sequence
+        Its bodies and its spring-dampers, as they are numbered.
 
     Returns
     -------
     list of RotatingDamper
         One for each bushing with damping.
     """
-    number, spins, result = {body.name: i for i, body in enumerate(scene.bodies)}, own_spin(model), []
-    for spring in scene.elements:
+    number, spins, result = {body.name: i for i, body in enumerate(bodies)}, own_spin(model), []
+    for spring in elements:
         if isinstance(spring, Bushing) and together(model, spins, spring.first, spring.second):
             damping = world(spring, spring.damping)
             if not damping.any():
@@ -184,7 +191,7 @@ def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, found: di
     """Take what rotating dampers do on that account to the outputs that are forces in them."""
     if not scene.port.force_outputs:
         return
-    for damper in rotating_dampers(model, scene):
+    for damper in rotating_dampers(model, scene.bodies, scene.elements):
         for row, owner, wrench in scene.port.force_outputs:
             spring = scene.elements[owner]
             if spring.name == damper.name and isinstance(spring, Bushing):

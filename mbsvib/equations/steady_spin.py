@@ -10,11 +10,10 @@ from mbsvib.elements import Body, Bushing, Maxwell, Spring
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
-    from mbsvib.equations.scene import Scene
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -66,15 +65,15 @@ def together(model: Mechanism, spins: Mapping[str, Array], first: str, second: s
                 and np.linalg.norm(np.cross(a, apart)) <= SLACK * size * np.linalg.norm(apart))  # fmt: skip
 
 
-def check_steady(model: Mechanism, scene: Scene) -> None:
+def check_steady(model: Mechanism, parts: Sequence[Body], elements: Sequence[Bushing | Spring]) -> None:
     """Refuse spins that are not steady, by the name of the rotor and of what is in the way.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
-    scene : Scene
-        The same in numbers.
+    parts, elements : sequence
+        Its bodies and its spring-dampers, those that beams have become included.
 
     Raises
     ------
@@ -84,7 +83,7 @@ def check_steady(model: Mechanism, scene: Scene) -> None:
     """
     spins = own_spin(model)
     of = {rotor.body: rotor.name for rotor in model.rotors.values() if rotor.inertia is None}
-    bodies = {body.name: body for body in scene.bodies}
+    bodies = {body.name: body for body in parts}
     flexible = frozenset() if model.pieces is None else model.pieces.nodes
     for rotor in model.rotors.values():
         body = bodies[rotor.body]
@@ -103,7 +102,7 @@ def check_steady(model: Mechanism, scene: Scene) -> None:
         return
     for joint in model.joints.values():
         _check_joint(joint, bodies, spins, of)
-    for spring in scene.elements:
+    for spring in elements:
         if spring.first in spins or spring.second in spins:
             _check_spring(model, spring, bodies, spins, of)
 

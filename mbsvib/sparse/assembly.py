@@ -11,7 +11,9 @@ import numpy as np
 from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import ports
+from mbsvib.equations.spin_terms import spin_contribution
 from mbsvib.equations.wrenches import is_loaded
+from mbsvib.errors import ModelError
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.sparse.constraints import constraints
 from mbsvib.sparse.couplers import coupled
@@ -21,6 +23,7 @@ from mbsvib.sparse.layout import kinematics, layout
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.self_stress import regions
+from mbsvib.sparse.statement import antisymmetric, unknown_rows
 from mbsvib.sparse.tableau import build
 from mbsvib.sparse.tree import tree
 
@@ -109,10 +112,24 @@ def linearized(
                           dict.fromkeys(shared_by.values()))  # fmt: skip
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
+    circulatory = None if found is None else found.circulatory
+    gyroscopic, refused = None, [row for row, *_ in port.wrench_outputs]
+    if model.rotors:
+        spin = spin_contribution(model, bodies, tuple(model.springs.values()))
+        spun = unknown_rows(spin, structure, place)
+        gyroscopic, turning = antisymmetric(spin.gyroscopic, spun), antisymmetric(spin.circulatory, spun)
+        if turning is not None:
+            refused += [row for row, *_ in port.force_outputs]
+            circulatory = turning if circulatory is None else circulatory + turning
+    if refused and not (circulatory is None and gyroscopic is None):
+        name = list(model.outputs)[refused[0]]
+        raise ModelError(f"linearize: output '{name}' is a force, which method='sparse' does not support beside "
+                         f"rotors, follower loads and torques yet; use method='dense'.", element=name,
+                         field="method")  # fmt: skip
     loop_rows = closure.over_unknowns(structure, place)
     tableau = build(
         structure, place, kinematics(structure, place), rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
-        closure.slides, _ordering(closure),
+        closure.slides, _ordering(closure), circulatory, gyroscopic,
     )  # fmt: skip
     check_mobility(structure, closure, place, tableau)
     seen = relative_rows(structure, place, port.rows)
@@ -134,7 +151,8 @@ def linearized(
         structure=structure, constraints=closure, layout=place,
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
-        model=copy(model), loading=loading, undetermined=undetermined,
+        model=copy(model), loading=loading, undetermined=undetermined, circulatory=circulatory,
+        gyroscopic=gyroscopic,
     )  # fmt: skip
 
 

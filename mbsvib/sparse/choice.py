@@ -67,33 +67,22 @@ def wants_sparse(
             raise ModelError(f"linearize: '{light}' is massless or has a massless node, which method='sparse' does not "
                              f"support yet; use method='dense'.", element=light, field="method")  # fmt: skip
         return False
-    if model.rotors:
-        if method == "sparse":
-            rotor = next(iter(model.rotors))
-            raise ModelError(f"linearize: rotor '{rotor}' spins, which method='sparse' does not support yet; use "
-                             f"method='dense'.", element=rotor, field="method")  # fmt: skip
-        return False
     if method == "sparse":
         for word, value, what in (("independent", independent, "has no minimal coordinates to choose"),
                                   ("values", values, "linearizes one variant at a time")):  # fmt: skip
             if value is not None:
                 raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
                                  field=word)  # fmt: skip
-        twisted = _twisted(model)
-        if twisted is not None:
-            raise ModelError(f"linearize: load '{twisted}' follows its body or is a torque, whose stiffness is not "
-                             f"symmetric; method='sparse' does not support that yet, use method='dense'.",
-                             element=twisted, field="method")  # fmt: skip
         return True
-    if method == "dense" or independent is not None or values is not None or not model.bodies or _twisted(model):
+    if method == "dense" or independent is not None or values is not None or not model.bodies or _is_unsymmetric(model):
         return False
     topology = span(model, cut)
     return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
 
 
-def _twisted(model: Mechanism) -> str | None:
-    """The name of a load that makes the stiffness unsymmetric, or None."""
-    return next((load.name for load in model.loads.values() if load.follower or any(load.torque)), None)
+def _is_unsymmetric(model: Mechanism) -> bool:
+    """Tell whether rotors, follower loads or torques make the equations unsymmetric, whose modes are computed dense."""
+    return bool(model.rotors) or any(load.follower or any(load.torque) for load in model.loads.values())
 
 
 def linearized(

@@ -31,7 +31,8 @@ class SparseEquations:
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
     ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
-    redundant constraints leave open of the forces in joints that are outputs.
+    redundant constraints leave open of the forces in joints that are outputs. ``circulatory`` and ``gyroscopic``
+    (unknowns, unknowns) are the antisymmetric parts of K and C that follower loads, torques and rotors add, or None.
     """
 
     kind: ClassVar[str] = "sparse system"
@@ -62,6 +63,8 @@ class SparseEquations:
     dropped: Dropped | None = None
     loading: tuple[str, ...] = ()
     undetermined: tuple[Undetermined, ...] = ()
+    circulatory: csr_matrix | None = None
+    gyroscopic: csr_matrix | None = None
 
     @property
     def dof(self) -> int:

@@ -13,18 +13,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.contribution import Contribution
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.joint_carriers import carrier_of
 from mbsvib.equations.joint_carriers import place as place_of
 from mbsvib.equations.second_order_rows import felt
 from mbsvib.equations.statics import BALANCE, LEAST, who
+from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import Pairs
 from mbsvib.equations.wrenches import applied
 from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.statement import signed_squares, unknown_rows
+from mbsvib.sparse.statement import antisymmetric, signed_squares, unknown_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -60,6 +62,7 @@ class Geometric:
     carrier: Index
     feels: Felt
     applied: Applied
+    circulatory: csr_matrix | None = None
 
     def of_joints(self, joints: Index, wrench: Array) -> Geometric:
         """Return the same with wrenches (6, j) in some joints alone."""
@@ -145,11 +148,17 @@ def geometric(
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
     feels = felt(acting, joints, number, coupled)
-    part = geometric_terms(every, acting, feels, position).contribution(every.force, every.torque)
-    rows, stiffness, owner = signed_squares(part.stiffness, unknown_rows(part, tree, place))
+    parts = [geometric_terms(every, acting, feels, position).contribution(every.force, every.torque)]
+    unsymmetric = load_stiffness(acting, position)
+    if unsymmetric is not None:
+        parts.append(unsymmetric)
+    part = Contribution.join(parts)
+    moved = unknown_rows(part, tree, place)
+    rows, stiffness, owner = signed_squares(part.stiffness, moved)
     moved_with = [carrier_of(joint, number) for joint in joints]
     carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
-    return Geometric(rows, stiffness, owner, names, carried, every, carrier, feels, acting)
+    circulatory = antisymmetric(part.circulatory, moved)
+    return Geometric(rows, stiffness, owner, names, carried, every, carrier, feels, acting, circulatory)
 
 
 def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:

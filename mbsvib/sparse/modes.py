@@ -108,6 +108,10 @@ def modes(
 
 
 def _check(system: SparseEquations, k: int, near: float) -> None:
+    if system.circulatory is not None or system.gyroscopic is not None:
+        raise ResponseError(f"modes: follower loads, torques or rotors make the equations of '{system.name}' "
+                            f"unsymmetric, whose modes are not computed sparse yet; take linearize(method='dense'), "
+                            f"or ask for frequency_response.")  # fmt: skip
     if not system.dof:
         raise ResponseError(f"modes: '{system.name}' is fully locked: it has no modes. Its responses are constant: ask "
                             f"linearize(method='dense') for them, or frequency_response.")  # fmt: skip

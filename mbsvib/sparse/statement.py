@@ -1,4 +1,4 @@
-"""The sum of all contributions over the unknowns of sparse equations: rows and signed squares."""
+"""The sum of all contributions over the unknowns of sparse equations: rows, signed squares, antisymmetric matrices."""
 
 from __future__ import annotations
 
@@ -92,3 +92,26 @@ def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Arra
     owner = np.concatenate((weights.owner[own], owner, owner))
     acts = np.flatnonzero((np.diff(squares.indptr) > 0) & (value != 0.0))
     return squares[acts], value[acts], owner[acts]
+
+
+def antisymmetric(weights: Weights, rows: csr_matrix) -> csr_matrix | None:
+    """Return an antisymmetric form of rows as a matrix, sum of value (d_i d_j^T - d_j d_i^T).
+
+    Parameters
+    ----------
+    weights : Weights
+        Weights of products.
+    rows : csr_matrix, shape (count, unknowns)
+        The rows.
+
+    Returns
+    -------
+    csr_matrix, shape (unknowns, unknowns), or None
+        The matrix; None where there is none.
+    """
+    if not len(weights.value):
+        return None
+    from scipy.sparse import diags
+
+    part = rows[weights.first].T @ diags(weights.value) @ rows[weights.second]
+    return (part - part.T).tocsr()

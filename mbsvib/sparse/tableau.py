@@ -200,6 +200,7 @@ class Factor:
 def build(
     tree: Tree, place: Layout, fixed: csr_matrix, rows: csr_matrix, stiffness: Array, damping: Array,
     inertia: csr_matrix, loops: csr_matrix, slides: NDArray[np.bool_], ordering: str = "NATURAL",
+    circulatory: csr_matrix | None = None, gyroscopic: csr_matrix | None = None,
 ) -> Tableau:  # fmt: skip
     """Return the tableau.
 
@@ -223,6 +224,8 @@ def build(
         Which of them lock a translation.
     ordering : str
         SuperLU's column ordering.
+    circulatory, gyroscopic : csr_matrix, shape (size, size), optional
+        Antisymmetric parts of stiffness and damping.
 
     Returns
     -------
@@ -247,10 +250,10 @@ def build(
     held = np.concatenate((q, place.multiplier))
     pieces = [(a.row, a.col, a.data), (outer, closure.col, closure.data), forces, (held, held, np.zeros(len(held)))]
     row, column, value = (np.concatenate([piece[i] for piece in pieces]) for i in range(3))
-    parts = [
-        (row, column, value), balanced(rows.T @ diags(stiffness) @ rows),
-        balanced(rows.T @ diags(damping) @ rows), balanced(inertia),
-    ]  # fmt: skip
+    elastic, viscous = (rows.T @ diags(values) @ rows for values in (stiffness, damping))
+    elastic = elastic if circulatory is None else elastic + circulatory
+    viscous = viscous if gyroscopic is None else viscous + gyroscopic
+    parts = [(row, column, value), balanced(elastic), balanced(viscous), balanced(inertia)]
     indices, indptr, data = _one_pattern(parts, size)
     row_scale, column_scale = _scales(tree, place, slides, data[1], indices, indptr)
     owner = np.repeat(np.arange(size), np.diff(indptr))

@@ -95,8 +95,6 @@ def test_where_loads_are_not_supported_they_are_refused_by_name():
     assert len(model.linearize(values={"up.stiffness": [1.0, 2.0]})) == 2
     with pytest.raises(mv.ModelError, match=r"load 'turn' follows its body .*batches do not support"):
         turning().linearize(values={"turn.force.y": [1.0, 2.0]})
-    with pytest.raises(mv.ModelError, match=r"load 'lift' follows its body .*method='sparse'"):
-        model.replace("lift", follower=True).linearize(method="sparse")
 
 
 def test_gears_carry_what_pendulums_weigh():

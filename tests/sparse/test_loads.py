@@ -110,11 +110,3 @@ def test_what_lacks_balance_is_named():
     model.add_load("push", "rocker", force=(0, 0, 1e-5))
     with pytest.raises(mv.EquilibriumError, match=r"lacks .* N m about z of joint"):
         model.linearize(method="sparse")
-
-
-@pytest.mark.parametrize("words", [{"force": (0, 0, -1.0), "follower": True}, {"torque": (0, 0, 1.0)}])
-def test_loads_that_make_the_stiffness_unsymmetric_are_refused(words):
-    model = pendulum_chain(3)
-    model.add_load("drive", "m3", **words)
-    with pytest.raises(mv.ModelError, match=r"load 'drive' follows its body or is a torque.*use method='dense'"):
-        model.linearize(method="sparse")

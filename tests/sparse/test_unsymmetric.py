@@ -1,0 +1,97 @@
+"""Sparse equations with rotors, follower loads and torques: the responses of dense ones; modes are refused by name."""
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from mbsvib.elements import Output
+from tests.support.loaded_models import loaded
+from tests.support.random_models import spatial
+
+OMEGA = np.array([0.0, 0.3, 4.0, 60.0])
+
+
+def same(model, **words):
+    dense, sparse = model.linearize(**words), model.linearize(method="sparse", **words)
+    assert dense.gyroscopic is not None or dense.circulatory is not None
+    expected = dense.frequency_response(OMEGA)
+    found = sparse.frequency_response(OMEGA)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+    symmetric = model.with_parts(rotors={}, loads={}).linearize().frequency_response(OMEGA)
+    assert np.abs(expected - symmetric).max() > 1e-6 * np.abs(expected).max()  # the terms count
+    return sparse
+
+
+@pytest.mark.parametrize("loops", [0, 1])
+@pytest.mark.parametrize("seed", range(4))
+def test_wheels_on_bodies(seed, loops):
+    model = with_ports(spatial(seed, bodies=4, loops=loops, kinds=("spherical", "universal"), ports=False))
+    rng = np.random.default_rng(seed)
+    for k, body in enumerate(list(model.bodies)):
+        model.add_rotor(f"wheel{k}", body, rng.uniform(50, 300), rng.normal(size=3), inertia=rng.uniform(0.01, 0.1))
+    same(model)
+
+
+def with_ports(model):
+    body = list(model.bodies)[-1]
+    model.add_input("push", body, (1.0, 0.3, -0.2, 0.1, 0.2, 0.3))
+    model.add_output("moves", body, (0.2, 1.0, 0.5, 0.3, -0.1, 0.2))
+    return model
+
+
+@pytest.mark.parametrize(("follower", "torque"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("loops", [0, 1])
+def test_follower_loads_and_torques(loops, follower, torque):
+    model = with_ports(loaded(7 + loops, bodies=4, loops=loops, follower=follower, torque=torque))
+    dense, sparse = model.linearize(), model.linearize(method="sparse")
+    assert dense.circulatory is not None
+    expected = dense.frequency_response(OMEGA)
+    np.testing.assert_allclose(sparse.frequency_response(OMEGA), expected, rtol=1e-9,
+                               atol=1e-11 * np.abs(expected).max())  # fmt: skip
+    np.testing.assert_allclose(sparse.static_compliance(), expected[..., 0].real, rtol=1e-9,
+                               atol=1e-11 * np.abs(expected).max())  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["rotor_stator", "sleeping_top"])
+def test_models_of_the_library_that_spin(name):
+    model = getattr(mv.library, name)()
+    model = model.with_parts(outputs={k: out for k, out in model.outputs.items() if isinstance(out, Output)})
+    found = model.linearize(method="sparse").frequency_response(OMEGA[1:])
+    expected = model.linearize().frequency_response(OMEGA[1:])
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+
+
+def shaft(disks):
+    """Disks on a shaft of beams, that spin on it."""
+    model = mv.Model("shaft")
+    model.add_beam("shaft", None, None, {"type": "circle", "radius": 0.01}, {"E": 2.1e11, "nu": 0.3, "rho": 7800},
+                   (0, 0, 0), (0, 0, 1), elements=2 * disks)  # fmt: skip
+    for k in (0, 2 * disks):
+        model.add_bushing(f"bearing{k}", "ground", f"shaft.{k}", (0, 0, k / (2 * disks)), (1e6, 1e6, 1e6, 0, 0, 1e2))
+    for k in range(disks):
+        at = 2 * k + 1
+        model.add_body(f"disk{k}", 1.0, (2e-3, 2e-3, 4e-3), (0, 0, at / (2 * disks)))
+        model.add_joint(f"fit{k}", "fixed", f"shaft.{at}", f"disk{k}")
+        model.add_rotor(f"spin{k}", f"disk{k}", 500.0, (0, 0, 1), inertia=4e-3)
+    model.add_input("F", "disk0", "x")
+    model.add_output("y", "disk0", "y")
+    return model
+
+
+def test_disks_on_a_shaft_of_beams():
+    sparse = same(shaft(3))
+    assert sparse.gyroscopic.nnz
+
+
+def test_what_is_not_there_yet_is_refused_by_name():
+    model = shaft(1)
+    with pytest.raises(mv.ResponseError, match=r"modes: follower loads, torques or rotors.*'shaft' unsymmetric"):
+        model.linearize(method="sparse").modes(3)
+    model.add_force_output("reaction", "ground", "x")
+    with pytest.raises(mv.ModelError, match="output 'reaction' is a force, which method='sparse' does not support"):
+        model.linearize(method="sparse")
+
+
+def test_large_models_that_spin_stay_dense_of_their_own_accord(monkeypatch):
+    monkeypatch.setattr("mbsvib.sparse.choice.MANY", 10)
+    assert isinstance(shaft(8).linearize(), mv.System)
