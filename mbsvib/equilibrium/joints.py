@@ -1,11 +1,4 @@
-"""Joints in finite motion: how far a joint moves its bodies, where it is in another pose, and how far it is open.
-
-With the axes A in the first and B in the second body (equal as described), the joint's point p in both, and
-d = A^T (p_b - p_a): locked translations are zero in d, in axes that turn with the first body. Where one rotation is
-free both bodies keep its axis; where two successive ones are (see ``parts.joint``), the one named first (``axis`` of a
-universal joint) stays in the first body and the other (``axis2``) in the second, at their angle; other two, and three,
-are the components of one rotation vector log(A^T B). The rod of a distance joint, from p_a to p_b, keeps its length.
-"""
+"""Joints in finite motion: the words of a joint in another pose; what it does there, ``joint_rules`` tells."""
 
 from __future__ import annotations
 
@@ -43,85 +36,9 @@ def two_axes(joint: Joint) -> tuple[Array, Array]:
     return one, two
 
 
-def displacement(joint: Joint, values: Array) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and shift (3,) of the second body relative to the first, about the joint's point.
-
-    A point x of the second body goes to p + shift + rotation (x - p).
-    """
-    shift, turns = np.zeros(3), []
-    if joint.kind == "distance":
-        return exponential(np.array(joint.axes) @ values[2:]), _swing(joint, values[:2])
-    for (name, six), value in zip(joint.freedom, values.tolist(), strict=True):
-        shift += np.multiply(value, six[:3])
-        if name[0] == "r":
-            turns.append(np.multiply(value, six[3:]))
-    if joint.successive:
-        return exponential(turns[0]) @ exponential(turns[1]), shift
-    return exponential(sum(turns, start=np.zeros(3))), shift
-
-
 def _rod(joint: Joint) -> tuple[Vector, Vector]:
     """Where a rod begins on the first and ends on the second body."""
     return joint.position or (0.0, 0.0, 0.0), joint.end or (0.0, 0.0, 0.0)
-
-
-def _swing(joint: Joint, across: Array) -> Array:
-    """How far a rod's end goes on its sphere: as far along an arc as the rod's two coordinates say."""
-    axes = np.array(joint.axes)
-    length = float(np.linalg.norm(np.subtract(*_rod(joint))))
-    angle = float(np.linalg.norm(across)) / length
-    along = np.append(np.sinc(angle / np.pi) * across, -0.5 * length * angle**2 * np.sinc(0.5 * angle / np.pi) ** 2)
-    return np.asarray(axes @ along)
-
-
-def opening(joint: Joint, pose: Pose, at: Vector) -> Array:
-    """Return how far a joint is open: the displacement of its second body against the first that should be none.
-
-    Parameters
-    ----------
-    joint : Joint
-        The joint as described.
-    pose : Pose
-        The pose.
-    at : array-like, shape (3,)
-        The joint's point as described.
-
-    Returns
-    -------
-    array, shape (6,)
-        Translation [m] and small rotation [rad], world axes. Only what it has along locked directions counts: that is
-        exactly zero where the joint is assembled, and to first order the displacement that opened it.
-    """
-    if joint.kind == "distance":
-        begin, end = _rod(joint)
-        rod = pose.point(joint.second, end) - pose.point(joint.first, begin)
-        length = float(np.linalg.norm(rod))
-        surplus = length - float(np.linalg.norm(np.subtract(end, begin)))
-        return np.concatenate((surplus / length * rod, np.zeros(3)))
-    gap = pose.point(joint.second, at) - pose.point(joint.first, at)
-    first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
-    free = rotations(joint)
-    turn = np.zeros(3)
-    if not free:
-        turn = logarithm(second @ first.T)
-    elif len(free) == 1:
-        turn = np.cross(first[:, free[0]], second[:, free[0]])
-        if joint.pitch:
-            relative = first.T @ second
-            angle = float(np.arctan2(relative[1, 0] - relative[0, 1], relative[0, 0] + relative[1, 1]))
-            advance = float(first[:, 2] @ gap) / joint.pitch
-            turn += (angle + 2 * np.pi * np.round((advance - angle) / (2 * np.pi))) * first[:, 2]
-    elif joint.successive:
-        one, two = two_axes(joint)
-        cosine = one @ two
-        one, two = pose.turned(joint.first, one), pose.turned(joint.second, two)
-        normal = np.cross(one, two)
-        turn = (cosine - one @ two) / float(normal @ normal) * normal
-    elif len(free) == 2:
-        locked = 3 - sum(free)
-        bend = logarithm(first.T @ second)
-        turn = np.sinc(0.5 * np.linalg.norm(bend) / np.pi) * bend[locked] * halfway(joint, pose)[:, locked]
-    return np.concatenate((gap, turn))
 
 
 def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:

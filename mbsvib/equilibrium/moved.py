@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
 from mbsvib.equilibrium.flexible_parts import stiffened
-from mbsvib.equilibrium.motion import along_tree, close, same_side, stance
+from mbsvib.equilibrium.motion import close, same_side, stance
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
@@ -77,7 +77,7 @@ def moved(
                              element=name, field="values")  # fmt: skip
         target[here.coordinates.names.index(name)] = value
     if here.cuts is None:
-        return carried(model, along_tree(here, target), relaxed)
+        return carried(model, here.moved(target).pose, relaxed)
     return carried(model, _follow(here, target, list(given)).pose, relaxed)
 
 
@@ -107,7 +107,7 @@ def _follow(here: Stance, target: Array, names: list[str]) -> Stance:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert here.cuts is not None
     phi = here.closure / here.cuts.row_scale(here.size)[:, None]
-    arms = partial(arm, here.topology, here.pose.centre[:-1])
+    arms = partial(arm, here.kinematics.topology, here.pose.centre[:-1])
     reduction = reduce(here.coordinates, here.cuts, phi, names, arms)
     depends = np.ones(len(target), dtype=bool)
     depends[reduction.independent] = False

@@ -54,24 +54,6 @@ def carried(model: M, pose: Pose, relaxed: bool = False) -> M:
     return rebuilt(model, lambda part: _words(part, pose, relaxed))
 
 
-def skeleton(model: M, pose: Pose) -> M:
-    """Return the bodies, joints and couplers of a model in another pose, which is all that its motions depend on.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model as described.
-    pose : Pose
-        The pose of its bodies.
-
-    Returns
-    -------
-    Mechanism
-        A model without springs, loads, rotors, inputs and outputs.
-    """
-    return carried(model.with_parts(springs={}, loads={}, rotors={}, inputs={}, outputs={}), pose)
-
-
 def bare(model: M) -> M:
     """Return a model without what no equilibrium depends on: inputs, outputs, and Maxwell elements, which give way."""
     springs = {name: part for name, part in model.springs.items() if not isinstance(part, Maxwell)}

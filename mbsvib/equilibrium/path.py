@@ -15,13 +15,12 @@ import numpy as np
 from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.joints import NoWordsError
 from mbsvib.equilibrium.load_steps import with_share
-from mbsvib.equilibrium.motion import Stance, close, same_side, stance
+from mbsvib.equilibrium.motion import Stance, close, same_side
 from mbsvib.errors import ModelError, SingularPoseError
 from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # A pose counts as found when less than this share of the forces is left over, and no step makes it less.
 FOUND = 1e-10
@@ -134,28 +133,24 @@ def polished(at: Stance, forces: Balance) -> tuple[Stance, Balance, list[float]]
     return at, forces, residuals
 
 
-def follow(model: Mechanism, first: Stance, cut: tuple[str, ...]) -> Found:
+def follow(first: Stance) -> Found:
     """Return the pose that a mechanism held by springs takes as its loads are applied.
 
     Parameters
     ----------
-    model : Mechanism
-        The model as described.
     first : Stance
         The pose as described.
-    cut : tuple of str
-        Joints at which loops are cut.
 
     Returns
     -------
     Found
         The pose under the whole load, or the last one on the branch.
     """
-    done, share, steps = 0.0, 1.0, 0
+    done, share, steps, model = 0.0, 1.0, 0, first.described
     here, shares = first, [0.0]
     residuals: list[float] = []
     while True:
-        tried, arrived = _contracting(stance(with_share(model, share), here.pose, cut, here.travel))
+        tried, arrived = _contracting(here.under(with_share(model, share)))
         steps += len(tried.residuals) - 1
         if arrived:
             here, done, residuals = tried.stance, share, list(tried.residuals)
@@ -165,9 +160,9 @@ def follow(model: Mechanism, first: Stance, cut: tuple[str, ...]) -> Found:
             share = min(1.0, done + 2.0 * (done - shares[-2]))
             continue
         if share - done < SMALLEST_SHARE:
-            last = balance(stance(with_share(model, done), here.pose, cut, here.travel))
-            stopped = f"under {done:.1%} of the load {tried.stopped or _softened(model, first, last)}"
-            whole = stance(model, here.pose, cut, here.travel)
+            last = balance(here.under(with_share(model, done)))
+            stopped = f"under {done:.1%} of the load {tried.stopped or _softened(first, last)}"
+            whole = here.under(model)
             forces = balance(whole)
             return Found(whole, forces, (*residuals, forces.share), steps, tuple(shares), stopped)
         share = done + 0.5 * (share - done)
@@ -197,9 +192,9 @@ def _contracting(at: Stance) -> tuple[Found, bool]:
     return Found(at, forces, tuple(residuals), 0, (), stopped), reached
 
 
-def _softened(model: Mechanism, first: Stance, last: Balance) -> str:
+def _softened(first: Stance, last: Balance) -> str:
     """Say how soft a mechanism has become at the end of its branch."""
-    before, _ = stiffness(balance(stance(with_share(model, 0.0), first.pose, first.cut)))
+    before, _ = stiffness(balance(first.under(with_share(first.described, 0.0))))
     values, vectors = stiffness(last)
     name = last.names[int(np.argmax(np.abs(vectors[:, 0])))]
     left = float(values[0] / before[0])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,13 @@ from mbsvib.linalg.rotations import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.mechanism import Mechanism
 
+IDENTITY = np.eye(3)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True)
 class Pose:
     """A pose of all bodies, ground last.
 
@@ -28,11 +31,26 @@ class Pose:
     origin: Array
     centre: Array
     turn: Array
-    _still: tuple[bool, ...] = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        still = (self.centre == self.origin).all(axis=1) & (self.turn == np.eye(3)).all(axis=(1, 2))
-        object.__setattr__(self, "_still", tuple(still.tolist()))
+    @cached_property
+    def _still(self) -> tuple[bool, ...]:
+        still = (self.centre == self.origin).all(axis=1) & (self.turn == IDENTITY).all(axis=(1, 2))
+        return tuple(still.tolist())
+
+    @cached_property
+    def _change(self) -> tuple[Array, Array]:
+        """How far centres went (bodies + 1, 3), and what rotations change about them (bodies + 1, 3, 3)."""
+        return self.centre - self.origin, self.turn - IDENTITY
+
+    def points(self, body: Index, at: Array) -> Array:
+        """Return where points (n, 3) of bodies (n,) are that were ``at`` [m] as described; exact if none has moved."""
+        shift, change = self._change
+        arm = at - self.origin.take(body, axis=0)
+        return np.asarray(at + (shift.take(body, axis=0) + (change.take(body, axis=0) @ arm[..., None])[..., 0]))
+
+    def vectors(self, body: Index, what: Array) -> Array:
+        """Return vectors (n, 3) that turn with bodies (n,)."""
+        return np.asarray((self.turn.take(body, axis=0) @ what[..., None])[..., 0])
 
     def point(self, body: str, at: Sequence[float] | Array) -> Array:
         """Return where the point of a body is that was ``at`` [m] as described."""
@@ -49,10 +67,8 @@ class Pose:
 
     def moved_to(self, centre: Array, turn: Array) -> Pose:
         """Return the pose after displacements: the new centres, and the rotations that come on top of those before."""
-        turns = np.array([orthonormal(more @ before) for more, before in zip(turn, self.turn, strict=True)])
-        same = (turn == np.eye(3)).all(axis=(1, 2))
-        turns[same] = self.turn[same]
-        return Pose(self.number, self.origin, centre, turns)
+        same = (turn == IDENTITY).all(axis=(1, 2), keepdims=True)
+        return Pose(self.number, self.origin, centre, np.where(same, self.turn, orthonormal(turn @ self.turn)))
 
 
 def start(model: Mechanism) -> Pose:
@@ -60,4 +76,4 @@ def start(model: Mechanism) -> Pose:
     number = {name: k for k, name in enumerate(model.bodies)}
     number["ground"] = len(number)
     origin = np.array([*(body.position for body in model.bodies.values()), (0.0, 0.0, 0.0)])
-    return Pose(number, origin, origin, np.tile(np.eye(3), (len(origin), 1, 1)))
+    return Pose(number, origin, origin, np.tile(IDENTITY, (len(origin), 1, 1)))

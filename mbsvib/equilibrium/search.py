@@ -22,6 +22,7 @@ from mbsvib.mechanism.mechanism import Mechanism
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.equilibrium.motion import Stance
     from mbsvib.equilibrium.path import Found
     from mbsvib.equilibrium.pose import Pose
 
@@ -60,7 +61,7 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     if before.share <= FOUND:
         there = _described(model, pose)
         return Equilibrium(there, 0, (before.share,), (), displacements(pose))
-    found = descend(first) if snap or not _held(plain, cut) else follow(plain, first, cut)
+    found = descend(first) if snap or not _held(first) else follow(first)
     if found.stopped:
         raise _unreachable(found)
     there = _described(model, found.stance.pose)
@@ -74,9 +75,9 @@ def _described(model: M, pose: Pose) -> M:
     return there
 
 
-def _held(model: Mechanism, cut: tuple[str, ...]) -> bool:
+def _held(first: Stance) -> bool:
     """Tell whether springs hold the mechanism in its pose when neither gravity nor loads act."""
-    alone = balance(stance(with_share(model, 0.0), start(model), cut))
+    alone = balance(first.under(with_share(first.described, 0.0)))
     return alone.share <= FOUND and is_stable(stiffness(alone)[0])
 
 

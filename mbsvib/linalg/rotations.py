@@ -11,43 +11,54 @@ if TYPE_CHECKING:
 
 # Below this angle [rad] the series of the coefficients are as exact as their closed forms, and do not divide by zero.
 SMALL = 0.05
+# Rotations with a cosine below this are next to half a turn.
+HALF_TURN = -0.99
+_IDENTITY = np.eye(3)
+# [w]x of w = (x, y, z) is w @ _SKEW, row by row
+_SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
 
 
 def skew(w: Array) -> Array:
-    """Return [w]x, the matrix with [w]x v = w x v."""
-    x, y, z = w
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """Return [w]x (..., 3, 3), the matrices with [w]x v = w x v, of vectors (..., 3)."""
+    return np.asarray(np.asarray(w) @ _SKEW).reshape(*np.shape(w), 3)
+
+
+def axial(matrix: Array) -> Array:
+    """Return the vectors w (..., 3) whose [w]x is the antisymmetric part of matrices (..., 3, 3)."""
+    return np.asarray(matrix.reshape(*matrix.shape[:-2], 9) @ (0.5 * _SKEW.T))
 
 
 def exponential(w: Array) -> Array:
-    """Return the rotation matrix of a rotation vector [rad].
+    """Return the rotation matrices (..., 3, 3) of rotation vectors (..., 3) [rad].
 
     exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2,  a = |w|
     """
-    angle = float(np.linalg.norm(w))
+    angle = np.sqrt((w * w).sum(axis=-1))[..., None, None]
     matrix = skew(w)
-    half = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * matrix + half * (matrix @ matrix))
+    half = 0.5 * np.sinc(0.5 / np.pi * angle) ** 2
+    return np.asarray(_IDENTITY + np.sinc(angle / np.pi) * matrix + half * (matrix @ matrix))
 
 
 def logarithm(rotation: Array) -> Array:
-    """Return the rotation vector [rad] of a rotation matrix, at most half a turn long."""
-    axial = 0.5 * np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
-                            rotation[1, 0] - rotation[0, 1]])  # fmt: skip
-    sine, cosine = float(np.linalg.norm(axial)), 0.5 * (float(np.trace(rotation)) - 1.0)
-    angle = float(np.arctan2(sine, cosine))
-    if cosine > -0.99:
-        return axial / np.sinc(angle / np.pi)
+    """Return the rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3), at most half a turn long."""
+    w = axial(rotation)
+    sine, cosine = np.sqrt((w * w).sum(axis=-1)), 0.5 * (rotation.trace(axis1=-2, axis2=-1) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    straight = cosine <= HALF_TURN
+    if not straight.any():
+        return np.asarray(w / np.sinc(angle / np.pi)[..., None])
+    if rotation.ndim > 2:
+        return np.array([logarithm(one) for one in rotation])
     # next to half a turn the axial part vanishes: the axis is the largest column of the symmetric part
-    symmetric = 0.5 * (rotation + rotation.T) - cosine * np.eye(3)
+    symmetric = 0.5 * (rotation + rotation.T) - cosine * _IDENTITY
     axis = symmetric[:, int(np.argmax(np.diagonal(symmetric)))]
     axis = axis / np.linalg.norm(axis)
-    return np.asarray(angle * (axis if axis @ axial >= 0.0 else -axis))
+    return np.asarray(angle * (axis if axis @ w >= 0.0 else -axis))
 
 
 def orthonormal(rotation: Array) -> Array:
-    """Return the rotation matrix nearest to one that rounding has taken off by a little."""
-    return np.asarray(1.5 * rotation - 0.5 * rotation @ (rotation.T @ rotation))
+    """Return the rotation matrices nearest to those (..., 3, 3) that rounding has taken off by a little."""
+    return np.asarray(1.5 * rotation - 0.5 * rotation @ (rotation.swapaxes(-1, -2) @ rotation))
 
 
 def inverse_jacobian(w: Array) -> Array:

@@ -25,8 +25,8 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.equilibrium.flexible_parts import stiffened
-from mbsvib.equilibrium.motion import size_of
 from mbsvib.equilibrium.moved import coordinates_of, moved
+from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
