@@ -114,7 +114,7 @@ def gone(joint: Joint, direction: str, pose: Pose, at: tuple[float, float, float
     k = DIRECTIONS.index(direction)
     first, second = pose.turned(joint.first, joint.axes), pose.turned(joint.second, joint.axes)
     if k < 3:
-        return float(first[:, k] @ (pose.point(joint.second, at) - pose.point(joint.first, at)))
+        return float(first[:, k] @ np.subtract(pose.point(joint.second, at), pose.point(joint.first, at)))
     relative, free = first.T @ second, rotations(joint)
     if len(free) == 1:
         i, j = (k - 2) % 3, (k - 1) % 3

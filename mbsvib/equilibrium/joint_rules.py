@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import frame_along
+from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rotations import axial, exponential, logarithm
 
 if TYPE_CHECKING:
@@ -31,15 +32,14 @@ class Joints:
     """Joints (k) of one rule as described.
 
     ``first``, ``second`` (k,) are their bodies, ``start`` and ``end`` (k, 3) their points as the first and the second
-    body carry them [m], ``axes`` (k, 3, 3) their axes, ``one`` and ``two`` (k, 3) the axes of their first and last free
-    rotation, ``pitch`` (k,) that of screws [m].
+    body carry them [m], ``one`` and ``two`` (k, 3) the axes of their first and last free rotation, ``pitch`` (k,) that
+    of screws [m].
     """
 
     first: Index
     second: Index
     start: Array
     end: Array
-    axes: Array
     one: Array
     two: Array
     pitch: Array
@@ -57,7 +57,7 @@ Opening = Callable[[Joints, "Pose", "Array"], tuple["Array", "Array"]]
 class Rule:
     """What a kind of joint does in finite motion.
 
-    ``axes`` returns the rotations (k, 3, 3) of its axes since they were described; None: that of the first body.
+    ``axes`` returns axes (k, 3, 3) with which all of its directions turn; None: they turn with the first body.
     ``opening`` takes p_b - p_a and returns the translation [m] and the small rotation [rad] (k, 3) of the second body
     against the first that should be none; None: all rotations are free. Only what these have along locked directions
     counts: that is exactly zero where the joint is assembled, and to first order the displacement that opened it.
@@ -67,13 +67,22 @@ class Rule:
     opening: Opening | None = None
 
 
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(crossed_product(a.T, b.T).T)
+
+
+def _normal(joints: Joints, pose: Pose) -> Array:
+    """The cross product of the axis in the first and that in the second body."""
+    return _cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
+
+
 def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     first, second = pose.turn[joints.first], pose.turn[joints.second]
     return gap, logarithm(second @ first.swapaxes(-1, -2))
 
 
 def _tilted(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    return gap, np.cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.one))
+    return gap, _normal(joints, pose)
 
 
 def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
@@ -88,21 +97,19 @@ def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     return gap, tilt + angle[:, None] * axis
 
 
-def _triads(one: Array, two: Array) -> Array:
-    """Axes (k, 3, 3): along ``one``, along the normal of both, and across."""
-    normal = np.cross(one, two)
-    normal /= np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
-    return np.stack((one, normal, np.cross(normal, one)), axis=-1)
-
-
 def _between_axes(joints: Joints, pose: Pose) -> Array:
-    now = _triads(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
-    return np.asarray(now @ _triads(joints.one, joints.two).swapaxes(-1, -2))
+    """Axes along the one in the first body, along the normal of both, and across."""
+    one = pose.vectors(joints.first, joints.one)
+    normal = _cross(one, pose.vectors(joints.second, joints.two))
+    normal /= np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
+    result = np.empty((*one.shape, 3))
+    result[..., 0], result[..., 1], result[..., 2] = one, normal, _cross(normal, one)
+    return result
 
 
 def _off_angle(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     one, two = pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two)
-    normal = np.cross(one, two)
+    normal = _cross(one, two)
     change = (joints.one * joints.two).sum(axis=-1) - (one * two).sum(axis=-1)
     return gap, (change / (normal * normal).sum(axis=-1))[:, None] * normal
 
@@ -122,8 +129,7 @@ def _bent(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
 def _along_rod(joints: Joints, pose: Pose) -> Array:
     rod = joints.gap(pose)
     rod /= np.sqrt((rod * rod).sum(axis=-1, keepdims=True))
-    now = np.array([frame_along((x, y, z)) for x, y, z in rod.tolist()])
-    return np.asarray(now @ joints.axes.swapaxes(-1, -2))
+    return np.array([frame_along((x, y, z)) for x, y, z in rod.tolist()])
 
 
 def _stretched(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
@@ -182,5 +188,5 @@ def _stack(joints: Sequence[Joint], number: Mapping[str, int], origin: Array) ->
                       for point, joint in zip(end, joints, strict=True)])  # fmt: skip
     turns = [[six[3:] for name, six in joint.freedom if name[0] == "r"] or [(0.0,) * 3] for joint in joints]
     one, two = np.array([axes[0] for axes in turns]), np.array([axes[-1] for axes in turns])
-    return Joints(first, second, start, end, np.array([joint.axes for joint in joints]), one, two,
+    return Joints(first, second, start, end, one, two,
                   np.array([joint.pitch or 0.0 for joint in joints]))  # fmt: skip

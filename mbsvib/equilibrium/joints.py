@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
+    from mbsvib.elements.joint import Six
     from mbsvib.equilibrium.pose import Pose
 
 ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
@@ -30,9 +31,9 @@ def rotations(joint: Joint) -> tuple[int, ...]:
     return tuple(DIRECTIONS.index(name) - 3 for name, _ in joint.freedom if name[0] == "r")
 
 
-def two_axes(joint: Joint) -> tuple[Array, Array]:
+def two_axes(joint: Joint) -> tuple[Six, Six]:
     """Return the axes of a joint with two successive rotations: the one in the first and the one in the second body."""
-    one, two = (np.array(six[3:]) for name, six in joint.freedom if name[0] == "r")
+    one, two = (six[3:] for name, six in joint.freedom if name[0] == "r")
     return one, two
 
 
@@ -60,12 +61,12 @@ def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
     free = rotations(joint)
     if joint.successive:
         one, two = two_axes(joint)
-        one, two = pose.turned(joint.first, one), pose.turned(joint.second, two)
+        one, two = pose.direction(joint.first, one), pose.direction(joint.second, two)
         if joint.kind == "universal":
             return {key: value for key, value in words.items() if key != "orientation"} | {"axis": one, "axis2": two}
-        words["orientation"] = _frame(joint, one, two, free, pose)
+        words["orientation"] = _frame(joint, np.array(one), np.array(two), free, pose)
     elif joint.axis is not None and joint.kind in ALONG_AXIS:
-        words["axis"] = pose.turned(joint.first, joint.axis)
+        words["axis"] = pose.direction(joint.first, joint.axis)
         return words
     elif len(free) == 2:
         words["orientation"] = halfway(joint, pose)

@@ -32,6 +32,8 @@ CORRECTIONS = 25
 RANK = 1e-9
 # Loops count as closed when they are open by no more than this share of their size, and get no closer.
 CLOSED = 1e-13
+# What is open by so few roundings gets no closer.
+EXACT = 4.0 * EPS
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def close(at: Stance, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance
         if not now < left:  # it gets no closer
             break
         best, gain, left = here, left, now
-        if now < CLOSED and now > 0.1 * gain:
+        if now <= EXACT or (now < CLOSED and now > 0.1 * gain):
             break
         scale = here.scale[allowed]
         step = np.zeros(len(here.scale))

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.elements.coupler import Coupling
-from mbsvib.elements.part import Composed
+from mbsvib.elements.part import Composed, Part
 from mbsvib.elements.rotor import Rotor
 from mbsvib.equilibrium import flexible_parts as rigid
 from mbsvib.equilibrium import joints, springs
@@ -60,7 +60,7 @@ def bare(model: M) -> M:
     return model.with_parts(springs=springs, inputs={}, outputs={})
 
 
-def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Body:
+def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Part:
     if isinstance(part, Body):
         return _body(part, pose)
     if isinstance(part, Joint):
@@ -69,20 +69,25 @@ def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Body:
         return springs.words_at(part, pose, relaxed)
     if isinstance(part, Composed):
         return rigid.words_at(part, pose)  # type: ignore[arg-type]
-    words: dict[str, Any] = part.words()
-    if isinstance(part, Rotor):
-        return words | {"axis": pose.turned(part.body, part.axis)}
     if isinstance(part, (Load, Input, Output)):
-        if part.position is not None and not pose.stays(part.body):
-            words["position"] = pose.point(part.body, part.position)
-        if isinstance(part, Load) and part.follower and not pose.stays(part.body):
-            words |= {key: pose.turned(part.body, words[key]) for key in ("force", "torque") if key in words}
-        return words
+        return _applied(part, pose)
+    if isinstance(part, Rotor):
+        return part.words() | {"axis": pose.direction(part.body, part.axis)}
     if isinstance(part, (BaseMotion, ForceOutput, Coupling)):
-        return words
+        return part
     what = type(part).__name__.lower()
     raise ModelError(f"{what} '{part.name}': no {what} can be taken to another pose yet; give the model in that pose.",
                      element=part.name)  # fmt: skip
+
+
+def _applied(part: Load | Input | Output, pose: Pose) -> Part:
+    """A force or an output there; its direction is fixed in the world, but that of a follower load."""
+    if pose.stays(part.body):
+        return part
+    changes: dict[str, Any] = {} if part.position is None else {"position": pose.point(part.body, part.position)}
+    if isinstance(part, Load) and part.follower:
+        changes |= {key: pose.direction(part.body, getattr(part, key)) for key in ("force", "torque")}
+    return replace(part, **changes) if changes else part
 
 
 def _body(body: Body, pose: Pose) -> Body:

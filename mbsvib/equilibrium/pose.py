@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mbsvib.linalg.rotations import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from mbsvib.common.arguments import Vector
     from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -52,13 +53,24 @@ class Pose:
         """Return vectors (n, 3) that turn with bodies (n,)."""
         return np.asarray((self.turn.take(body, axis=0) @ what[..., None])[..., 0])
 
-    def point(self, body: str, at: Sequence[float] | Array) -> Array:
+    def point(self, body: str, at: Sequence[float]) -> Vector:
         """Return where the point of a body is that was ``at`` [m] as described."""
-        k = self.number[body]
-        return np.asarray(self.centre[k] + self.turn[k] @ (np.asarray(at) - self.origin[k]))
+        origin, centre = self._numbers[0][self.number[body]]
+        x, y, z = self.direction(body, (at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]))
+        return x + centre[0], y + centre[1], z + centre[2]
+
+    def direction(self, body: str, what: Sequence[float]) -> Vector:
+        """Return a vector that turns with a body."""
+        (x, y, z), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
+        return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+    @cached_property
+    def _numbers(self) -> tuple[Any, Any]:
+        """Origin and centre, and the rotation of each body as numbers, which single points are faster with."""
+        return np.stack((self.origin, self.centre), axis=1).tolist(), self.turn.tolist()
 
     def turned(self, body: str, what: Sequence[float] | Sequence[Sequence[float]] | Array) -> Array:
-        """Return a vector (3,) or axes (3, 3) that turn with a body."""
+        """Return a vector (3,) or axes (3, 3), as an array, that turn with a body."""
         return np.asarray(self.turn[self.number[body]] @ np.asarray(what))
 
     def stays(self, body: str) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS, span
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equilibrium.joint_rules import Joints, Rule
@@ -44,7 +45,8 @@ class PoseKinematics:
     ``coordinates`` and ``cuts`` are those of the pose as described. Their six-vectors (s), twists first, then locked
     rows, then what couplers measure, are ``vectors`` (s, 3, 2), each a linear and an angular part, that turn with
     ``turner`` (s,): a body, or behind the bodies a joint of ``own_axes``. They are at ``point`` (s, 3) of body
-    ``holder`` (s,). ``loops`` are the cut joints in groups of one rule.
+    ``holder`` (s,). ``own_axes`` are functions of the pose that return axes of joints, with the transpose of what they
+    return as described; ``loops`` are the cut joints in groups of one rule.
     """
 
     topology: Topology
@@ -55,7 +57,7 @@ class PoseKinematics:
     turner: Index
     point: Array
     holder: Index
-    own_axes: tuple[tuple[Rule, Joints], ...]
+    own_axes: tuple[tuple[Callable[[Pose], Array], Array], ...]
     loops: tuple[tuple[Rule, Index, Joints], ...]
     tree: Tree
 
@@ -63,7 +65,7 @@ class PoseKinematics:
         """Return the joint coordinates and the locked rows in a pose."""
         turn = pose.turn
         if self.own_axes:
-            turn = np.concatenate((turn, *(rule.axes(joints, pose) for rule, joints in self.own_axes if rule.axes)))
+            turn = np.concatenate((turn, *(axes(pose) @ inverse for axes, inverse in self.own_axes)))
         linear, angular = np.ascontiguousarray((turn.take(self.turner, axis=0) @ self.vectors).transpose(2, 1, 0))
         point = np.ascontiguousarray(pose.points(self.holder, self.point).T)
         n, cuts = len(self.coordinates.names), self.cuts
@@ -184,11 +186,12 @@ def _prepared(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
     if model.couplers:
         cuts = with_couplers(cuts, tuple(model.couplers.values()), topology, bodies, number, coordinates)
     turner, holder = _carriers(topology, number)
-    own_axes: list[tuple[Rule, Joints]] = []
+    own_axes: list[tuple[Callable[[Pose], Array], Array]] = []
     behind = len(number)
     for rule, which, joints in in_groups(topology.joints, number, pose.origin):
         if rule.axes is not None:
-            own_axes.append((rule, joints))
+            axes = partial(rule.axes, joints)
+            own_axes.append((axes, axes(pose).swapaxes(-1, -2)))
             turner[which] = np.arange(behind, behind + len(which))
             behind += len(which)
     owner = _owners(topology, cuts, model)

@@ -7,6 +7,7 @@ to second order about that pose, which is all that its preload and its stiffness
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def _spring(spring: Spring, pose: Pose, words: dict[str, Any], relaxed: bool) ->
             words["preload"] = spring.tension
             del words["free_length"]
     elif spring.free_length is None:
-        change = spring.stiffness * (float(np.linalg.norm(end - start)) - spring.length)
+        change = spring.stiffness * (math.dist(start, end) - spring.length)
         tension = spring.tension + change
         if abs(tension) < ROUNDING * abs(spring.stiffness) * spring.length:
             tension = 0.0
@@ -77,7 +78,7 @@ def _spring(spring: Spring, pose: Pose, words: dict[str, Any], relaxed: bool) ->
 def _maxwell(part: Maxwell, pose: Pose, words: dict[str, Any], relaxed: bool) -> dict[str, Any]:
     """Its damper gives way until the spring in series carries nothing; the spring beside them would carry a force."""
     start, end = pose.point(part.first, part.start), pose.point(part.second, part.end)
-    before, after = (float(np.linalg.norm(np.subtract(b, a))) for a, b in ((part.start, part.end), (start, end)))
+    before, after = math.dist(part.start, part.end), math.dist(start, end)
     if not relaxed and part.static_stiffness and abs(after - before) > 16 * ROUNDING * before:
         who = f"maxwell '{part.name}'"
         raise NoWordsError(
@@ -91,7 +92,7 @@ def _maxwell(part: Maxwell, pose: Pose, words: dict[str, Any], relaxed: bool) ->
 def deflection(bushing: Bushing, pose: Pose) -> tuple[Array, Array]:
     """Return d [m] and rho [rad] of a bushing since the pose in which it is described, in its axes."""
     first, second = (pose.turned(body, bushing.orientation) for body in (bushing.first, bushing.second))
-    gap = pose.point(bushing.second, bushing.position) - pose.point(bushing.first, bushing.position)
+    gap = np.subtract(pose.point(bushing.second, bushing.position), pose.point(bushing.first, bushing.position))
     return first.T @ gap, logarithm(first.T @ second)
 
 
