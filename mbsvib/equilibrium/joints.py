@@ -71,7 +71,7 @@ def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
     elif len(free) == 2:
         words["orientation"] = halfway(joint, pose)
     else:
-        words["orientation"] = pose.turned(joint.first, joint.axes)
+        words["orientation"] = pose.axes(joint.first, joint.axes)
     words.pop("axis", None)
     return words
 

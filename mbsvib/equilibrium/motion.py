@@ -188,6 +188,8 @@ def same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
     if not depends.any():  # all loops are redundant
         return True
     before, after = ((stance.closure * stance.scale)[:, depends] for stance in (here, there))
-    rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
-    alpha, beta = eigvals(after[rows], before[rows], homogeneous_eigvals=True)
+    if len(before) > before.shape[1]:  # some rows are redundant
+        rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
+        before, after = before[rows], after[rows]
+    alpha, beta = eigvals(after, before, homogeneous_eigvals=True)
     return bool(((alpha * beta.conj()).real > 0.0).all())

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
 from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.part import Composed, Part
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.equilibrium.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
-
-IDENTITY = np.eye(3)
 
 
 def carried(model: M, pose: Pose, relaxed: bool = False) -> M:
@@ -94,9 +90,5 @@ def _body(body: Body, pose: Pose) -> Body:
     """The body there; nothing of it that could be refused has changed."""
     if pose.stays(body.name):
         return body
-    k = pose.number[body.name]
-    changes: dict[str, Any] = {"position": tuple(pose.centre[k].tolist())}
-    turn = pose.turn[k]
-    if not (turn == IDENTITY).all():
-        changes["orientation"] = tuple(map(tuple, (turn @ np.array(body.orientation)).tolist()))
-    return replace(body, **changes)
+    centre = pose.centre[pose.number[body.name]]
+    return replace(body, position=tuple(centre.tolist()), orientation=pose.axes(body.name, body.orientation))

@@ -13,7 +13,7 @@ from mbsvib.linalg.rotations import orthonormal
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from mbsvib.common.arguments import Vector
+    from mbsvib.common.arguments import Matrix3, Vector
     from mbsvib.common.arrays import Array, Index
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -63,6 +63,14 @@ class Pose:
         """Return a vector that turns with a body."""
         (x, y, z), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
         return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
+
+    def axes(self, body: str, what: Matrix3) -> Matrix3:
+        """Return axes (columns) that turn with a body."""
+        (r, s, t), ((a, b, c), (d, e, f), (g, h, i)) = what, self._numbers[1][self.number[body]]
+        (x, y, z), (u, v, w), (k, m, n) = r, s, t
+        return ((a * x + b * u + c * k, a * y + b * v + c * m, a * z + b * w + c * n),
+                (d * x + e * u + f * k, d * y + e * v + f * m, d * z + e * w + f * n),
+                (g * x + h * u + i * k, g * y + h * v + i * m, g * z + h * w + i * n))  # fmt: skip
 
     @cached_property
     def _numbers(self) -> tuple[Any, Any]:

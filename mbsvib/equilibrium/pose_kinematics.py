@@ -98,16 +98,16 @@ class Tree:
 
     Coordinates are summed up in groups from ``start`` (g,) on, one for each joint of the tree, and one more for the
     second of two successive rotations: ``group`` (j,) is the first of each joint that moves, ``body`` (j,) the body
-    behind it, ``then`` (2, k) lists the joints (of these) with a second one and the number of that. ``back`` (bodies
-    + 1, 1) tells joints whose second body is the one nearer to ground. ``rod`` (k,) and ``length`` (k, 1) list distance
-    joints (of these), ``levels`` the bodies and their parents that do not hang on ground, from there outwards.
+    behind it, ``then`` (2, k) lists the joints (of these) with a second one and the number of that, ``back`` (k,) those
+    whose second body is the one nearer to ground. ``rod`` (k,) and ``length`` (k, 1) list distance joints (of these),
+    ``levels`` the bodies and their parents that do not hang on ground, from there outwards.
     """
 
     start: Index
     group: Index
     body: Index
     then: Index
-    back: Array
+    back: Index
     rod: Index
     length: Array
     levels: tuple[tuple[Index, Index], ...]
@@ -136,13 +136,15 @@ class Tree:
         own[self.then[0]] = own[self.then[0]] @ rotations[self.then[1]]
         if len(self.rod):
             shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
-        shift, arm, turn = np.zeros(here.shape), np.zeros(here.shape), np.tile(IDENTITY, (len(here), 1, 1))
-        shift[self.body], turn[self.body] = shifts, own
-        arm[self.body] = here[self.body] - coordinates.point.T[self.start[self.group]]
-        # the second body goes from x to p + shift + rotation (x - p)
-        arm -= self.back * shift
-        turn = np.where(self.back[..., None], turn.swapaxes(-1, -2), turn)
-        centre = here + (np.where(self.back, -shift, shift) + ((turn - IDENTITY) @ arm[..., None])[..., 0])
+        # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
+        arm = here.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
+        arm[self.back] -= shifts[self.back]
+        shifts[self.back] *= -1.0
+        own[self.back] = own[self.back].swapaxes(-1, -2)
+        centre, turn = here.copy(), np.empty((len(here), 3, 3))
+        centre[self.body] += shifts + ((own - IDENTITY) @ arm[..., None])[..., 0]
+        turn[:] = IDENTITY
+        turn[self.body] = own
         for body, parent in self.levels:
             carried, before = turn[parent], here[parent]
             turn[body] = carried @ turn[body]
@@ -240,11 +242,10 @@ def _tree(topology: Topology) -> Tree:
     body: list[int] = []
     then: list[tuple[int, int]] = []
     rods: list[tuple[int, float]] = []
-    back = np.zeros((ground + 1, 1), dtype=bool)
+    back: list[int] = []
     levels: dict[int, list[tuple[int, int]]] = {}
     depth = {ground: -1}
     for branch in topology.branches:
-        back[branch.body] = branch.sign < 0
         depth[branch.body] = depth[branch.parent] + 1
         levels.setdefault(depth[branch.body], []).append((branch.body, branch.parent))
     column = 0
@@ -254,6 +255,7 @@ def _tree(topology: Topology) -> Tree:
         count = 6 if joint is None else len(joint.freedom)
         if not count:
             continue
+        back += [len(group)] if branch.sign < 0 else []
         group.append(len(start))
         body.append(branch.body)
         start.append(column)
@@ -265,8 +267,8 @@ def _tree(topology: Topology) -> Tree:
         column += count
     return Tree(
         np.array(start, dtype=np.intp), np.array(group, dtype=np.intp), np.array(body, dtype=np.intp),
-        np.array(then, dtype=np.intp).reshape(-1, 2).T, back, np.array([k for k, _ in rods], dtype=np.intp),
-        np.array([[length] for _, length in rods]),
+        np.array(then, dtype=np.intp).reshape(-1, 2).T, np.array(back, dtype=np.intp),
+        np.array([k for k, _ in rods], dtype=np.intp), np.array([[length] for _, length in rods]),
         tuple([(bodies, parents) for bodies, parents in (np.array(levels[k], dtype=np.intp).T
                                                          for k in range(1, len(levels)))]),
     )  # fmt: skip

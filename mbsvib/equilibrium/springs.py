@@ -108,7 +108,7 @@ def _check_turn(bushing: Bushing, rho: Array) -> None:
 
 def _bushing(bushing: Bushing, pose: Pose, words: dict[str, Any], relaxed: bool) -> dict[str, Any]:
     words |= {"position": pose.point(bushing.second, bushing.position),
-              "orientation": pose.turned(bushing.first, bushing.orientation)}  # fmt: skip
+              "orientation": pose.axes(bushing.first, bushing.orientation)}  # fmt: skip
     if relaxed:
         return words
     d, rho = deflection(bushing, pose)
