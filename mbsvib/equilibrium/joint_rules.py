@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import frame_along
-from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.linalg.rotations import axial, exponential, logarithm
+from mbsvib.linalg.vectors import cross
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,13 +67,9 @@ class Rule:
     opening: Opening | None = None
 
 
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(crossed_product(a.T, b.T).T)
-
-
 def _normal(joints: Joints, pose: Pose) -> Array:
     """The cross product of the axis in the first and that in the second body."""
-    return _cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
+    return cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
 
 
 def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
@@ -100,16 +96,16 @@ def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
 def _between_axes(joints: Joints, pose: Pose) -> Array:
     """Axes along the one in the first body, along the normal of both, and across."""
     one = pose.vectors(joints.first, joints.one)
-    normal = _cross(one, pose.vectors(joints.second, joints.two))
+    normal = cross(one, pose.vectors(joints.second, joints.two))
     normal /= np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
     result = np.empty((*one.shape, 3))
-    result[..., 0], result[..., 1], result[..., 2] = one, normal, _cross(normal, one)
+    result[..., 0], result[..., 1], result[..., 2] = one, normal, cross(normal, one)
     return result
 
 
 def _off_angle(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     one, two = pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two)
-    normal = _cross(one, two)
+    normal = cross(one, two)
     change = (joints.one * joints.two).sum(axis=-1) - (one * two).sum(axis=-1)
     return gap, (change / (normal * normal).sum(axis=-1))[:, None] * normal
 

@@ -63,6 +63,8 @@ class PoseKinematics:
 
     def at(self, pose: Pose) -> tuple[Twists, Cuts | None]:
         """Return the joint coordinates and the locked rows in a pose."""
+        if pose.centre is pose.origin:  # as described
+            return self.coordinates, self.cuts
         turn = pose.turn
         if self.own_axes:
             turn = np.concatenate((turn, *(axes(pose) @ inverse for axes, inverse in self.own_axes)))
