@@ -78,7 +78,7 @@ def balance(at: Stance) -> Balance:
     Balance
         Residual and tangent.
     """
-    model = carried(at.described, at.pose)
+    model = at.described if at.pose.as_described else carried(at.described, at.pose)
     numbers = scene(model, at.cut)
     relative = numbers.relative()
     locked, coordinates = numbers.locked, numbers.coordinates

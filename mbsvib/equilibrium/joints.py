@@ -51,8 +51,6 @@ def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
         If it has two successive rotations and locked translations whose axes no longer go with them.
     """
     words = joint.words()
-    if pose.stays(joint.first) and pose.stays(joint.second):
-        return words
     if joint.kind == "distance":
         begin, end = _rod(joint)
         return words | {"position": pose.point(joint.first, begin), "end": pose.point(joint.second, end)}

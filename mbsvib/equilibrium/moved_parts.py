@@ -59,10 +59,10 @@ def bare(model: M) -> M:
 def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Part:
     if isinstance(part, Body):
         return _body(part, pose)
-    if isinstance(part, Joint):
-        return joints.words_at(part, pose)
-    if isinstance(part, (Spring, Bushing, Maxwell)):
-        return springs.words_at(part, pose, relaxed)
+    if isinstance(part, (Joint, Spring, Bushing, Maxwell)):
+        if pose.stays(part.first) and pose.stays(part.second):
+            return part
+        return joints.words_at(part, pose) if isinstance(part, Joint) else springs.words_at(part, pose, relaxed)
     if isinstance(part, Composed):
         return rigid.words_at(part, pose)  # type: ignore[arg-type]
     if isinstance(part, (Load, Input, Output)):

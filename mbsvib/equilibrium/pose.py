@@ -43,6 +43,11 @@ class Pose:
         """How far centres went (bodies + 1, 3), and what rotations change about them (bodies + 1, 3, 3)."""
         return self.centre - self.origin, self.turn - IDENTITY
 
+    @property
+    def as_described(self) -> bool:
+        """Whether this is the pose from which motions start."""
+        return self.centre is self.origin
+
     def points(self, body: Index, at: Array) -> Array:
         """Return where points (n, 3) of bodies (n,) are that were ``at`` [m] as described; exact if none has moved."""
         shift, change = self._change

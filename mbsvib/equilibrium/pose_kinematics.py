@@ -63,7 +63,7 @@ class PoseKinematics:
 
     def at(self, pose: Pose) -> tuple[Twists, Cuts | None]:
         """Return the joint coordinates and the locked rows in a pose."""
-        if pose.centre is pose.origin:  # as described
+        if pose.as_described:
             return self.coordinates, self.cuts
         turn = pose.turn
         if self.own_axes:

@@ -51,8 +51,6 @@ def words_at(part: Spring | Bushing | Maxwell, pose: Pose, relaxed: bool = False
         If a Maxwell element would have to carry a force.
     """
     words = part.words()
-    if pose.stays(part.first) and pose.stays(part.second):
-        return words
     if isinstance(part, Maxwell):
         return _maxwell(part, pose, words, relaxed)
     return _spring(part, pose, words, relaxed) if isinstance(part, Spring) else _bushing(part, pose, words, relaxed)
