@@ -76,3 +76,16 @@ def test_rounding_is_taken_out_of_a_rotation():
     better = orthonormal(r)
     assert np.abs(better.T @ better - np.eye(3)).max() < 1e-15
     assert np.abs(better - r).max() < 1e-8
+
+
+def test_stacks_of_rotations_are_those_of_each():
+    rng = np.random.default_rng(3)
+    vectors = rng.normal(size=(2, 4, 3))
+    vectors[0, 1] = 0.0
+    vectors[1, 2] *= np.pi / np.linalg.norm(vectors[1, 2])  # half a turn
+    rotations = exponential(vectors)
+    back = logarithm(rotations)
+    for i, j in np.ndindex(2, 4):
+        assert np.allclose(rotations[i, j], exponential(vectors[i, j]), rtol=0, atol=1e-15)
+        assert np.allclose(back[i, j], logarithm(rotations[i, j]), rtol=0, atol=1e-15)
+        assert np.allclose(exponential(back[i, j]), rotations[i, j], rtol=0, atol=1e-14)
