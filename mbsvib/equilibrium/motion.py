@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import eigvals, qr
+from scipy.linalg import lapack, qr
 
 from mbsvib.equilibrium.couplers import terms, travelled
 from mbsvib.equilibrium.pose_kinematics import pose_kinematics
@@ -191,5 +191,5 @@ def same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
     if len(before) > before.shape[1]:  # some rows are redundant
         rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
         before, after = before[rows], after[rows]
-    alpha, beta = eigvals(after, before, homogeneous_eigvals=True)
-    return bool(((alpha * beta.conj()).real > 0.0).all())
+    alpha, _, beta, *_, info = lapack.dggev(after, before, compute_vl=0, compute_vr=0)
+    return info == 0 and bool((alpha * beta > 0.0).all())
