@@ -63,8 +63,8 @@ PAIRS = tuple(pair for pair in combinations(ALL, 2) if frozenset(pair) not in EX
     frozenset((NEEDS.get(one, one), other)) in EXCLUDED for one, other in (pair, pair[::-1])))  # fmt: skip
 # Each seed asks for so many pairs; consecutive ones are far from each other.
 PAIRS_EACH, STRIDE = 2, 1009
-# What the sparse engine refuses on principle, and what batches refuse besides. Some scenes are without, beyond the pair
-# that their seed asks for, so that these engines see all else often enough.
+# What sparse equations, or modes of them, refuse, and what batches refuse besides. Some scenes are without, beyond the
+# pair that their seed asks for, so that these engines see all else often enough.
 NOT_SPARSE = frozenset((*MASSLESS, *SPIN, "maxwell", "maxwell with static spring", "maxwell force", "dead torque",
                         "follower force", "follower torque"))  # fmt: skip
 NOT_BATCH = NOT_SPARSE | {*BEAMS, *SUPERELEMENTS, "beam force", "joint force", "cut joint force", "sum on body",

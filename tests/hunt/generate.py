@@ -26,9 +26,9 @@ class Example:
     error: Exception | None = None
 
 
-def draft_of(seed, attempt):
-    """A scene as its seed says, before it is balanced."""
-    draft = Draft(np.random.default_rng((seed, 2, attempt)), plan(seed))
+def draft_of(seed, attempt, features=None):
+    """A scene as its seed says, before it is balanced; with some features, or those that the seed asks for."""
+    draft = Draft(np.random.default_rng((seed, 2, attempt)), plan(seed) if features is None else features)
     mechanisms.tree(draft)
     mechanisms.redundant(draft)
     mechanisms.couplers(draft)
@@ -42,10 +42,10 @@ def draft_of(seed, attempt):
     return draft
 
 
-def example(seed):
-    """The scene of a seed; poses that are nearly singular are none."""
+def example(seed, features=None):
+    """The scene of a seed, with some features or those that it asks for; poses that are nearly singular are none."""
     for attempt in range(ATTEMPTS):
-        draft = draft_of(seed, attempt)
+        draft = draft_of(seed, attempt, features)
         scene = Scene(seed, tuple(draft.calls), draft.gravity, draft.features)
         scene, error = forces.balanced(scene, np.random.default_rng((seed, 3)), draft.spinning)
         reference = Reference(scene)

@@ -1,0 +1,138 @@
+"""Which engine takes which feature: the smallest scenes that have one, compared with the dense engine or refused.
+
+The table in the documentation is held to what these scenes find.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mbsvib as mv
+from tests.hunt import checks, features
+from tests.hunt.answers import compare_responses, response_of
+from tests.hunt.generate import draft_of, example
+from tests.hunt.run import outcome_of
+from tests.hunt.scene import Scene
+
+PAGE = Path(__file__).parents[2] / "docs" / "pages" / "features.md"
+# Scenes that are made of a feature until an engine has something to do with one.
+SEEDS = range(1, 9)
+# A joint is moved by this [m, rad] and back, to where its bodies were up to this.
+STEP, SAME = 0.01, 1e-12
+ROWS = {
+    "Joints in the tree": features.TREE,
+    "Joints that close loops": features.LOOP,
+    "Redundant joints": features.REDUNDANT,
+    "Couplers, gears, worms, racks": features.COUPLERS,
+    "Bushings, springs, dampers": ("bushing 6x6", "line spring", "negative stiffness", "damper alone",
+                                   *features.DAMPING),
+    "Maxwell elements": ("maxwell",),
+    "Maxwell elements with a static spring": ("maxwell with static spring",),
+    "Massless bodies": ("massless node", "massless damped node"),
+    "Point masses": ("point mass",),
+    "Rotors": features.SPIN,
+    "Beams": features.BEAMS,
+    "Superelements": features.SUPERELEMENTS,
+    "Gravity and forces": ("gravity", "dead force"),
+    "Preloads and free lengths": ("bushing preload", "line preload", "free length"),
+    "Torques and follower loads": ("dead torque", "follower force", "follower torque"),
+    "Base motion": features.BASE,
+    "Displacements, velocities, accelerations": features.SIGNALS,
+    "Forces in springs and bushings": ("spring force", "bushing force"),
+    "Forces in joints, sums on bodies and ground": ("joint force", "cut joint force", "sum on body", "sum on ground"),
+    "Forces in beams": ("beam force",),
+    "Forces in Maxwell elements": ("maxwell force",),
+}  # fmt: skip
+# What a single scene has against being moved or loaded, whatever its element; another scene is asked.
+OF_SCENE = re.compile(r"which no joint with|is no linear relation|off its axis|leave no choice|wound up")
+# Gravity does not turn with a ground that turns, and springs on bodies that spin would be wound up.
+NO_EQUILIBRIUM = ("base rotation", "spinning body", "rotating damper")
+WORDS = {"held": "yes", "refused": "refused", "skipped": "–"}
+
+
+def alone(feature):
+    """A feature with what it needs, and what holds it in balance."""
+    chosen = [feature]
+    while chosen[-1] in features.NEEDS:
+        chosen.append(features.NEEDS[chosen[-1]])
+    return frozenset((*chosen, "held by bushings") if feature in features.LOADS else chosen)
+
+
+def sparse_responses(subject):
+    system = subject.scene.model().linearize(method="sparse")
+    compare_responses(response_of(system, subject.question), subject.answers.response, subject.question)
+
+
+def sparse_modes(subject):
+    subject.scene.model().linearize(method="sparse").modes(1)
+    checks.sparse(subject)
+
+
+def moved(subject):
+    """Along one coordinate and back: bodies are where they were; a rod goes back from there along another circle."""
+    model = subject.scene.model()
+    names = [name for name in subject.system.coordinates if name.split(".")[0] in model.joints]
+    if subject.scene.features & set(features.LOADS) or not names:
+        raise checks.Skip("nothing that may be moved")
+    there = model.moved({names[0]: STEP}, relaxed=True)
+    assert there.linearize(method="dense").dof == subject.system.dof
+    back = there.moved({names[0]: -STEP}, relaxed=True)
+    rods = any(joint.kind == "distance" for joint in model.joints.values())
+    for name, body in model.bodies.items():
+        allowed = STEP**2 if rods else SAME
+        np.testing.assert_allclose(back.bodies[name].position, body.position, rtol=0, atol=allowed)
+        np.testing.assert_allclose(back.bodies[name].orientation, body.orientation, rtol=0, atol=allowed)
+
+
+def equilibrium(subject):
+    """Springs that give way to gravity: nothing is left over."""
+    wanted = subject.scene.features - {"held by bushings"} | {"gravity"}
+    draft = draft_of(subject.scene.seed, 0, wanted)
+    try:
+        Scene(subject.scene.seed, tuple(draft.calls), draft.gravity, wanted).model().equilibrium().linearize()
+    except mv.EquilibriumError as error:
+        raise checks.Skip("there is none") from error
+
+
+ENGINES = {"Sparse responses": sparse_responses, "Sparse modes": sparse_modes, "Batches": checks.batch,
+           "`moved`": moved, "`equilibrium`": equilibrium}  # fmt: skip
+
+
+def table():
+    """Rows of the page: for each engine what it says."""
+    head, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")]
+                      for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith("|")]  # fmt: skip
+    return {name: dict(zip(head[1:], cells, strict=True)) for name, *cells in rows}
+
+
+def answer(feature, engine):
+    """What an engine does with the first scene of a feature that has something for it."""
+    for seed in SEEDS:
+        scene = example(seed, alone(feature))
+        if scene is None or outcome_of(lambda subject: subject.system, subject := checks.Subject(scene))[0] != "held":
+            continue
+        kind, error = outcome_of(ENGINES[engine], subject)
+        if kind != "skipped" and not OF_SCENE.search(str(error)):
+            return kind, error
+    return "skipped", None
+
+
+def test_the_table_lists_all_features_and_engines():
+    listed = {feature for row in ROWS.values() for feature in row}
+    assert listed == set(features.ALL) - set(features.HOLDS) - set(features.GLOBAL)
+    assert list(table()) == list(ROWS)
+    assert all(list(row) == list(ENGINES) for row in table().values())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("row", ROWS)
+def test_the_table_says_what_engines_do(row, engine):
+    for feature in ROWS[row]:
+        if engine == "`equilibrium`" and feature in NO_EQUILIBRIUM:
+            continue
+        kind, error = answer(feature, engine)
+        assert WORDS.get(kind) == table()[row][engine], f"{feature}: {kind}: {error}"
+        if kind == "refused":
+            assert re.search("use |linearize|ask|make it", str(error)), f"{feature}: nothing says what to do: {error}"
