@@ -33,8 +33,8 @@ class SingularPoseError(MbsvibError):
 class EquilibriumError(MbsvibError):
     """A pose that is not in balance with the loads, or none that can be found.
 
-    ``body`` is the body that lacks a force, ``coordinate`` the motion along which it lacks it, ``missing`` how much and
-    ``unit`` N or N m; all None where the error has no single place.
+    ``body`` is the body with the unbalanced force, ``coordinate`` the motion along which it acts, ``missing`` the force
+    that balance needs there and ``unit`` N or N m; all None where the error has no single place.
     """
 
     def __init__(

@@ -147,9 +147,10 @@ def check_balance(
     body, where = who(joint, direction, topology)
     more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
     raise EquilibriumError(
-        f"model '{model}' is not in balance in the given pose: body '{body}' lacks {-residual[worst]:.6g} {unit} "
-        f"{where} ({share[worst]:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} "
-        f"Find the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
+        f"model '{model}' is not in balance in the given pose: unbalanced {'moment' if turns[worst] else 'force'} on "
+        f"body '{body}', {-residual[worst]:.6g} {unit} missing {where} ({share[worst]:.1e} of the forces that should "
+        f"cancel there; allowed {BALANCE:g}).{more} Find the pose with model.equilibrium(), or hold it with a load or "
+        f"a preload of a spring.",
         body=body, coordinate=names[worst], missing=float(-residual[worst]), unit=unit,
     )  # fmt: skip
 

@@ -259,8 +259,9 @@ def _check(residual: Array, size: Array, tree: Tree, said: tuple[str, Topology])
     body, where = who(joint, direction, topology)
     unit = "N m" if tree.turns[worst] else "N"
     raise EquilibriumError(
-        f"model '{name}' is not in balance in the given pose: body '{body}' lacks {-residual[worst]:.6g} {unit} "
-        f"{where} ({share.max():.1e} of the forces that should cancel there; allowed {BALANCE:g}). Find the pose with "
-        f"model.equilibrium(), or hold it with a load or a preload of a spring.",
+        f"model '{name}' is not in balance in the given pose: unbalanced {'moment' if tree.turns[worst] else 'force'} "
+        f"on body '{body}', {-residual[worst]:.6g} {unit} missing {where} ({share.max():.1e} of the forces that should "
+        f"cancel there; allowed {BALANCE:g}). Find the pose with model.equilibrium(), or hold it with a load or a "
+        f"preload of a spring.",
         body=body, coordinate=tree.names[worst], missing=float(-residual[worst]), unit=unit,
     )  # fmt: skip

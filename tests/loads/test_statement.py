@@ -40,9 +40,9 @@ def test_changes_keep_loads_and_gravity():
     model = loaded().with_values({"lift.force.z": 2.0, "up.preload": -9.0})
     assert (model.gravity, model.loads["lift"].force) == ((0, 0, -10.0), (1, 2, 2.0))
     assert model.linearize().dof == 1
-    with pytest.raises(mv.EquilibriumError, match="lacks 1 N"):
+    with pytest.raises(mv.EquilibriumError, match=", 1 N missing"):
         model.replace("up", preload=-8.0).linearize()
-    with pytest.raises(mv.EquilibriumError, match=r"lacks -5 N"):
+    with pytest.raises(mv.EquilibriumError, match=r", -5 N missing"):
         model.replace("free", free_length=1.2).linearize()
 
 
@@ -61,7 +61,7 @@ def test_a_changed_model_is_seen():
     model = loaded()
     before = model.linearize().K.copy()
     model.add_load("more", "mass", force=(0, 0, 5.0))
-    with pytest.raises(mv.EquilibriumError, match=r"lacks -5 N"):
+    with pytest.raises(mv.EquilibriumError, match=r", -5 N missing"):
         model.linearize()
     model.add_load("less", "mass", force=(0, 0, -5.0))
     assert np.array_equal(model.linearize().K, before)
@@ -181,7 +181,7 @@ def test_weights_on_axes_through_their_centres_are_in_balance(seed):
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])
 def test_a_weight_a_micrometre_beside_its_axis_is_not_in_balance(method):
-    with pytest.raises(mv.EquilibriumError, match=r"'wheel' lacks .* N m about z of joint 'axle'"):
+    with pytest.raises(mv.EquilibriumError, match=r"moment on body 'wheel', .* N m missing about z of joint 'axle'"):
         through_the_centre(1, off=1e-6).linearize(method=method)
 
 

@@ -101,12 +101,12 @@ def test_parts_that_nothing_reaches_are_left_out_with_their_loads():
 
 def test_what_lacks_balance_is_named():
     model = pendulum_chain(12).replace("m7", position=(0, 0.01, -7))
-    with pytest.raises(mv.EquilibriumError, match=r"body 'm7' lacks 0.0981 N m about z of joint 'pin7'") as caught:
+    with pytest.raises(mv.EquilibriumError, match=r"'m7', 0.0981 N m missing about z of joint 'pin7'") as caught:
         model.linearize(method="sparse")
     assert caught.value.missing == pytest.approx(0.0981, rel=1e-12)
     model = four_bar()
     model = model.with_parts(outputs={})
     model.linearize(method="sparse")
     model.add_load("push", "rocker", force=(0, 0, 1e-5))
-    with pytest.raises(mv.EquilibriumError, match=r"lacks .* N m about z of joint"):
+    with pytest.raises(mv.EquilibriumError, match=r", .* N m missing about z of joint"):
         model.linearize(method="sparse")
