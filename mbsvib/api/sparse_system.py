@@ -121,10 +121,10 @@ class SparseSystem(SparseEquations):
     def reachable(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SparseSystem:
-        """Return the system of the bodies that asked inputs reach and asked outputs see, with these ports only.
+        """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
 
-        Bodies that joints and springs join to others only through ground move by themselves; where no asked input acts
-        on such a part, or no asked output sees it, it has no share in the transfer function.
+        Bodies that are coupled to others only through ground move independently. Such a part has no share in the
+        transfer function if no given input acts on it, or no given output depends on it.
 
         Parameters
         ----------

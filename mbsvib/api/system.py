@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class System(Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
-    Matrices, factors and names are those of ``Equations``; modes are kept once they are known, and what asks for them
-    again does not pay.
+    Matrices, factors and names are those of ``Equations``; modes are computed once,
+    and results are cached.
     """
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
@@ -185,10 +185,10 @@ class System(Sensitive, Equations):
     def reachable(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> System:
-        """Return the system of what asked inputs reach and asked outputs see, with these ports only.
+        """Return the controllable and observable part for the given inputs and outputs, with these ports only.
 
-        Coordinates that no entry of M, C or K joins to the others move by themselves; parts that no asked input acts
-        on, or no asked output sees, have no share in the transfer function, which stays the same exactly.
+        Coordinates that no entry of M, C or K couples to the others move independently. Such a part is left out if no
+        given input acts on it, or no given output depends on it; the transfer function stays exactly the same.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ class System(Sensitive, Equations):
         realization : str
             "physical": x = (q, q'); "modal": one 2x2 block for each mode; "balanced": physical times powers of two.
         reachable : bool
-            Whether to leave out states of parts that no input reaches or no output sees.
+            Whether to keep the controllable and observable part only, see ``System.reachable``.
 
         Returns
         -------
@@ -252,7 +252,7 @@ class System(Sensitive, Equations):
         return joint_wrenches(self)
 
     def stiffness_shares(self, modes: result.Modes | None = None) -> StiffnessShares:
-        """Return who holds the modes: shares of springs, preloads, loads and joint reactions in their strain energy.
+        """Return the strain energy by element: shares of springs, preloads, loads and joint reactions in each mode.
 
         Parameters
         ----------

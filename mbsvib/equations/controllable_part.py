@@ -1,4 +1,4 @@
-"""Reachable parts: the coordinates that asked inputs reach and asked outputs see, by exact zeros of the matrices.
+"""Controllable and observable part for given inputs and outputs, found by exact zeros of the matrices.
 
 Coordinates that no chain of entries of M, C and K joins move independently of each other. Where no asked input acts on
 such a part, or no asked output sees it, it has no share in the transfer function: leaving it out changes no entry of
@@ -88,7 +88,7 @@ def parts(*matrices: Array) -> Index:
 def reachable(
     system: E, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
 ) -> E:
-    """Return the system of what asked inputs reach and asked outputs see, with these ports only.
+    """Return the controllable and observable part of a system for the given inputs and outputs, with these ports only.
 
     Parameters
     ----------

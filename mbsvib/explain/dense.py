@@ -37,7 +37,7 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
     """
     lines = [f"{system.name}: {system.dof} DOF"]
     if system.dof == 0 and system.provenance.dropped is not None:
-        lines.append("  No part is reached by an input asked for and seen by an output: y = D u.")
+        lines.append("  No part is controllable and observable with the given inputs and outputs: y = D u.")
     elif system.dof == 0:
         condensed = system.provenance.massless is not None
         lines.append("  No motion has mass or damper: the mechanism follows its inputs at once." if condensed else
@@ -116,13 +116,13 @@ def _coordinates(system: Equations) -> list[str]:
 
 
 def dropped(gone: Dropped) -> list[str]:
-    """Return what is out of reach of the ports asked for, one sentence each."""
+    """Return what is not controllable from, or not observable at, the given ports, one sentence each."""
     result = []
     if gone.unreached:
-        result.append(f"dropped, as no input out of {listed(gone.inputs)} reaches them: {listed(gone.unreached)}")
+        result.append(f"dropped, not controllable from {listed(gone.inputs)}: {listed(gone.unreached)}")
     if gone.unseen:
-        result.append(f"dropped, as no output out of {listed(gone.outputs)} sees them: {listed(gone.unseen)}")
-    return result or ["nothing was dropped: the inputs reach, and the outputs see, everything"]
+        result.append(f"dropped, not observable from {listed(gone.outputs)}: {listed(gone.unseen)}")
+    return result or ["nothing was dropped: every part is coupled to an input and to an output"]
 
 
 def _unsymmetric(system: Equations) -> list[str]:
@@ -176,9 +176,9 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     if not system.provenance.reduction.groups:
         result.append("no loop that locks anything: B'' was not formed")
     elif not any(group.surplus for group in system.provenance.reduction.groups):
-        result.append("no redundant constraint: the poses nearby were not looked at")
+        result.append("no redundant constraint: neighbouring poses were not checked")
     elif system.provenance.planar:
-        result.append("planar loops that lose all freedoms they can: the poses nearby were not looked at")
+        result.append("planar loops with the largest possible constraint rank: neighbouring poses were not checked")
     if not system.damping.any():
         result.append("no damper acts: C is zero and modes are real")
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):

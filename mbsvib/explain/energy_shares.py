@@ -1,4 +1,4 @@
-"""Who holds a mode: the strain energy of each shape, shared out to springs, preloads, loads and joints."""
+"""Strain energy by element: the share of each spring, preload, load and joint reaction in each mode."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def _skipped(system: SparseEquations) -> list[str]:
     if not system.loading:
         result.append("  no gravity, load or preload: no statics, no geometric stiffness")
     if not system.constraints.groups:
-        result.append("  no loop: no constraint was looked at")
+        result.append("  no loop: no constraint was checked")
     if not system.damping.any():
         result.append("  no damper acts: everything is real")
     return result

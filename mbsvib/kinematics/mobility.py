@@ -1,4 +1,4 @@
-"""Mobility: is the number of degrees of freedom the same in the poses nearby?
+"""Mobility: is the number of degrees of freedom the same in neighbouring poses?
 
 Redundant constraints are legal where they stay redundant, as in planar loops. Where they are redundant in this pose
 only (a four-bar stretched flat), the count of degrees of freedom jumps and no linear equations describe the motion.
@@ -52,7 +52,7 @@ class Rod:
 def check_mobility(
     topology: Topology, coordinates: Twists, cuts: Cuts | None, reduction: Reduction, position: Array
 ) -> bool:
-    """Refuse a pose in which fewer constraints are independent than in the poses nearby.
+    """Refuse a pose in which fewer constraints are independent than in neighbouring poses.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ def check_mobility(
     Returns
     -------
     bool
-        Whether planar loops spared a look at the poses nearby.
+        Whether planar loops spared a look at neighbouring poses.
 
     Raises
     ------
     SingularPoseError
-        If the rank of the constraints is higher in the poses nearby.
+        If the rank of the constraints is higher in neighbouring poses.
     """
     groups = [group for group in reduction.groups if group.surplus]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
@@ -94,7 +94,7 @@ def check_mobility(
         if rank > group.rank:
             raise SingularPoseError(
                 f"loops closed by {', '.join(group.joints)}: singular pose. {group.rank} of their {len(group.rows)} "
-                f"constraint rows are independent here, {rank} in the poses nearby, so the number of degrees of "
+                f"constraint rows are independent here, {rank} in neighbouring poses, so the number of degrees of "
                 f"freedom jumps and linear equations do not describe the motion. Move the pose off the singular one."
             )
     return False

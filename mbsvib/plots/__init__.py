@@ -1,6 +1,6 @@
 """Figures: responses, modes, energies and the mechanism itself, with names and units from the system.
 
-Each function returns a ``matplotlib.figure.Figure`` that belongs to nobody else: no pyplot, no window, no global
+Each function returns a new ``matplotlib.figure.Figure``: no pyplot, no window, no global
 state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the first figure that is drawn.
 """
 

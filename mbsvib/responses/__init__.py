@@ -2,5 +2,5 @@
 
 ``frequency_response``  a sum over modes for all frequencies at once, checked by its residual
 ``time_response``       exact for inputs that are held or vary linearly between samples
-``transmission_zeros``  without a polynomial, and ``frequency_grid``, which misses no peak and no dip
+``transmission_zeros``  without a polynomial, and ``frequency_grid``, which resolves every peak and dip
 """

@@ -1,4 +1,4 @@
-"""Mobility of many bodies: redundant constraints must be redundant in the poses nearby too.
+"""Mobility of many bodies: redundant constraints must be redundant in neighbouring poses too.
 
 The test of the dense path, without its matrices: the mechanism moves a little along all its freedoms at once, and the
 rank of every group of loops with redundant rows is taken again. Large groups are looked at loop by loop.
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tableau) -> None:
-    """Refuse a pose in which fewer constraints are independent than in the poses nearby.
+    """Refuse a pose in which fewer constraints are independent than in neighbouring poses.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
     Raises
     ------
     SingularPoseError
-        If the rank of the constraints is higher in the poses nearby.
+        If the rank of the constraints is higher in neighbouring poses.
     """
     groups = [group for group in closure.groups if group.redundant]
     if not groups or len(tree.names) <= len(place.multiplier):
@@ -63,7 +63,7 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
             if nearby > here:
                 raise SingularPoseError(
                     f"loops closed by {', '.join(group.joints[:8])}: singular pose. {here} of {len(rows)} constraint "
-                    f"rows are independent here, {nearby} in the poses nearby, so the number of degrees of freedom "
+                    f"rows are independent here, {nearby} in neighbouring poses, so the number of degrees of freedom "
                     f"jumps and linear equations do not describe the motion. Move the pose off the singular one."
                 )
 

@@ -1,4 +1,4 @@
-"""Reachable parts of many bodies: machines that nothing but ground joins move by themselves.
+"""Controllable and observable part of many bodies: machines coupled only through ground move independently.
 
 What a sparse system knows of its parts is where joints and springs are, so that bodies are left out and not single
 directions of them, as ``equations.controllable_part`` does. Ports of what is left out are on ground then: an input
@@ -32,7 +32,7 @@ S = TypeVar("S", bound=SparseEquations)
 def reachable(
     system: S, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
 ) -> S:
-    """Return the system of the bodies that asked inputs reach and asked outputs see, with these ports only.
+    """Return the controllable and observable bodies for the given inputs and outputs, with these ports only.
 
     Parameters
     ----------
@@ -64,8 +64,8 @@ def reachable(
         tuple(name for name in model.bodies if name in reached and name not in shown),
     )  # fmt: skip
     if not reached & shown:
-        raise ResponseError(f"reachable: no part of '{system.name}' is reached by an input asked for and seen by an "
-                            f"output; the response is D alone, a constant.")  # fmt: skip
+        raise ResponseError(f"reachable: '{system.name}' has no part that is controllable and observable with the "
+                            f"given inputs and outputs: y = D u.")  # fmt: skip
     left = _without(model, set(gone.names), i, o)
     before = system.dropped
     if before is not None:

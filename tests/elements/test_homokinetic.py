@@ -70,7 +70,7 @@ def test_constraints_of_poses_nearby_turn_with_both_bodies(method):
     for cut in (["first"], ["second"]):
         system = model.linearize(cut=cut, method=method)
         assert (system.dof, len(system.redundant)) == (2, 4)
-        with pytest.raises(mv.SingularPoseError, match="in the poses nearby"):
+        with pytest.raises(mv.SingularPoseError, match="in neighbouring poses"):
             twice("universal").linearize(cut=cut, method=method)
 
 

@@ -21,7 +21,7 @@ def cardan():
 # the normal of both axes: turned about it, the second joint asks for the same rates, here but in no pose nearby
 NORMAL = np.cross((0, 0.3, 1), (-0.48, 0.64, 0.5))
 TURN = {f"u2.orientation.{way}": 0.4 * float(v) for way, v in zip(("rx", "ry", "rz"), NORMAL, strict=True)}
-TOLD = r"singular pose. 1 of (their )?8 constraint rows are independent here, 2 in the poses nearby"
+TOLD = r"singular pose. 1 of (their )?8 constraint rows are independent here, 2 in neighbouring poses"
 
 
 @pytest.mark.parametrize("method", ["dense", "sparse"])

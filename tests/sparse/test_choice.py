@@ -96,7 +96,7 @@ def test_it_says_how_it_came_about():
     for words in ("200 DOF, held sparse", "cut at", "redundant: ", "multipliers", "from leaves to root",
                   "and 192 more groups of loops"):  # fmt: skip
         assert words in text
-    assert "no loop: no constraint was looked at" in scenes.dashed(700).linearize().explain()
+    assert "no loop: no constraint was checked" in scenes.dashed(700).linearize().explain()
     assert "COLAMD" in scenes.grid(20, 20, "spherical", flat=False).linearize(method="sparse").explain()
     assert "float and got free joints: b0" in scenes.floating(300).linearize().explain()
 

@@ -38,7 +38,7 @@ def smallest_pivot(system):
 def test_a_flat_four_bar_is_refused(height):
     """Its constraints are dependent in this pose only; that holds as far as doubles can tell from 1e-13 off."""
     for other in (0.0, height):
-        with pytest.raises(mv.SingularPoseError, match=r"singular pose. 1 of their 5 .* 2 in the poses nearby"):
+        with pytest.raises(mv.SingularPoseError, match=r"singular pose. 1 of their 5 .* 2 in neighbouring poses"):
             four_bar(height, other).linearize()
 
 

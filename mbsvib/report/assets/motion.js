@@ -200,7 +200,7 @@ function choose(mode) {
   draw();
 }
 
-// What a mode is, beside its picture: eigenvalues, times, and who holds and who moves in it.
+// Details of a mode: eigenvalues, time constants, and shares of its strain and kinetic energy.
 function tell(mode) {
   const place = by("detail"), row = modesOf.rows[mode], [re, im] = row.values[0], [re2] = row.values[1];
   place.textContent = "";
@@ -208,10 +208,10 @@ function tell(mode) {
   const list = make("dl", null, place), item = (what, value) => { make("dt", what, list); make("dd", value, list); };
   item("eigenvalues", im ? `${shown(re, 5)} ± ${shown(Math.abs(im))} j 1/s` : re === re2 ? `${shown(re)} 1/s, twice` : `${shown(re)} and ${shown(re2)} 1/s`);
   if (im) item("period", seconds(2 * Math.PI / Math.abs(im)));
-  if (re < 0) item("falls to 1/e in", seconds(-1 / re));
+  if (re < 0) item("decay time constant", seconds(-1 / re));
   if (re < 0 && im) item("Q", shown(0.5 / row.ratio, 4));
   const both = make("div", null, place, "holds");
-  for (const [which, title] of [["strain", "Who holds it"], ["kinetic", "Who moves in it"]]) {
+  for (const [which, title] of [["strain", "Strain energy by element"], ["kinetic", "Kinetic energy by body"]]) {
     const part = make("div", null, both), all = data.shares[which].map(([name, values]) => [name, values[mode]]);
     const most = all.filter(([, value]) => value !== null && Math.abs(value) >= 0.05).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 6);
     make("h3", title, part);
