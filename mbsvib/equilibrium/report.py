@@ -44,12 +44,12 @@ class Equilibrium(Generic[M]):
 
     @cached_property
     def stable(self) -> bool:
-        """Whether no mode grows: a mechanism that is disturbed a little stays near."""
+        """Whether the equilibrium is stable: no mode is unstable."""
         return not self.unstable_modes
 
     @cached_property
     def unstable_modes(self) -> tuple[int, ...]:
-        """Numbers of the modes that grow, from 1 as ``print(model.linearize().modes())`` lists them, one for each
+        """Numbers of the unstable modes, from 1 as ``print(model.linearize().modes())`` lists them, one for each
         unstable direction; of large mechanisms among the lowest ten.
         """
         return () if self._modes is None else tuple((np.flatnonzero(self._modes.growing) + 1).tolist())
@@ -70,28 +70,27 @@ class Equilibrium(Generic[M]):
         return some_modes(system, min(LOWEST, system.dof))
 
     def _stability(self) -> str:
-        """The stability of the pose in words: which modes grow, or which are held by nothing."""
+        """The stability of the pose in words: unstable modes, or rigid-body modes."""
         try:
             numbers, modes = self.unstable_modes, self._modes
         except MbsvibError as error:
-            return f"stability not known: {error}"
+            return f"stability unknown: {error}"
         if modes is None:
             return "stable: there is no degree of freedom"
         if not numbers:
-            return "stable" + (f", but for {counted(modes.rigid, 'rigid-body mode')} held by nothing" if modes.rigid
+            return "stable" + (f" except for {counted(modes.rigid, 'rigid-body mode')} at 0 Hz" if modes.rigid
                                else "")  # fmt: skip
         most = modes.strongest()
-        growing = ", ".join(f"{number} (mostly {' '.join(most[number - 1])})" for number in numbers)
-        return (f"UNSTABLE: {counted(len(numbers), 'unstable direction')}; of model.linearize().modes() "
-                f"{'mode' if len(numbers) == 1 else 'modes'} {growing} {'grows' if len(numbers) == 1 else 'grow'}")
+        listed = ", ".join(f"{number} ({' '.join(most[number - 1])} moves most)" for number in numbers)
+        return f"UNSTABLE: {counted(len(numbers), 'unstable mode')} of model.linearize().modes(): {listed}"
 
     def __str__(self) -> str:
         steps = f" in {counted(len(self.load_steps) - 1, 'load step')}" if len(self.load_steps) > 1 else ""
         lines = [
-            f"equilibrium of '{self.model.name}' after {counted(self.iterations, 'step')}{steps}; forces left over: "
-            f"{self.residuals[-1]:.1e}",
+            f"equilibrium of '{self.model.name}' after {counted(self.iterations, 'step')}{steps}; residual of the "
+            f"forces: {self.residuals[-1]:.1e}",
             f"  {self._stability()}",
-            "  residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals),
+            "  residuals of the steps: " + ", ".join(f"{value:.1e}" for value in self.residuals),
         ]
         width = max(map(len, self.displacements), default=0)
         for name, six in self.displacements.items():

@@ -44,8 +44,8 @@ class ClosedLoop(FeedbackLoop):
         n = len(space.A)
         loop = np.eye(len(y)) - space.D[np.ix_(y, u)] @ law.D
         if np.linalg.cond(loop) > 1e12:
-            raise ResponseError(f"closed loop: {law.name} feeds sensors that feel actuators at once with a gain of 1, "
-                                f"so that signals are not defined; change the gain.")  # fmt: skip
+            raise ResponseError(f"closed loop: {law.name} makes an algebraic loop: its feedthrough times that of the "
+                                f"sensors is 1. Change the gain.")  # fmt: skip
         # y = seen (x, z) + direct w
         seen = np.linalg.solve(loop, np.concatenate((space.C[y], space.D[np.ix_(y, u)] @ law.C), axis=1))
         direct = np.linalg.solve(loop, space.D[y])
@@ -108,7 +108,7 @@ class ClosedLoop(FeedbackLoop):
         return self.law.name
 
     def sampled(self, rate: float, delay: float = 0.0) -> SampledLoop:
-        """Return the loop with its controllers on a computer.
+        """Return the loop with discrete-time controllers.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ def close(plant: Plant, *controllers: Controller) -> ClosedLoop:
     plant : Plant
         The mechanism with actuators and sensors.
     *controllers : Controller
-        Laws that act together.
+        Controllers that act together.
 
     Returns
     -------

@@ -64,7 +64,7 @@ class Controller:
 
 
 def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: str = "controller") -> Controller:
-    """Return a controller of one's own.
+    """Return a user-defined controller.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ def controller(law: Any, inputs: Sequence[str], outputs: Sequence[str], name: st
     """
     if hasattr(law, "A") and hasattr(law, "D"):
         if getattr(law, "dt", None) not in (None, 0):
-            raise ResponseError(f"controller '{name}': the law is discrete (dt = {law.dt}); give the continuous one, "
+            raise ResponseError(f"controller '{name}': it is discrete (dt = {law.dt}); give the continuous one, "
                                 f"and sample the closed loop by sampled(rate).")  # fmt: skip
         a, b, c, d = (np.array(getattr(law, part), dtype=float, ndmin=2) for part in "ABCD")
     else:
         d = np.array(law, dtype=float, ndmin=2)
         a, b, c = np.zeros((0, 0)), np.zeros((0, d.shape[1])), np.zeros((d.shape[0], 0))
     if d.shape != (len(outputs), len(inputs)):
-        raise ResponseError(f"controller '{name}': the law has shape {d.shape}; expected ({len(outputs)}, "
+        raise ResponseError(f"controller '{name}': its gain matrix has shape {d.shape}; expected ({len(outputs)}, "
                             f"{len(inputs)}), a row for each actuator and a column for each sensor.")  # fmt: skip
     n = a.size and len(a)
     return Controller(name, a.reshape(n, n), b.reshape(n, len(inputs)), c.reshape(len(outputs), n), d, tuple(inputs),

@@ -1,4 +1,4 @@
-"""Feedback loops: what is alike with controllers that run over time and with those on a computer."""
+"""Feedback loops: what continuous-time and discrete-time controllers have in common."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ class FeedbackLoop(ABC):
 
     @cached_property
     def growing(self) -> tuple[str, ...]:
-        """What grows, in words: the unstable modes, each with that of the mechanism it comes from."""
+        """The unstable modes in words, each with the mode of the mechanism it comes from."""
         values = self._eigen[0]
         largest = np.abs(values).max(initial=0.0)
         grows = (values.real > GROWS * largest) & (values.imag >= 0.0) & (np.abs(values) > RESTS * largest)
@@ -219,7 +219,7 @@ class FeedbackLoop(ABC):
 
     @property
     def stable(self) -> bool:
-        """Whether nothing grows; integrators of unlimited memory may leave poles at 0."""
+        """Whether the loop is stable; integrators without leak may leave poles at 0."""
         return not self.growing
 
     def check_stable(self) -> None:
@@ -228,7 +228,7 @@ class FeedbackLoop(ABC):
         Raises
         ------
         ResponseError
-            If something grows.
+            If a pole is unstable.
         """
         if self.growing:
             raise ResponseError(f"closed loop: not stable with {self.law.name}: {'; '.join(self.growing)}. Lower the "

@@ -144,7 +144,7 @@ class Figures:
 
     @property
     def sampled(self) -> bool:
-        """Whether there are controllers on a computer."""
+        """Whether the controllers are discrete-time ones."""
         return self._far is not self.linear
 
     @property

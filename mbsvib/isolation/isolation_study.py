@@ -58,7 +58,7 @@ class Isolation(Figures):
         Raises
         ------
         ResponseError
-            If a spectrum is refused, or the vibration grows without bound.
+            If a spectrum is refused, or the system is unstable.
         """
         return vibration(self, base_noise(spectra, self.scene.moved, correlation), band)
 

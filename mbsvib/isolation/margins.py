@@ -49,7 +49,7 @@ class OpenedLoops(Protocol):
 
     @property
     def stable(self) -> bool:
-        """Whether nothing grows with closed loops."""
+        """Whether the closed loops are stable."""
 
     def returned(self, omega: ArrayLike) -> Complex:
         """Return K G (n, actuators, actuators) at angular frequencies [rad/s]."""
@@ -59,11 +59,11 @@ class OpenedLoops(Protocol):
 class Margins:
     """How far closed loops are from instability.
 
-    ``modulus`` is the least singular value of 1 - K G at the actuators, over frequency, at ``frequency`` [Hz]: gains
-    of all loops at once may change by the factors ``all_gains``, or phases by ``all_phases`` [deg] either way, in any
-    combination. For each of the ``actuators`` alone, the other loops closed: ``lower`` and ``gain`` are the factors
-    down and up to which its gain may change, ``phase`` [deg] its phase either way, ``delay`` [s] how late it may act,
-    ``modulus_each`` the least distance of its locus from -1; 0 and infinite where nothing limits them.
+    Disk margin of all loops simultaneously: ``modulus`` is the smallest singular value of 1 - K G at the actuators over
+    frequency, ``frequency`` [Hz] the critical frequency where it occurs. All gains may change within ``all_gains``, or
+    all phases by +-``all_phases`` [deg], in any combination. For each of the ``actuators``, the other loops closed:
+    ``lower`` and ``gain`` are the gain margins, ``phase`` [deg] the phase margin, ``delay`` [s] the delay margin and
+    ``modulus_each`` the modulus margin, the smallest distance of its locus from -1; 0 and infinite without limit.
     """
 
     name: str
@@ -79,12 +79,12 @@ class Margins:
 
     @property
     def all_gains(self) -> tuple[float, float]:
-        """Factors between which all gains may change at once."""
+        """Factors between which all gains may change simultaneously."""
         return 1.0 / (1.0 + self.modulus), 1.0 / (1.0 - self.modulus) if self.modulus < 1.0 else float("inf")
 
     @property
     def all_phases(self) -> float:
-        """Phase [deg] by which all loops may change at once."""
+        """Phase [deg] by which all loops may change simultaneously."""
         return float(np.degrees(2.0 * np.arcsin(min(0.5 * self.modulus, 1.0))))
 
     def table(self) -> dict[str, Any]:
@@ -104,7 +104,7 @@ class Margins:
         if not self.stable:
             rows = [(name, *[""] * 4) for name, *_ in rows]
         notes = [f"Critical frequency: {self.frequency:.4g} Hz."] if self.stable else [
-            "The closed loop is not stable: margins tell nothing."]  # fmt: skip
+            "The closed loop is unstable: it has no margins."]  # fmt: skip
         headers = ("actuator", "gain margin", "phase margin [deg]", "delay margin [ms]", "modulus margin")
         columns = [(header, "left" if header == "actuator" else "right") for header in headers]
         return {"title": f"Stability margins: {self.name}", "columns": columns, "rows": rows, "notes": notes}
@@ -136,7 +136,7 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
     ResponseError
         If frequencies do not ascend, or are fewer than two.
 
-    Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for all at once.
+    Source: N. A. Lehtomaki, N. R. Sandell and M. Athans, IEEE Trans. Autom. Control 26 (1981) 75, for the disk margin.
     """
     poles, longest, period = loop.resolution
     if frequencies is None:

@@ -91,8 +91,8 @@ def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array
     if stable < n:
         rest = upper[stable:, stable:]
         if np.linalg.eigvals(rest).real.max() > 1e4 * slow:
-            raise ResponseError(f"rms: '{name}' is not stable, so that its vibration grows without bound. Hold or damp "
-                                f"what grows: its poles with positive real parts.")  # fmt: skip
+            raise ResponseError(f"rms: '{name}' is not stable, so its rms value is unbounded. Add stiffness or damping "
+                                f"until no pole has a positive real part.")  # fmt: skip
         # block-diagonal: what does not decay is harmless only where no output shows it or no noise drives it
         mix = solve_sylvester(upper[:stable, :stable], -rest, -upper[:stable, stable:])
         driven, shown = b[stable:], c[:, stable:] + c[:, :stable] @ mix

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Front:
-    """The best ``objective`` (n,) for each of n bounds on another quantity, ``price`` (n,), and the ``designs``."""
+    """The best ``objective`` (n,) for n bounds on a quantity, its values ``price`` (n,), and the ``designs``."""
 
     labels: tuple[str, str]
     objective: Array
@@ -63,9 +63,9 @@ def front(
     designed : callable
         The best design under one more constraint, with the other words of ``studies.optimize``.
     labels : (str, str)
-        The objective, and what has a price, in words.
+        Labels of the objective and of the bounded quantity.
     against : Quantity
-        What has a price; one number.
+        The bounded quantity; one number.
     bounds : sequence of float
         Largest values of it.
     words : mapping

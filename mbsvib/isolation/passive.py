@@ -261,7 +261,7 @@ class Passive:
         objective : Quantity
             What is to be small.
         against : Quantity
-            What has a price, ``compliance()``; one number.
+            The bounded quantity, ``compliance()``; one number.
         bounds : sequence of float
             Largest values of it, one design each; ascending or descending, as each design starts at the one before.
         constraints : Constraint or iterable of Constraint

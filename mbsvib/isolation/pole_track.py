@@ -135,7 +135,7 @@ def vibrates(poles: Complex) -> NDArray[np.bool_]:
 
 
 def stable(poles: Complex) -> NDArray[np.bool_]:
-    """Return whether no pole of (n, poles) grows, (n,)."""
+    """Return whether all poles of (n, poles) are stable, (n,)."""
     largest = np.abs(poles).max(axis=1, keepdims=True)
     return np.asarray((poles.real <= GROWS * largest).all(axis=1))
 

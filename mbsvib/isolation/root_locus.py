@@ -56,7 +56,7 @@ class RootLocus:
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether nothing grows, at each gain, (n,)."""
+        """Whether the closed loop is stable at each gain, (n,)."""
         return stable(self.poles)
 
     def best(self, mode: int | None = None) -> tuple[float, float]:
@@ -103,7 +103,7 @@ class RootLocus:
         if not moved(self.poles).any() or not np.isfinite(ratio):
             return "no pole moves" if np.isfinite(ratio) else "not stable at any gain", kept
         before = float(least_damping(self.poles[:1], moved(self.poles))[0])
-        where = f"at gain {scale * gain:.4g}" + (", the largest looked at" if gain == self.gains[-1] else "")
+        where = f"at gain {scale * gain:.4g}" + (", the largest gain given" if gain == self.gains[-1] else "")
         return f"least damping {_change(before, ratio)}", "; ".join(filter(None, (where, kept)))
 
     def table(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Controllers on a computer: sampled, with a zero-order hold and a delay."""
+"""Discrete-time controllers: sampled, with a zero-order hold and a delay."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class SampledLoop(FeedbackLoop):
 
 
 def sampled(loop: FeedbackLoop, rate: float, delay: float = 0.0) -> SampledLoop:
-    """Return a loop with its controllers on a computer.
+    """Return a loop with discrete-time controllers.
 
     Parameters
     ----------

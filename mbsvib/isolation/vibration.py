@@ -149,7 +149,7 @@ class Vibration:
             notes.append("Infinite: noise of unlimited frequency comes through the mechanism's masses; give a band.")
         (low, high), kept = self.judged, self.criterion
         if low < high:
-            words = f"Keeps {kept}" if kept else f"Keeps no vibration criterion, not even {min(octaves.VC)},"
+            words = f"Meets {kept}" if kept else f"Meets no vibration criterion, not even {min(octaves.VC)},"
             notes.append(f"{words} from {low:g} to {high:g} Hz.")
         else:
             notes.append("Vibration criteria are for 1 to 80 Hz, which is not in the band.")
@@ -201,7 +201,7 @@ def vibration(study: Figures, noise: BaseNoise, band: tuple[float, float] | None
     Raises
     ------
     ResponseError
-        If the vibration grows without bound, or correlated noise has no last frequency and no band is given.
+        If the system is unstable, or correlated noise has no last frequency and no band is given.
     """
     legs = study.scene.legs
     outputs = [*ACCELERATIONS, *(leg.stroke for leg in legs), *(leg.force for leg in legs)]

@@ -77,7 +77,7 @@ class BatchModes:
 
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether no mode of a variant grows, shape (n,)."""
+        """Whether no mode of a variant is unstable, shape (n,)."""
         return np.asarray(~growing(self.eigenvalues, self.errors).any(axis=1))
 
     def __len__(self) -> int:

@@ -18,6 +18,7 @@ from mbsvib.modes.damped import (
     CORRECTION,
     EPS,
     MARGIN,
+    NO_DAMPER,
     Damped,
     _classical_errors,
     _rounding,
@@ -124,7 +125,7 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
     moves = batch.elastic_rows.any(axis=2)
     damped = ((c != 0.0) & moves).any(axis=1)
     if not damped.any():
-        return ("no damper",) * n, gamma
+        return (NO_DAMPER,) * n, gamma
     acts = ((c != 0.0) | (k != 0.0)) & moves
     ratio = np.divide(c, k, out=np.full(k.shape, np.nan), where=k != 0.0)
     low, high = np.where(acts, ratio, np.inf).min(axis=1), np.where(acts, ratio, -np.inf).max(axis=1)
@@ -141,7 +142,7 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
     apart[:, at, at] = True
     commutes = dict(zip(rest.tolist(), apart.all(axis=(1, 2)).tolist(), strict=True))
     return tuple(
-        "no damper" if not damped[i] else "damping proportional to stiffness" if proportional[i] else
+        NO_DAMPER if not damped[i] else "damping proportional to stiffness" if proportional[i] else
         COMMUTES if commutes[i] else "" for i in range(n)
     ), gamma  # fmt: skip
 

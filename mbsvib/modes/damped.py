@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
 CLASSICAL = 1e-13
+NO_DAMPER = "no damper"
 COMMUTES = "damping commutes with mass and stiffness"
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
@@ -102,7 +103,7 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
     """Return why damping is classical ("" if it is not) and Gamma, as its diagonal (m,) or whole (m, m)."""
     c, k = system.damping, system.stiffness
     if not np.count_nonzero(c):
-        return "no damper", np.zeros(system.dof)
+        return NO_DAMPER, np.zeros(system.dof)
     if proportional(system):
         return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
     used = c.nonzero()[0]

@@ -12,7 +12,7 @@ import numpy as np
 from mbsvib.common import tables
 from mbsvib.common.expected import real
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
-from mbsvib.modes.damped import Damped, damped, proportional
+from mbsvib.modes.damped import NO_DAMPER, Damped, damped, proportional
 from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.undamped import undamped
 
@@ -50,7 +50,7 @@ class Modes:
     modes.
 
     A massless motion that dampers hold has a mode of ``first_order``: one real eigenvalue in place of two, with natural
-    frequency |lambda|, damped frequency 0 and damping ratio 1 (-1 where it grows). ``first_order`` (n,) marks these
+    frequency |lambda|, damped frequency 0 and damping ratio 1 (-1 if unstable). ``first_order`` (n,) marks these
     modes, and is None where there is none.
 
     The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most. ``rung`` names the
@@ -127,12 +127,12 @@ class Modes:
 
     @cached_property
     def stable(self) -> bool:
-        """Whether no mode grows."""
+        """Whether no mode is unstable."""
         return not self.growing.any()
 
     @cached_property
     def growing(self) -> NDArray[np.bool_]:
-        """Whether each mode grows with time, shape (n,): by a real part that is positive by more than rounding."""
+        """Whether each mode is unstable, shape (n,): its real part is positive by more than rounding."""
         return np.asarray(growing(self.pairs, self.pair_errors).any(axis=1))
 
     def nearest(self, count: int, frequency: float = 0.0) -> Modes:
@@ -288,13 +288,13 @@ class Modes:
         diverging = np.nonzero(self.growing)[0]
         if len(diverging):
             many = len(diverging) > 1
-            result.append(f"Unstable: mode{'s' if many else ''} {', '.join(str(i + 1) for i in diverging)} "
-                          f"{'grow' if many else 'grows'} with time.")  # fmt: skip
+            result.append(f"Unstable: mode{'s' if many else ''} {', '.join(str(i + 1) for i in diverging)}.")
         if self.first_order is not None and self.first_order.any():
-            result.append(f"{counted(int(self.first_order.sum()), 'mode')} of first order: massless motions that "
-                          f"dampers hold, one eigenvalue each.")  # fmt: skip
+            result.append(f"{counted(int(self.first_order.sum()), 'mode')} of first order: motions without mass "
+                          f"but with dampers, one eigenvalue each.")  # fmt: skip
         if self.classical:
-            result.append(f"Real modes: {self.classical}.")
+            kind = "No damping" if self.classical == NO_DAMPER else "Proportional (classical) damping"
+            result.append(f"{kind}: real modes.")
         result.append(f"Estimated relative error of the eigenvalues: {self.errors.max():.1e} at most.")
         return tuple(result)
 

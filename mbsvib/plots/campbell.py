@@ -52,7 +52,7 @@ class Campbell(Protocol):
 
     @property
     def growing(self) -> NDArray[np.bool_]:
-        """Whether each mode grows at each speed, shape (n, modes)."""
+        """Whether each mode is unstable at each speed, shape (n, modes)."""
 
     @property
     def critical(self) -> Sequence[CriticalSpeed]:
@@ -72,8 +72,8 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        Forward whirl full, backward dashed, motions to and fro dotted; critical speeds are circles, what grows is
-        marked by crosses.
+        Forward whirl full, backward dashed, motions without whirl dotted; critical speeds are circles, unstable modes
+        are marked by crosses.
     """
     from matplotlib.lines import Line2D
 
@@ -105,10 +105,11 @@ def campbell(data: Campbell, orders: Sequence[float] = (1.0,)) -> Figure:
         axes.set_ylabel("damped frequency [Hz]")
         axes.set_title("Campbell diagram")
         met = {direction for row in data.directions[1:] for direction in row}
-        handles = [Line2D([], [], color=style.INK, linestyle=dash, linewidth=1.2, label=direction or "to and fro")
+        handles = [Line2D([], [], color=style.INK, linestyle=dash, linewidth=1.2, label=direction or "no whirl")
                    for direction, dash in LINES.items() if direction in met]  # fmt: skip
         if data.growing.any():
-            handles.append(Line2D([], [], marker="x", linestyle="none", color=style.INK, markersize=4.0, label="grows"))
+            handles.append(Line2D([], [], marker="x", linestyle="none", color=style.INK, markersize=4.0,
+                                  label="unstable"))  # fmt: skip
         if handles:
             figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
         axes.set_title(data.name, loc="right", color=style.MARK, fontsize=8.5)

@@ -32,7 +32,7 @@ class Front(Protocol):
 
     @property
     def labels(self) -> tuple[str, str]:
-        """The objective and its price, in words."""
+        """Labels of the objective and of the bounded quantity."""
 
     @property
     def objective(self) -> Array:
@@ -40,7 +40,7 @@ class Front(Protocol):
 
     @property
     def price(self) -> Array:
-        """What is paid for it, shape (n,)."""
+        """The bounded quantity of each design, shape (n,)."""
 
     @property
     def designs(self) -> Sequence[Design]:
@@ -58,7 +58,7 @@ def front(data: Front) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
-        The objective over its price; hollow points are not optimal.
+        The objective over the bounded quantity; hollow points are not optimal.
     """
     with style.context():
         figure = style.new_figure(5.2, 3.8)

@@ -60,7 +60,7 @@ def root_locus(locus: RootLocus, scale: float = 1.0) -> Figure:
     matplotlib.figure.Figure
         Upper half of the plane of poles in Hz; crosses are open loops, circles zeros, dots the best gain of the least
         damped vibration; faint rays have one damping ratio. The title tells the least damping of what vibrates without
-        the law and at the best gain.
+        the controller and at the best gain.
     """
     with style.context():
         figure = style.new_figure(5.2, 5.2)

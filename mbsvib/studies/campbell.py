@@ -54,8 +54,8 @@ class Campbell:
 
     ``eigenvalues`` (n, modes) [1/s] have no negative imaginary part; ``errors`` (n, modes) are their relative errors.
     ``whirl`` (n, modes) is 1 where all rotors go round in circles as they spin, forward, -1 for circles backward, and
-    0 for motions to and fro. ``ratios`` says how fast each rotor turns at speed 1; ``critical`` lists critical speeds,
-    ``limits`` the speeds [rad/s] at which a mode begins or ceases to grow.
+    0 for motions without whirl. ``ratios`` says how fast each rotor turns at speed 1; ``critical`` lists critical
+    speeds, ``limits`` the speeds [rad/s] at which the stability of a mode changes.
     """
 
     name: str
@@ -86,12 +86,12 @@ class Campbell:
 
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether no mode grows, at each speed, shape (n,)."""
+        """Whether the system is stable at each speed, shape (n,)."""
         return np.asarray(~self.growing.any(axis=1))
 
     @property
     def growing(self) -> NDArray[np.bool_]:
-        """Whether each mode grows, by more than rounding, at each speed, shape (n, modes)."""
+        """Whether each mode is unstable, by more than rounding, at each speed, shape (n, modes)."""
         return growing(self.eigenvalues, self.errors)
 
     def table(self) -> dict[str, Any]:
@@ -100,7 +100,7 @@ class Campbell:
         Returns
         -------
         dict
-            Title, columns, rows and notes: critical speeds, and where modes grow.
+            Title, columns, rows and notes: critical speeds, and where the system is unstable.
         """
         from mbsvib.modes.result import digits
 
@@ -342,4 +342,4 @@ def _point(sweep: _Sweep, modes: Modes, number: int, at: tuple[int, float, float
 
 
 def _word(whirl: float) -> str:
-    return "forward" if whirl > ROUND else "backward" if whirl < -ROUND else "to and fro"
+    return "forward" if whirl > ROUND else "backward" if whirl < -ROUND else "no whirl"

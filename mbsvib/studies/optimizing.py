@@ -34,8 +34,8 @@ OPTIMAL = 1e-4  # gradient that may be left over, in parts of its own size
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Descent:
-    """One local search: from the values ``start`` of the variables to ``values`` and the ``objective`` there, with what
-    constraints lack at most (``violation``); ``success`` as of ``Optimum``. Not a number where the ``message`` tells an
+    """One local search: from the values ``start`` of the variables to ``values`` and the ``objective`` there, with the
+    largest constraint ``violation``; ``success`` as of ``Optimum``. Not a number where the ``message`` tells an
     error.
     """
 
@@ -55,7 +55,7 @@ class Optimum:
     The search is local: it goes downhill from its start, and another start may lead to a smaller objective. Where there
     were several starts it is the best of them, and ``starts`` has all of them, the model's own first.
 
-    ``constraints`` has the constrained numbers by label, and ``violation`` what they lack at most, in parts of their
+    ``constraints`` has the constrained numbers by label, and ``violation`` the largest violation relative to their
     bounds. ``optimality`` is what is left of the objective's gradient when that of active constraints and bounds is
     taken off, in parts of the largest gradient met: 0 at an optimum. ``success`` if the constraints hold, and the
     solver is content or the gradient gone.
@@ -91,10 +91,10 @@ class Optimum:
         rows.append((self.label, f"{self.began:.7g}", f"{self.objective:.7g}"))
         notes = [f"{label}: {_span(numbers)}." for label, numbers in self.constraints.items()]
         notes.append(f"{'Optimal' if self.success else 'Not optimal'} after {counted(self.iterations, 'iteration')}, "
-                     f"{counted(self.evaluations, 'system')} looked at; gradient left over {self.optimality:.1e}, "
-                     f"constraints lack {self.violation:.1e}.")  # fmt: skip
+                     f"{counted(self.evaluations, 'system')} evaluated; residual gradient {self.optimality:.1e}, "
+                     f"constraint violation {self.violation:.1e}.")  # fmt: skip
         if not self.success:
-            notes.append(f"The solver says: {self.message}")
+            notes.append(f"Message of the solver: {self.message}")
         notes.append(self._reach())
         return {"title": f"Optimum of {self.model.name}", "columns": [("variable", "left"), ("start", "right"),
                 ("optimum", "right")], "rows": rows, "notes": notes}  # fmt: skip
@@ -103,7 +103,7 @@ class Optimum:
         """What is known of other minima."""
         if len(self.starts) == 1:
             return "A local minimum: other starts may lead to a smaller one, which starts=n looks for."
-        ends = [f"{each.objective:.6g}" + ("" if each.violation <= FEASIBLE else f" (constraints lack "
+        ends = [f"{each.objective:.6g}" + ("" if each.violation <= FEASIBLE else f" (constraint violation "
                 f"{each.violation:.1e})") for each in self.starts if np.isfinite(each.objective)]  # fmt: skip
         several = Counter(sorted(ends, key=lambda text: float(text.split()[0])))
         reached = ", ".join(f"{end} from {count}" for end, count in several.items())

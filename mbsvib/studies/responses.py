@@ -197,7 +197,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
     """
     poles = np.concatenate((system.poles(), noise.poles)) / (2.0 * np.pi)
     if (poles.real > 1e-13 * np.abs(poles).max(initial=0.0)).any():
-        raise ResponseError(f"rms: '{system.name}' is not stable, so that its vibration grows without bound.")
+        raise ResponseError(f"rms: '{system.name}' is not stable, so its rms value is unbounded.")
     still = np.abs(poles.real) <= extrema.UNDAMPED * np.abs(poles)
     tail = band is None and noise.unbounded
     places = np.concatenate((noise.breaks, np.abs(poles)))

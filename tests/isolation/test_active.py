@@ -125,7 +125,7 @@ def test_unstable_loops_are_told_with_the_mode():
     with pytest.raises(mv.ResponseError, match=r"not stable with DVF: .*mode 6 \(159.* Hz, platform rz\)"):
         loop.isolation([1.0, 2.0])
     assert "Unstable: mode" in str(loop)
-    assert "tell nothing" in str(loop.margins([1.0, 10.0]))
+    assert "no margins" in str(loop.margins([1.0, 10.0]))
     assert "..." not in str(loop.margins([1.0, 10.0]))
 
 
@@ -202,7 +202,7 @@ def test_laws_are_checked():
         plant.with_gains(isolation.controller([[1.0]], ["leg.rate"], ["leg.motor"]))
     with pytest.raises(mv.ResponseError, match=r"shape \(1, 2\)"):
         isolation.controller([[1.0, 2.0]], ["leg.rate"], ["leg.actuator"])
-    with pytest.raises(mv.ResponseError, match="the law is discrete"):
+    with pytest.raises(mv.ResponseError, match="it is discrete"):
         isolation.controller(control.ss([[0.5]], [[1]], [[1]], [[0]], 0.1), ["leg.rate"], ["leg.actuator"])
     with pytest.raises(mv.ResponseError, match="a gain"):
         isolation.force_feedback(plant, [1.0, 2.0])
@@ -213,7 +213,7 @@ def test_laws_are_checked():
     with pytest.raises(mv.ResponseError, match="pole at one of the frequencies"):
         plant.with_gains(isolation.force_feedback(plant, 5.0)).isolation([0.0, 1.0])
     loop = plant.with_gains(isolation.controller([[-1.0]], ["leg.tension"], ["leg.actuator"]))
-    with pytest.raises(mv.ResponseError, match="not defined"):
+    with pytest.raises(mv.ResponseError, match="algebraic loop"):
         loop.poles()
     with pytest.raises(mv.ResponseError, match="ascending"):
         isolation.root_locus(plant, lambda g: isolation.force_feedback(plant, g), [1.0, 0.5])

@@ -140,5 +140,5 @@ def test_plot(tmp_path):
     assert len(circles) == len(data.critical)
     assert any(line.get_marker() == "x" for line in axes.lines)
     said = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert said == ["forward", "backward", "to and fro", "grows"]
+    assert said == ["forward", "backward", "no whirl", "unstable"]
     assert repr(data).startswith("Campbell('shaft': 13 speeds, 7 modes")

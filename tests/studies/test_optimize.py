@@ -200,7 +200,7 @@ def test_flat_objectives_and_unfinished_searches_are_told():
     assert flat.optimality < 1e-6
     started = st.optimize(absorber(), TUNED, st.peak("x", "F"), options={"maxiter": 1})
     assert not started.success
-    assert "The solver says" in str(started)
+    assert "Message of the solver" in str(started)
     assert started.violation == 0.0
     assert st.peak("x", "F")(started.model.linearize()) == pytest.approx(started.objective, rel=1e-9)
 
