@@ -11,13 +11,13 @@ from mbsvib.cli import _shell as shell
 
 
 def cosim(
-    plant: Annotated[Path, typer.Argument(metavar="PLANT.fmu", help="Unit of the plant.")],
-    controller: Annotated[Path, typer.Argument(metavar="CONTROLLER.fmu", help="Unit of the controller.")],
+    plant: Annotated[Path, typer.Argument(metavar="PLANT.fmu", help="FMU of the plant.")],
+    controller: Annotated[Path, typer.Argument(metavar="CONTROLLER.fmu", help="FMU of the controller.")],
     step: Annotated[float, typer.Option("--step", metavar="SECONDS", help="Communication step.")],
     master: Annotated[
         list[str] | None,
-        typer.Option("--master", metavar="NAME", help="jacobi, gauss-seidel, slopes or iteration; may be given several "
-                     "times. Default: all."),
+        typer.Option("--master", metavar="NAME", help="jacobi, gauss-seidel, slopes (linear extrapolation) or "
+                     "iteration; may be given several times. Default: all."),
     ] = None,
     connect: Annotated[
         list[str] | None,
@@ -30,7 +30,7 @@ def cosim(
         Path | None, typer.Option("--plot", metavar="FILE", help="Error against step, as .png, .svg or .pdf.")
     ] = None,
 ) -> None:  # fmt: skip
-    """Co-simulate two units: error against step, order, largest stable step; exit status 1 if it goes wrong."""
+    """Co-simulate two FMUs: error against step, order, largest stable step; exit status 1 if it fails."""
     import mbsvib_export as mx
 
     pairs = {}

@@ -22,7 +22,7 @@ KINDS = {
     ".uff": "frequency responses as universal file, data sets 58",
     ".op4": "M, C, K and the other matrices for Nastran",
     ".pch": "M, C, K as DMIG cards for Nastran",
-    ".fmu": "a unit of FMI 3.0, for model exchange and co-simulation",
+    ".fmu": "an FMU (FMI 3.0), for model exchange and co-simulation",
     ".yaml": "the model itself, to be edited",
 }
 

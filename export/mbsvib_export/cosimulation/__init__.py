@@ -1,13 +1,13 @@
-"""Co-simulation of plants and controllers: whether their units do what they should, and at which step.
+"""Co-simulation of plants and controllers: whether their FMUs are right, and up to which step.
 
-unit         units from files, run through fmpy, and the equations that they obey
+unit         FMUs from files, run through fmpy, and the equations that they obey
 connections  which output goes to which input; what cannot work is refused here
 masters      one step of each kind of master, on exactly discretised equations
-running      the same masters with the units themselves
+running      the same masters with the FMUs themselves
 stability    spectral radius against step
 result       what came out, as a table and a figure
 check        all of it in one call
-archive      both units and their connections in one file, SSP
+archive      both FMUs and their connections in one file, SSP
 """
 
 from mbsvib_export.cosimulation.archive import to_ssp

@@ -30,14 +30,14 @@ def to_ssp(
     plant: Any, controller: Any, path: str | os.PathLike[str], *, connections: Mapping[str, str | None] | None = None,
     version: str = "2.0", name: str = "loop", outer: bool = True,
 ) -> Path:  # fmt: skip
-    """Write a plant and its controller as one archive that tools for co-simulation open: units and connections.
+    """Write a plant and its controller as one archive that co-simulation tools open: FMUs and connections.
 
     Inputs that are not connected are inputs of the whole, all outputs of both are outputs of it.
 
     Parameters
     ----------
     plant, controller : path, System, StateSpace, SystemData or control.StateSpace
-        As for ``check_cosimulation``: units, or what is exported as such.
+        As for ``check_cosimulation``: FMU files, or systems, which are exported.
     path : str or path
         The file, ``"loop.ssp"``.
     connections : mapping of str to str, optional
@@ -57,7 +57,7 @@ def to_ssp(
     Raises
     ------
     ExportError
-        If a unit cannot be read, units or names do not fit, or the file cannot be written.
+        If an FMU cannot be read, units or names do not fit, or the file cannot be written.
     """
     goal = Path(path)
     if goal.suffix.lower() != ".ssp":

@@ -1,4 +1,4 @@
-"""A plant and a controller as units, co-simulated by every kind of master, and held against the loop as one system."""
+"""A plant and a controller as FMUs, co-simulated by several masters and compared with the loop as one system."""
 
 from __future__ import annotations
 
@@ -39,24 +39,25 @@ def check_cosimulation(
     connections: Mapping[str, str | None] | None = None, excitation: Mapping[str, float] | None = None,
     duration: float | None = None, bonds: Mapping[str, str] | None = None,
 ) -> CosimulationCheck:  # fmt: skip
-    """Co-simulate a plant and a controller as units, and say how far the result is from that of the loop as one system.
+    """Co-simulate a plant and a controller as FMUs, and compare the result with that of the loop as one system.
 
-    Names, units and connections are checked first, and loops of feedthrough are refused. Then, for each kind of master
-    and the steps H, H/2 and H/4: the units against the same steps in numpy on exactly discretised equations (1e-9
-    passes, 1e-12 is usual), and the plant's outputs against those of the closed loop, from which come error and order.
-    The spectral radius of the discrete loop gives the largest stable step. All inputs that are not connected jump to 1
-    at the beginning and stay there; where there is none, states start at their nominal values.
+    Names, units and connections are checked first, and algebraic loops are refused. Then, for each master and for the
+    steps H, H/2 and H/4, the FMUs are compared with a reference: the same steps in numpy on exactly discretised
+    equations (1e-9 passes, 1e-12 is usual). The plant's outputs are compared with those of the closed loop, which gives
+    error and order. The spectral radius of the discrete loop gives the largest stable step. All inputs that are not
+    connected step to 1 at the beginning; if there is none, states start at their nominal values.
 
     Parameters
     ----------
     plant, controller : path, System, StateSpace, SystemData or control.StateSpace
-        Files of units, FMI 2.0 or 3.0 with model exchange and co-simulation; what is no file is exported first.
+        FMU files, FMI 2.0 or 3.0 with model exchange and co-simulation; systems are exported first.
         Signals of the same name are connected.
     step : float
         Communication step H [s].
     masters : str or sequence of str, optional
-        "jacobi" (both step at once, as most tools do), "gauss-seidel" (plant first), "slopes" (inputs run on linearly)
-        and "iteration" (steps repeated until outputs and inputs meet). Default: all that the units are able to do.
+        "jacobi" (both step in parallel, as most tools do), "gauss-seidel" (plant first), "slopes" (linear
+        extrapolation of inputs) and "iteration" (steps repeated until outputs and inputs agree). Default: all that
+        the FMUs support.
     connections : mapping of str to str, optional
         Output by input, where names differ; None leaves an input free. ``"plant:NAME"`` or ``"controller:NAME"`` where
         both have an input of this name.
@@ -65,7 +66,7 @@ def check_cosimulation(
     duration : float, optional
         Time to simulate [s]. Default: 256 steps H.
     bonds : mapping of str to str, optional
-        Displacement (m, rad) by force input of the plant that works on it, for the energy that the coupling makes.
+        Displacement (m, rad) by force input of the plant that works on it, for the energy that the coupling generates.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def check_cosimulation(
     Raises
     ------
     ExportError
-        If a unit cannot be read or run, is not linear, units or names do not fit, or there is an algebraic loop.
+        If an FMU cannot be read or run, is not linear, units or names do not fit, or there is an algebraic loop.
     """
     h = _positive("step", step)
     count = _STEPS if duration is None else max(round(_positive("duration", duration) / h), 1)
@@ -113,7 +114,7 @@ def _positive(name: str, value: float) -> float:
 
 
 def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
-    """Return the path of a unit, which is written there if the source is none."""
+    """Return the path of an FMU, which is written there if the source is no file."""
     if isinstance(source, (str, os.PathLike)):
         return Path(source)
     from mbsvib_export.fmu_ import to_fmu
@@ -122,7 +123,7 @@ def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
 
 
 def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:
-    """Masters that the units can do, and remarks on those that they cannot."""
+    """Masters that the FMUs support, and remarks on those that they do not."""
     wanted = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
     for each in wanted:
         if each not in MASTERS:
@@ -132,15 +133,15 @@ def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[l
     for unit in units:
         able = unit.description.coSimulation
         if able is None:
-            raise ExportError(f"{unit.path}: has no co-simulation; export it with it, as to_fmu does.")
+            raise ExportError(f"{unit.path}: does not support co-simulation; export it with to_fmu, which supports it.")
         sloped = able.providesIntermediateUpdate if unit.new else able.canInterpolateInputs
         if not sloped:
-            lacking |= dict.fromkeys(("slopes", "iteration"), f"'{unit.name}' takes no inputs that change in a step")
+            lacking |= dict.fromkeys(("slopes", "iteration"), f"'{unit.name}' takes no inputs that vary within a step")
             continue
         if not able.maxOutputDerivativeOrder:
-            lacking["slopes"] = f"'{unit.name}' tells no slopes of outputs"
+            lacking["slopes"] = f"'{unit.name}' gives no derivatives of outputs"
         if not able.canGetAndSetFMUstate:
-            lacking["iteration"] = f"'{unit.name}' cannot repeat a step"
+            lacking["iteration"] = f"'{unit.name}' does not support repeated steps"
     for method, why in lacking.items():
         if method in wanted and masters is not None:
             raise ExportError(f"check_cosimulation: masters: '{method}' is not possible, as {why}.")

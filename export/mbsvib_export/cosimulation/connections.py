@@ -24,7 +24,7 @@ _TINY = 1e-12  # of the largest entry of D: rounding is no feedthrough
 
 @dataclass(frozen=True, slots=True)
 class Connections:
-    """Connected and free inputs by their numbers: input ``into[i]`` of a unit takes output ``out[i]`` of the other."""
+    """Connected and free inputs by their numbers: input ``into[i]`` of an FMU takes output ``out[i]`` of the other."""
 
     plant_into: tuple[int, ...]
     controller_out: tuple[int, ...]
@@ -49,9 +49,9 @@ def connect(plant: UnitFile, controller: UnitFile, given: Mapping[str, str | Non
     Parameters
     ----------
     plant, controller : UnitFile
-        The units.
+        The FMUs.
     given : mapping of str to str, optional
-        Output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both units have an input of this name.
+        Output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both FMUs have an input of this name.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def connect(plant: UnitFile, controller: UnitFile, given: Mapping[str, str | Non
     Raises
     ------
     ExportError
-        If a name is unknown, units differ, or the units are not connected both ways.
+        If a name is unknown, units differ, or the FMUs are not connected both ways.
     """
     wishes: dict[str, dict[int, str | None]] = {PLANT: {}, CONTROLLER: {}}
     for name, wish in (given or {}).items():
@@ -105,7 +105,7 @@ def _input_of(plant: UnitFile, controller: UnitFile, name: str) -> tuple[str, in
         return found[0]
     known = [each.name for unit in places.values() for each in unit.inputs]
     if found:
-        raise ExportError(f"check_cosimulation: connections: both units have an input '{name}'; say 'plant:{name}' or "
+        raise ExportError(f"check_cosimulation: connections: both FMUs have an input '{name}'; say 'plant:{name}' or "
                           f"'controller:{name}'.")  # fmt: skip
     raise ExportError(f"check_cosimulation: connections: there is no input '{name}'; inputs are {', '.join(known)}."
                       f"{nearest(name, known)}")  # fmt: skip
@@ -143,7 +143,7 @@ def refuse_algebraic_loop(
     Parameters
     ----------
     plant, controller : UnitFile
-        The units.
+        The FMUs.
     found : Connections
         Their connections.
     through_plant, through_controller : array, shape (outputs, inputs)

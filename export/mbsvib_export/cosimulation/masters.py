@@ -1,7 +1,7 @@
 """One step of each kind of master on exactly discretised equations, and the loop that they all approximate.
 
 The vector between two steps is z = (states of the plant, of the controller, outputs of the plant, of the controller),
-and for the master with slopes the rates of those outputs besides. Inputs that are not connected are held: e.
+and for linear extrapolation the rates of those outputs too. Inputs that are not connected are held: e.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 
 MASTERS = {
-    "jacobi": "both units step at once, inputs held",
+    "jacobi": "both FMUs step in parallel, inputs held",
     "gauss-seidel": "the plant steps first, the controller takes its new outputs, inputs held",
-    "slopes": "both step at once, inputs run on with the slopes of the outputs",
+    "slopes": "both step in parallel, inputs by linear extrapolation of the outputs",
     "iteration": "steps are repeated until inputs, linear in time, meet the outputs",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """x' = A x + B u, y = C x + D u of a unit, its step: x(h) = phi x + g0 u + g1 u'."""
+    """x' = A x + B u, y = C x + D u of an FMU, its step: x(h) = phi x + g0 u + g1 u'."""
 
     A: Array
     B: Array
@@ -38,7 +38,7 @@ class Block:
 
 
 def discretised(a: Array, b: Array, c: Array, d: Array, h: float) -> Block:
-    """Return a unit with its exact step.
+    """Return an FMU's equations with their exact step.
 
     Parameters
     ----------

@@ -12,18 +12,19 @@ from mbsvib.common import tables
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LIMIT = 1e-9  # of the difference between units and the same steps in numpy
+LIMIT = 1e-9  # of the difference between FMUs and the reference, the same steps in numpy
 _NOTHING = 1e-11  # errors below are rounding, from which no order comes
 
 
 @dataclass(frozen=True, slots=True)
 class MasterCheck:
-    """How one kind of master does.
+    """Results of one co-simulation master.
 
-    ``steps`` [s] and ``errors`` against the closed loop as one system, relative to each output's largest value, that of
-    ``worst`` being the largest; ``order`` from the last two. ``difference`` is that of the units from the same steps in
-    numpy. ``radius`` is the growth in a step of the first size, ``largest_stable_step`` [s] tells how far one can go.
-    ``energy`` is the energy that the coupling makes, relative to what went through it; NaN where nothing was asked.
+    ``steps`` [s] and ``errors`` against the closed loop as one system, relative to each output's largest value; output
+    ``worst`` has the largest error. ``order`` comes from the last two steps. ``difference`` is that of the FMUs from
+    the reference, the same steps in numpy. ``radius`` is the spectral radius of a step of the first size, and
+    ``largest_stable_step`` [s] the stability limit. ``energy`` is the energy that the coupling generates, relative to
+    the energy transferred by it; NaN without ``bonds``.
     """
 
     method: str
@@ -46,7 +47,7 @@ class MasterCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the units do what they should at this step: the same as numpy, and stable."""
+        """Whether the FMUs agree with the reference at this step, and the loop is stable."""
         return self.stable and self.difference <= LIMIT
 
 
@@ -74,7 +75,7 @@ class CosimulationCheck:
         return all(each.passed for each in self.masters)
 
     def __getitem__(self, method: str) -> MasterCheck:
-        """Return what one kind of master does."""
+        """Return the results of one master."""
         for each in self.masters:
             if each.method == method:
                 return each
@@ -84,8 +85,8 @@ class CosimulationCheck:
         divisors = [round(self.step / h) for h in self.masters[0].steps] if self.masters else []
         columns: list[tuple[str, tables.Justify]] = [("master", "left")]
         columns += [(f"error at {'H' if k == 1 else f'H/{k}'}", "right") for k in divisors]
-        columns += [("order", "right"), ("units - numpy", "right"), ("largest stable H", "right"), ("H of it", "right"),
-                    ("passed", "right")]  # fmt: skip
+        columns += [("order", "right"), ("FMU against reference", "right"), ("largest stable H", "right"),
+                    ("ratio to step", "right"), ("passed", "right")]  # fmt: skip
         rows = []
         for each in self.masters:
             largest = each.largest_stable_step

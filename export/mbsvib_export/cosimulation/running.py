@@ -1,4 +1,4 @@
-"""The masters with the units themselves: the same steps as in ``masters``, as calls of FMI."""
+"""The masters with the FMUs themselves: the same steps as in ``masters``, as calls of FMI."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ _MET = 1e-14
 def run(
     method: str, plant: UnitFile, controller: UnitFile, loop: Loop, x: Array, e: Array, count: int
 ) -> tuple[Array, Array]:
-    """Return what the units of a closed loop answer.
+    """Return the responses of the FMUs of a closed loop.
 
     Parameters
     ----------
     method : str
         One of ``MASTERS``.
     plant, controller : UnitFile
-        The units.
+        The FMUs.
     loop : Loop
-        Connections and step; its numbers of the units are not used.
+        Connections and step; its numbers of the FMUs are not used.
     x, e : array
         States at the start, inputs from outside.
     count : int

@@ -30,7 +30,7 @@ _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset")
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A scalar of a unit: its name in mbsvib, its value reference, its unit with what that is in SI base units."""
+    """A scalar of an FMU: its name in mbsvib, its value reference, its unit with what that is in SI base units."""
 
     name: str
     reference: int
@@ -40,7 +40,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class UnitFile:
-    """A unit that was unpacked: what its description says, and what it takes to make instances."""
+    """An FMU that was unpacked: what its description says, and what it takes to make instances."""
 
     path: Path
     folder: str
@@ -52,7 +52,7 @@ class UnitFile:
 
     @property
     def name(self) -> str:
-        """What the unit calls itself."""
+        """Name of the FMU."""
         return str(self.description.modelName)
 
     @property
@@ -63,7 +63,7 @@ class UnitFile:
 
 @contextmanager
 def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
-    """Unpack a unit for the time of a with statement.
+    """Unpack an FMU for the time of a with statement.
 
     Parameters
     ----------
@@ -95,9 +95,9 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
             raise ExportError(f"{file}: is no archive with a modelDescription.xml in it, or is damaged ({error}); "
                               f"export it again.") from error  # fmt: skip
         except Exception as error:  # fmpy raises its own and those of zlib and of XML, without a common root
-            raise ExportError(f"{file}: cannot be read as a unit: {error}. Export it again.") from error
+            raise ExportError(f"{file}: cannot be read as an FMU: {error}. Export it again.") from error
         if not str(description.fmiVersion).startswith(("2.", "3.")):
-            raise ExportError(f"{file}: is a unit of FMI {description.fmiVersion}; expected 2.0 or 3.0.")
+            raise ExportError(f"{file}: is an FMU of FMI {description.fmiVersion}; expected 2.0 or 3.0.")
         if fmpy.platform not in platforms:
             raise ExportError(f"{file}: holds no binary for {fmpy.platform}, but for {', '.join(platforms) or 'none'}; "
                               f'export it on this platform, or for it: to_fmu(..., platforms="all").')  # fmt: skip
@@ -133,7 +133,7 @@ def _described(file: Path, folder: str, description: Any) -> UnitFile:
 
 
 class Instance:
-    """An instance of a unit: values by arrays, calls without copies of references. ``log`` holds its messages."""
+    """An instance of an FMU: values by arrays, calls without copies of references. ``log`` holds its messages."""
 
     def __init__(self, unit: UnitFile, kind: str, extrapolate: bool = False) -> None:
         from fmpy import fmi2, fmi3
@@ -269,7 +269,7 @@ class _Values:
 
 
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
-    """Return A, B, C, D of a unit, from what its model exchange answers to unit states and inputs.
+    """Return A, B, C, D of an FMU, from what its model exchange answers to unit states and inputs.
 
     Parameters
     ----------
@@ -313,7 +313,7 @@ def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
 
 
 def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
-    """Return the state space of a unit, from the answers of its binary and not from the numbers in its archive.
+    """Return the state space of an FMU, from the answers of its binary and not from the numbers in its archive.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
     Returns
     -------
     StateSpace
-        Names as in mbsvib; ``transform`` is the identity, as a unit knows no coordinates.
+        Names as in mbsvib; ``transform`` is the identity, as an FMU knows no coordinates.
 
     Raises
     ------

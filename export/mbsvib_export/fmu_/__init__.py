@@ -1,6 +1,6 @@
 """Functional mock-up units (FMI 2.0 and 3.0) of linear systems and controllers.
 
-plant          what goes into a unit: matrices, names, units, nominal values
+plant          what goes into an FMU: matrices, names, units, nominal values
 tunable        parameters on which the matrices depend, affinely
 names          names and units as FMI holds them
 variables      the scalar variables and what depends on what

@@ -1,4 +1,4 @@
-"""Writing units: one call, one file (or one for each version)."""
+"""Writing FMUs: one call, one file (or one for each version)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ VERSIONS = {"2.0": description_2, "3.0": description_3}
 
 @dataclass(frozen=True, slots=True)
 class FmuFile:
-    """A unit that was written: its path and version, its platforms, and the names of its variables.
+    """An FMU that was written: its path and version, its platforms, and the names of its variables.
 
     ``names`` leads from the names of mbsvib to those in the file, by kind: "input", "output", "parameter", "state".
     They are the same but where FMI allows no name twice: of an input and an output of one name the latter has another.

@@ -1,4 +1,4 @@
-"""What goes into a unit, whatever it came from: matrices, names, units, nominal values."""
+"""What goes into an FMU, whatever it came from: matrices, names, units, nominal values."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def plant_of(source: Any, realization: str, tunable: tuple[str, ...]) -> Plant:
-    """Return what goes into a unit.
+    """Return what goes into an FMU.
 
     Parameters
     ----------

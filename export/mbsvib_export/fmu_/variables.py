@@ -1,4 +1,4 @@
-"""The scalar variables of a unit in their one order, and what depends on what: both descriptions come from it."""
+"""The scalar variables of an FMU in their one order, and what depends on what: both descriptions come from it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Variables:
-    """All variables of a unit, and the references that each output and derivative depends on, parameters among them."""
+    """All variables of an FMU, and the references that each output and derivative depends on, parameters among them."""
 
     listed: tuple[Variable, ...]
     depends: dict[int, list[int]]
@@ -55,7 +55,7 @@ class Variables:
 
 
 def variables_of(plant: Plant) -> Variables:
-    """Return the variables of a unit.
+    """Return the variables of an FMU.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def test_steps(step):
 
 def test_an_input_of_both():
     both = controller(-1.0, inputs=("y", "d"))
-    refused("both units have an input 'd'; say 'plant:d'", plant(), both, H, connections={"d": None})
+    refused("both FMUs have an input 'd'; say 'plant:d'", plant(), both, H, connections={"d": None})
 
 
 def test_files_that_are_no_units(tmp_path):
@@ -111,7 +111,7 @@ def test_units_that_were_tampered_with(version, tmp_path):
 
     for change, words in (
         (flipped, r"cannot be instantiated: .*damaged"), (another, "holds no binary for"),
-        (no_library, "cannot be loaded"), (no_description, "cannot be read as a unit"),
+        (no_library, "cannot be loaded"), (no_description, "cannot be read as an FMU"),
     ):  # fmt: skip
         path = rewritten(good.path, tmp_path / "bad.fmu", change)
         refused(words, path, speed_feedback(), H)
@@ -121,8 +121,9 @@ def test_units_that_were_tampered_with(version, tmp_path):
 
 @pytest.mark.parametrize(("lacks", "told"), [
     (("maxOutputDerivativeOrder", "canGetAndSetFMUstate"),
-     {"slopes": "'law' tells no slopes of outputs", "iteration": "'law' cannot repeat a step"}),
-    (("canInterpolateInputs",), dict.fromkeys(("slopes", "iteration"), "'law' takes no inputs that change in a step"))])
+     {"slopes": "'law' gives no derivatives of outputs", "iteration": "'law' does not support repeated steps"}),
+    (("canInterpolateInputs",),
+     dict.fromkeys(("slopes", "iteration"), "'law' takes no inputs that vary within a step"))])
 def test_masters_that_a_unit_cannot_follow_are_left_out(lacks, told, tmp_path):
     """Unless they were asked for by name."""
     law = mx.to_fmu(speed_feedback(), tmp_path / "law.fmu", "2.0")
