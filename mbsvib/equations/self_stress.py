@@ -57,9 +57,9 @@ class Undetermined:
         from mbsvib.common.tables import listed
 
         lines = [
-            f"  the model does not determine all forces in {listed(self.joints)}, as constraints are redundant: those "
-            f"of least norm were taken",
-            f"    (least sum of |force|^2 + |moment / L|^2 over these joints, moments about their points, "
+            f"  the model does not determine all forces in {listed(self.joints)}, as constraints are redundant: the "
+            f"minimum-norm solution was taken",
+            f"    (minimum of the sum of |force|^2 + |moment / L|^2 over these joints, moments about their points, "
             f"L = {self.length:.6g} m); motions do not depend on it",
         ]  # fmt: skip
         if self.outputs:

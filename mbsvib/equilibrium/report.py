@@ -90,12 +90,14 @@ class Equilibrium(Generic[M]):
             f"equilibrium of '{self.model.name}' after {counted(self.iterations, 'step')}{steps}; residual of the "
             f"forces: {self.residuals[-1]:.1e}",
             f"  {self._stability()}",
-            "  residuals of the steps: " + ", ".join(f"{value:.1e}" for value in self.residuals),
+            "  relative residuals: " + ", ".join(f"{value:.1e}" for value in self.residuals),
         ]
         width = max(map(len, self.displacements), default=0)
+        if self.displacements:
+            lines.append("  displacements of the bodies, translation and rotation:")
         for name, six in self.displacements.items():
             went, turned = np.linalg.norm(six[:3]), np.linalg.norm(six[3:])
-            lines.append(f"  {name:<{width}}  {went:.6g} m  {turned:.6g} rad")
+            lines.append(f"    {name:<{width}}  {went:.6g} m  {turned:.6g} rad")
         return "\n".join(lines)
 
 

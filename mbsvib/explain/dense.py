@@ -40,7 +40,7 @@ def explain(system: Equations, basis: Basis | None = None) -> str:
         lines.append("  No part is controllable and observable with the given inputs and outputs: y = D u.")
     elif system.dof == 0:
         condensed = system.provenance.massless is not None
-        lines.append("  No motion has mass or damper: the mechanism follows its inputs at once." if condensed else
+        lines.append("  No motion has mass or damping: outputs follow inputs without dynamics." if condensed else
                      "  The mechanism is fully locked: its joints leave no motion.")  # fmt: skip
     lines += ["topology", *_topology(system), "loops", *_loops(system), "coordinates", *_coordinates(system)]
     if system.provenance.statics is not None:
@@ -71,7 +71,7 @@ def _topology(system: Equations) -> list[str]:
     for body in topology.floating:
         name = topology.bodies[body]
         why = "no joint reaches it" if name not in held else "no chain of joints leads from ground to it"
-        lines.append(f"  body '{name}' floats: {why}, so it got a free joint")
+        lines.append(f"  body '{name}' is floating: {why}, so a free joint was added")
     if topology.joints:
         lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
     acting = set(system.row_owner.tolist())
@@ -79,19 +79,19 @@ def _topology(system: Equations) -> list[str]:
     idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting and name not in forces]
     if idle:
         left = "the mechanism" if system.provenance.dropped is None else "what is left"
-        lines.append(f"  without effect, as no motion of {left} acts on them: {listed(idle)}")
+        lines.append(f"  without effect, as no motion of {left} strains them: {listed(idle)}")
     return lines
 
 
 def _loops(system: Equations) -> list[str]:
     groups = system.provenance.reduction.groups
     if not groups:
-        return ["  none"] if not system.cut_joints else [f"  cut at {listed(system.cut_joints)}, which lock nothing"]
+        return ["  none"] if not system.cut_joints else [f"  cut at {listed(system.cut_joints)}, no constraint"]
     lines = [f"  cut at {listed(system.cut_joints)}"] if system.cut_joints else ["  none but those of couplers"]
     locking = {name for group in groups for name in group.joints}
     idle = [name for name in system.cut_joints if name not in locking]
     if idle:
-        lines.append(f"  {listed(idle)}: locks nothing")
+        lines.append(f"  without constraint: {listed(idle)}")
     for group in groups:
         pivots = f"smallest pivot kept {group.kept:.1e}, largest" if group.rank else "largest pivot"
         lines.append(f"  {listed(group.joints)}: {group.rank} of {len(group.rows)} constraint rows independent; "
@@ -139,7 +139,7 @@ def _unsymmetric(system: Equations) -> list[str]:
     if system.gyroscopic is not None:
         lines.append("  C = dampers + gyroscopic terms: modes have right and left vectors")
     if system.circulatory is not None:
-        lines.append("  K = stiffness + circulatory terms (dampers that turn along, follower loads): it may flutter")
+        lines.append("  K = stiffness + circulatory terms (rotating dampers, follower loads): flutter is possible")
     return lines
 
 
@@ -147,8 +147,8 @@ def _massless(system: Equations) -> list[str]:
     found = system.provenance.massless
     if found is None:
         return []
-    lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; smallest pivot of the mass "
-             f"rows {found.kept:.1e}, largest that is none {found.dropped:.1e}"]  # fmt: skip
+    lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; of the mass rows, "
+             f"smallest pivot kept {found.kept:.1e}, largest dropped {found.dropped:.1e}"]  # fmt: skip
     if found.condensed:
         lines.append(f"  condensed statically, as no damper acts on them: {listed(found.condensed)}")
     if found.first_order:
@@ -174,7 +174,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     """
     result = []
     if not system.provenance.reduction.groups:
-        result.append("no loop that locks anything: B'' was not formed")
+        result.append("no loop with constraints: second-order terms B'' were not formed")
     elif not any(group.surplus for group in system.provenance.reduction.groups):
         result.append("no redundant constraint: neighbouring poses were not checked")
     elif system.provenance.planar:
@@ -182,7 +182,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
     if not system.damping.any():
         result.append("no damper acts: C is zero and modes are real")
     if not any(branch.joint == FLOATS for branch in system.provenance.topology.branches):
-        result.append("every body hangs on ground by joints: no free joint was added")
+        result.append("joints connect every body to ground: no free joint was added")
     if system.dof:
         result += _modal_skips(basis)
     if system.provenance.statics is None:
@@ -195,7 +195,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
 def _modal_skips(basis: Basis | None) -> list[str]:
     """What the modes that were computed so far, if any, did without."""
     if basis is None or "modes" not in basis.computed:
-        return ["modes and responses were not asked for yet: no eigenvalue was computed"]
+        return ["no mode and no response was requested yet: no eigenvalue was computed"]
     result, modes = [], basis.modes
     if modes.classical:
         result.append(f"{modes.classical}: modes are real, and no eigenvalue problem of twice the size was solved")

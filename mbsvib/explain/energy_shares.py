@@ -79,12 +79,12 @@ class StiffnessShares:
         shown = [i for i, row in enumerate(self.shares) if np.abs(row[:count]).max(initial=0.0) >= SHOWN_SHARE]
         rows = [(self.elements[i], self.kinds[i], *(f"{100.0 * share:.1f}" for share in self.shares[i, :count]))
                 for i in shown]  # fmt: skip
-        columns: list[tuple[str, Any]] = [("element", "left"), ("as", "left")]
+        columns: list[tuple[str, Any]] = [("element", "left"), ("kind", "left")]
         columns += [(f"{frequency:.4g} Hz", "right") for frequency in self.frequencies[:count]]
-        notes = ["Shares of the strain energy in %; what is below 0.05 % in all modes shown is left out."]
+        notes = ["Shares of the strain energy in %. Elements below 0.05 % in all modes shown are omitted."]
         if count < self.shares.shape[1]:
             notes.append(f"The first {count} of {self.shares.shape[1]} modes.")
-        return text(f"Stiffness of {self.name}", columns, rows, notes)
+        return text(f"Strain energy by element: {self.name}", columns, rows, notes)
 
     def __repr__(self) -> str:
         return f"StiffnessShares({self.name!r}: {len(self.elements)} elements, {self.shares.shape[1]} modes)"

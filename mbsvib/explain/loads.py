@@ -35,12 +35,12 @@ def explain_loads(system: Equations) -> list[str]:
     applied = statics.applied
     lines = []
     if applied.weight.any():
-        lines.append("  gravity: acts at the centres of mass; its stiffness comes through joints and preloads")
+        lines.append("  gravity: acts at the centres of mass; its geometric stiffness is in the reactions and preloads")
     for names, what in ((applied.names[: applied.loads], "loads"),
                         (applied.names[applied.loads :], "preloads")):  # fmt: skip
         if names:
             lines.append(f"  {what}: {_listed(names)}")
-    lines.append(f"  balance: {statics.imbalance:.1e} of the forces is left over (allowed {BALANCE:g})")
+    lines.append(f"  balance: relative residual of the forces {statics.imbalance:.1e} (allowed {BALANCE:g})")
     lines += _stiffness(system)
     if system.circulatory is not None:
         lines.append("  follower loads or torques make K unsymmetric")
@@ -61,7 +61,8 @@ def _stiffness(system: Equations) -> list[str]:
         if kind != ELASTIC:
             most = int(np.argmax(np.abs(part)))
             where = system.coordinates[most]
-            lines.append(f"  {kind} of '{name}': {part[most]:+.6g} of these along {where}, where it is largest")
+            unit = "N/m" if system.coordinate_units[most] == "m" else "N m/rad"
+            lines.append(f"  {kind} of '{name}': {part[most]:+.6g} {unit} along {where}, its largest contribution")
     return lines
 
 

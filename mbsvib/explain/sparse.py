@@ -34,11 +34,11 @@ def explain(system: SparseEquations) -> str:
     topology = system.topology
     parts = ((topology.bodies, "body"), (topology.joints, "joint"), (system.springs, "spring-damper"))
     lines = [
-        f"{system.name}: {system.dof} DOF, held sparse", "topology",
+        f"{system.name}: {system.dof} DOF, sparse matrices", "topology",
         "  " + ", ".join(counted(len(group), what) for group, what in parts),
     ]  # fmt: skip
     if topology.floating:
-        lines.append(f"  float and got free joints: {listed([topology.bodies[i] for i in topology.floating])}")
+        lines.append(f"  floating, with free joints added: {listed([topology.bodies[i] for i in topology.floating])}")
     lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
     acting = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
     acting[system.row_owner] = True
@@ -46,7 +46,7 @@ def explain(system: SparseEquations) -> str:
     if system.dropped is not None:
         lines += [f"  {text}" for text in dropped(system.dropped)]
     elif idle:
-        lines.append(f"  without effect, as no motion of the mechanism acts on them: {listed(idle)}")
+        lines.append(f"  without effect, as no motion of the mechanism strains them: {listed(idle)}")
     if system.loading:
         count = int(np.count_nonzero(system.row_owner >= len(system.springs)))
         of = "of geometric stiffness from gravity, loads, preloads and forces in joints"
@@ -94,7 +94,7 @@ def _forces(system: SparseEquations) -> list[str]:
 
 
 def _skipped(system: SparseEquations) -> list[str]:
-    result = ["  no matrix over all coordinates was formed: there are more of them than a dense one is quick for"]
+    result = ["  no dense matrix was formed: the number of coordinates is too large for an efficient one"]
     still = int((~system.structure.moves).sum())
     if still:
         result.append(f"  {still} of {system.structure.moves.size} displacements cannot move: they were left out")
@@ -103,5 +103,5 @@ def _skipped(system: SparseEquations) -> list[str]:
     if not system.constraints.groups:
         result.append("  no loop: no constraint was checked")
     if not system.damping.any():
-        result.append("  no damper acts: everything is real")
+        result.append("  no damper acts: modes are real")
     return result

@@ -67,7 +67,7 @@ class Collocation:
         columns: list[tuple[str, Any]] = [("actuator", "left"), ("sensor", "left"), ("collocated", "left"),
                                           ("poles and zeros interlaced", "left"), ("passive", "left")]  # fmt: skip
         notes = [] if all(pair.passive for pair in self.pairs) else [
-            "Pairs that are not passive damp some modes and drive others: their gain is limited."]  # fmt: skip
+            "Pairs that are not passive damp some modes and destabilize others: their gain is limited."]  # fmt: skip
         return {"title": f"Collocation: {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def __str__(self) -> str:

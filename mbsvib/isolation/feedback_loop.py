@@ -298,7 +298,7 @@ class FeedbackLoop(ABC):
         notes = [f"Unstable: {words}." for words in self.growing]
         return {"title": f"Closed loop of {self.plant.scene.model.name}: {self.title}",
                 "columns": [("mode", "right"), ("natural [Hz]", "right"), ("damping ratio [%]", "right"),
-                            ("comes from", "left")],
+                            ("origin", "left")],
                 "rows": rows, "notes": notes}  # fmt: skip
 
     def __str__(self) -> str:

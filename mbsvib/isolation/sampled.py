@@ -97,7 +97,7 @@ class SampledLoop(FeedbackLoop):
     @property
     def title(self) -> str:
         """The controllers' names, and how they run."""
-        late = f", {1e3 * self.delay:.3g} ms late" if self.delay else ""
+        late = f", delay {1e3 * self.delay:.3g} ms" if self.delay else ""
         return f"{self.law.name} at {self.rate:g} Hz{late}"
 
     @property

@@ -25,18 +25,19 @@ def isolation_table(study: Figures) -> dict[str, Any]:
     static = study.compliance_values[:, 0]
     rows = [
         ("resonance", hertz(study.resonance)),
-        ("amplification there", f"{study.amplification:.4g} ({decibel(study.amplification)})"),
+        ("amplification at resonance", f"{study.amplification:.4g} ({decibel(study.amplification)})"),
         ("isolation starts at (crossover)", f"{'below ' if study.crossover == f[0] else ''}{hertz(study.crossover)}"),
-        ("index a decade above", f"{study.decade:.3g} ({decibel(study.decade)})" if study.decade > 0.0 else "-"),
+        ("index one decade above crossover",
+         f"{study.decade:.3g} ({decibel(study.decade)})" if study.decade > 0.0 else "-"),
         ("roll-off", _roll_off(study)),
         (f"index at {f[-1]:.4g} Hz", f"{study.index[-1]:.3g} ({decibel(study.index[-1])})"),
         (f"compliance at {f[0]:.4g} Hz, minimum and maximum", f"{static[-1]:.3g}, {static[0]:.3g} m/N"),
     ]
     if len(study.undamped):
-        rows[1] = ("amplification there", "infinite: undamped")
+        rows[1] = ("amplification at resonance", "infinite: undamped")
     moved = study.scene.moved
     notes = [f"Index ||T||_F/sqrt({len(moved)}) of accelerations at {_point(study)}, rotations times "
-             f"{study.scene.length:.4g} m; base shaken along {' '.join(moved)}.", *study.scene.notes]  # fmt: skip
+             f"{study.scene.length:.4g} m; base motion along {' '.join(moved)}.", *study.scene.notes]  # fmt: skip
     title = f"Isolation of {study.scene.body} from {study.scene.base}: {study.name}"
     return {"title": title, "columns": [("figure", "left"), ("value", "right")], "rows": rows, "notes": notes}
 
@@ -62,7 +63,7 @@ def _roll_off(study: Figures) -> str:
     if study.plateau:
         return f"none: levels off at {study.plateau:.3g} ({decibel(study.plateau)})"
     if not np.isfinite(study.roll_off):
-        return "too steep to be told from rounding"
+        return "too steep: the response is below rounding"
     return f"{study.roll_off:.0f} dB/decade above {hertz(study.roll_off_from)}"
 
 

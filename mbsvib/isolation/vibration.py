@@ -144,9 +144,9 @@ class Vibration:
         columns: list[tuple[str, Any]] = [("rms", "left"), ("acceleration", "right"), ("", "left"),
                                           ("stroke [um]", "right"), ("force [N]", "right")]  # fmt: skip
         band = "all frequencies" if self.band is None else f"{self.band[0]:g} to {self.band[1]:g} Hz"
-        notes = [f"Base shaken along {' '.join(self.noise.directions)}, {band}."]
+        notes = [f"Base motion along {' '.join(self.noise.directions)}, {band}."]
         if np.isinf(self.acceleration).any():
-            notes.append("Infinite: noise of unlimited frequency comes through the mechanism's masses; give a band.")
+            notes.append("Infinite: noise without upper frequency limit passes through the masses; give a band.")
         (low, high), kept = self.judged, self.criterion
         if low < high:
             words = f"Meets {kept}" if kept else f"Meets no vibration criterion, not even {min(octaves.VC)},"

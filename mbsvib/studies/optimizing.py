@@ -102,7 +102,7 @@ class Optimum:
     def _reach(self) -> str:
         """What is known of other minima."""
         if len(self.starts) == 1:
-            return "A local minimum: other starts may lead to a smaller one, which starts=n looks for."
+            return "This is a local minimum. A smaller one may exist: starts=n searches from n points."
         ends = [f"{each.objective:.6g}" + ("" if each.violation <= FEASIBLE else f" (constraint violation "
                 f"{each.violation:.1e})") for each in self.starts if np.isfinite(each.objective)]  # fmt: skip
         several = Counter(sorted(ends, key=lambda text: float(text.split()[0])))

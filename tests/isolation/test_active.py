@@ -139,7 +139,7 @@ def test_noncollocated_feedback_drives_a_mode():
     assert not by_sensor["acceleration"].dual
     assert not by_sensor["acceleration"].passive
     assert not by_sensor["acceleration"].interlaced
-    assert "drive others" in str(report)
+    assert "destabilize others" in str(report)
     loop = plant.with_gains(isolation.skyhook(plant, 20.0))
     assert len(loop.growing) == 1
 

@@ -165,7 +165,7 @@ def test_roll_off_of_legs_with_masses_is_none():
     assert not any("dB/decade" in str(value) for value in table.values())
     far = isolation.study(library.stewart(), "platform", frequencies=[1e7, 2e7])
     assert result.plateau == pytest.approx(far.index[-1], rel=1e-6)
-    assert table["index a decade above"].startswith(f"{result.decade:.3g}")
+    assert table["index one decade above crossover"].startswith(f"{result.decade:.3g}")
 
 
 def test_a_hundred_times_stiffer_and_softer_legs_level_off_alike():

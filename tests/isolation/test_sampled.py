@@ -147,7 +147,7 @@ def test_unstable_poles_come_from_one_source_each(law, rate):
         assert note.startswith(f"Unstable: {source} at {f:.4g} Hz")
     for note in set(notes) - set(vibrating):
         assert note.startswith("Unstable: controller")
-    assert f"{rate:g} Hz, {1e3 / rate:.3g} ms late" in loop.table()["title"]
+    assert f"{rate:g} Hz, delay {1e3 / rate:.3g} ms" in loop.table()["title"]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -93,12 +93,12 @@ def test_accuracy_that_is_asked_for_is_checked():
 
 def test_it_says_how_it_came_about():
     text = mv.library.ladder(200).linearize(method="sparse").explain()
-    for words in ("200 DOF, held sparse", "cut at", "redundant: ", "multipliers", "from leaves to root",
+    for words in ("200 DOF, sparse matrices", "cut at", "redundant: ", "multipliers", "from leaves to root",
                   "and 192 more groups of loops"):  # fmt: skip
         assert words in text
     assert "no loop: no constraint was checked" in scenes.dashed(700).linearize().explain()
     assert "COLAMD" in scenes.grid(20, 20, "spherical", flat=False).linearize(method="sparse").explain()
-    assert "float and got free joints: b0" in scenes.floating(300).linearize().explain()
+    assert "floating, with free joints added: b0" in scenes.floating(300).linearize().explain()
 
 
 def test_modes_are_shown_as_a_table():

@@ -315,7 +315,7 @@ def test_one_start_ends_in_the_nearest_minimum_and_says_that_it_is_local():
     _, (other, value) = minima()
     assert (found.values["slow.position.x"], found.objective) == pytest.approx((other, value), rel=1e-6)
     assert len(found.starts) == 1
-    assert "A local minimum: other starts may lead to a smaller one, which starts=n looks for." in str(found)
+    assert "This is a local minimum. A smaller one may exist: starts=n searches from n points." in str(found)
 
 
 def test_several_starts_find_the_lower_minimum_and_report_the_others():

@@ -134,7 +134,7 @@ by("csv-topology").onclick = () => csv(`${fileName(data.name)}-topology.csv`, [[
   ...data.topology.edges.map(([kind, name, words, first, second]) => [kind, name, words, data.topology.nodes[first][0], data.topology.nodes[second][0]])]);
 chips(by("cut"), data.cut, false, "None: the joints make no loop.");
 chips(by("redundant"), data.redundant, true, "None: every constraint counts.");
-if (!data.loops.length) make("p", "No loop locks anything.", by("loops"), "none");
+if (!data.loops.length) make("p", "No loop has constraints.", by("loops"), "none");
 for (const loop of data.loops) {
   const pivots = loop.rank ? `; smallest pivot kept ${shown(loop.kept, 3)}, largest dropped ${shown(loop.dropped, 3)}` : "";
   const names = loop.joints.length > 8 ? `${loop.joints.slice(0, 8).join(", ")}, … (${loop.joints.length})` : loop.joints.join(", ");
