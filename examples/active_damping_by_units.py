@@ -1,15 +1,15 @@
-"""A Stewart platform and its active damping as two units, co-simulated: how wrong is it, and from which step on?
+"""A Stewart platform and its active damping as two FMUs, co-simulated: error and largest stable step.
 
-Force sensors in the legs and integral force feedback damp all six modes: each leg's actuator pushes with a force that
-follows the integral of what the leg carries, spring and actuator together. With the spring's force as measurement that
-is a first-order filter,
+Force sensors in the legs and integral force feedback damp all six modes: the force of each leg's actuator is the
+integral of the total force in the leg, spring and actuator together. If the spring force is measured, this is a
+first-order filter,
 
     (s + a + g) f = g k e,
 
-with a small leak a, so that the platform does not fall down slowly. Plant and controller become functional mock-up
-units, as they would for any other simulation tool; the check plays that tool. Most tools let both step at once and hold
-inputs meanwhile (Jacobi): an error of first order in the step, and active damping that is lost and then turns into its
-contrary when steps get long.
+with a small leak a, so that the platform does not sink slowly. Plant and controller become functional mock-up units
+(FMUs), as for any other simulation tool; the check acts as that tool. Most tools step both in parallel and hold the
+inputs over the step (Jacobi): the error is of first order in the step, and the loop becomes unstable when steps get
+long.
 """
 
 from pathlib import Path
@@ -27,22 +27,22 @@ legs = [f"leg{i}" for i in range(1, 7)]
 
 plant = stewart(ports=("platform", "legs")).linearize()
 # python-control has no '.' in names; the exporter gives the signals their names back
-law = control.ss(
+feedback = control.ss(
     -(GAIN + LEAK) * np.eye(6), np.eye(6), GAIN * np.eye(6), np.zeros((6, 6)), name="force feedback",
     inputs=[f"{leg}:force" for leg in legs], outputs=[f"{leg}:f" for leg in legs],
 )  # fmt: skip
 
 with TemporaryDirectory() as folder:
-    units = [mx.to_fmu(system, Path(folder) / name, "2.0")
-             for system, name in ((plant, "plant.fmu"), (law, "law.fmu"))]  # fmt: skip
-    check = mx.check_cosimulation(units[0], units[1], STEP)
+    fmus = [mx.to_fmu(system, Path(folder) / name, "2.0")
+            for system, name in ((plant, "plant.fmu"), (feedback, "feedback.fmu"))]  # fmt: skip
+    check = mx.check_cosimulation(fmus[0], fmus[1], STEP)
 
 assert check.growth < 0  # damped, as one system
-assert all(each.difference < 1e-9 for each in check.masters)  # the units do what numpy says they should
+assert all(each.difference < 1e-9 for each in check.masters)  # the FMUs agree with the reference
 orders = {each.method: each.order for each in check.masters}
 assert np.allclose([orders["jacobi"], orders["slopes"], orders["iteration"]], [1, 2, 2], atol=0.25)
 assert check["iteration"].errors[0] < check["jacobi"].errors[0] / 5
-# with inputs held, the step is what decides whether damping is damping
+# with inputs held, the loop is stable for short steps only
 assert STEP < check["jacobi"].largest_stable_step < 100 * STEP
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Eight masses on an inclined rail, and why the inclination is nobody's business.
+"""Eight masses on an inclined rail: the inclination changes no result.
 
 Nine equal springs, both ends fixed, the rail rises 3 on 4: case SDLD02 of the French guide for checking structural
 codes. Nothing in the answer depends on the slope, which makes it a test of every rotation matrix on the way. Shapes

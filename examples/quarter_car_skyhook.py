@@ -1,12 +1,12 @@
-"""Skyhook damping of a quarter car: the damper that hangs on the sky, and how to build it without a sky.
+"""Skyhook damping of a quarter car: a damper to an inertial reference, realised by an actuator.
 
-A damper between body and wheel calms the resonance and pays with a harsh ride above it. A damper between body and sky
-would not, and an actuator can pretend to be one: integrate the accelerometer on the body, and push with -g times that
-velocity. Signals are wired by their names. Were the tyre rigid, road to body would be
+A damper between body and wheel suppresses the resonance but degrades isolation at higher frequencies. A damper between
+body and inertial space would not. An actuator can replace it: it integrates the accelerometer on the body, and its
+force is -g times that velocity. Signals are connected by their names. With a rigid tyre, road to body would be
 
     T(s) = w0^2 / (s^2 + (g/m) s + w0^2),    w0^2 = k/m.
 
-It is not, and near 11 Hz the picture shows what the sky cannot do: the wheel has lost its damper, and hops.
+The tyre is elastic: near 11 Hz the plot shows the resonance of the wheel, which has no damper of its own.
 """
 
 import control
@@ -22,8 +22,8 @@ GAIN = 2 * 0.7 * np.sqrt(SUSPENSION * BODY)  # 70 % damping [N s/m]
 def skyhook(**car):
     """Close the loop from the body's accelerometer by way of an integrator to the actuator."""
     plant = to_control(quarter_car(**car).linearize())
-    law = control.ss([[0]], [[1]], [[-GAIN]], [[0]], inputs=["body:az"], outputs=["actuator"], name="law")
-    return control.interconnect([plant, law], inputs=["road"], outputs=["body:az"], check_unused=False)
+    controller = control.ss([[0]], [[1]], [[-GAIN]], [[0]], inputs=["body:az"], outputs=["actuator"], name="skyhook")
+    return control.interconnect([plant, controller], inputs=["road"], outputs=["body:az"], check_unused=False)
 
 
 def transmissibility(system):

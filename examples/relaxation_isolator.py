@@ -1,6 +1,6 @@
-"""A relaxation isolator against a plain damper: both tame the resonance, only one still isolates above it.
+"""A relaxation isolator against a plain damper: both suppress the resonance, only one still isolates above it.
 
-A damper beside the spring of an isolator lets vibration through: far above the resonance it is the stiffer path, and
+A damper parallel to the spring of an isolator transmits vibration: far above the resonance it is the stiffer path, and
 transmissibility falls by 20 dB a decade only. A spring in series with the damper (a Maxwell element, as in the
 isolators of space telescopes) gives way there, and 40 dB a decade come back. The node between both has no mass, and no
 fake one is needed: it is one first-order state of three in all.

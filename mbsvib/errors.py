@@ -57,7 +57,7 @@ class AccuracyWarning(UserWarning):
 
 
 class UndeterminedForceWarning(UserWarning):
-    """Outputs that are forces in joints which the model leaves open, as its constraints are redundant."""
+    """Outputs that are joint forces which the model does not determine, because constraints are redundant."""
 
 
 class LeftOutWarning(UserWarning):

@@ -97,7 +97,10 @@ class CosimulationCheck:
                 "0 %" if np.isinf(largest) else "-" if not largest else f"{100 * self.step / largest:.0f} %",
                 "yes" if each.passed else "NO, unstable" if not each.stable else "NO",
             ))  # fmt: skip
-        notes = ["Connected: " + "; ".join(self.connections) + ".", *self.remarks]
+        notes = ["Connected: " + "; ".join(self.connections) + "."]
+        if any(each.method == "slopes" for each in self.masters):
+            notes.append("slopes: inputs by linear extrapolation.")
+        notes += self.remarks
         title = f"Co-simulation of {self.plant} and {self.controller}, H = {self.step:g} s, over {self.duration:.3g} s"
         return tables.text(title, columns, rows, notes)
 
