@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class System(Sensitive, Equations):
     """M q'' + C q' + K q = B u,  y = Cq q + Cv q' + Ca q'' + D u, in minimal coordinates q.
 
-    Matrices, factors and names are those of ``Equations``; modes are computed once,
-    and results are cached.
+    Matrices, factors and names are those of ``Equations``; modes are computed once, and results are
+    cached.
     """
 
     def modes(self, count: int | None = None, *, near: float = 0.0, rtol: float | None = None) -> Modes:
@@ -45,7 +45,7 @@ class System(Sensitive, Equations):
         Returns
         -------
         Modes
-            In ascending natural frequency. Modes at the default accuracy are kept, so that asking again costs nothing.
+            In ascending natural frequency. Modes at the default accuracy are cached.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class System(Sensitive, Equations):
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
         n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
     ) -> Array:  # fmt: skip
-        """Return angular frequencies that miss no resonance and no antiresonance of responses from inputs to outputs.
+        """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
 
         Parameters
         ----------

@@ -40,7 +40,7 @@ def frequency_grid(
     basis: Basis, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None,
     n: int | None = None, *, f_min: float | None = None, f_max: float | None = None,
 ) -> Array:  # fmt: skip
-    """Return angular frequencies that miss no resonance and no antiresonance of the responses from inputs to outputs.
+    """Return angular frequencies that resolve every resonance and antiresonance from inputs to outputs.
 
     The points next to a frequency f are nowhere farther apart than half the distance |2 pi i f - r| to the nearest
     pole or zero r of any single response, and half of that within its half-power points, each of which is a point, as
