@@ -4,7 +4,7 @@ The base frame is to get out of the way of the stage's servo control: its modes 
 along z is to go beyond all of the control. On the way it meets others. A search that took "mode 15" for the fifteenth
 lowest would run after another mode from there on; here modes are followed by their shapes, each keeps its name.
 
-Values and gradients are exact, so that a dozen systems are looked at.
+Values and gradients are exact, so that a dozen systems are evaluated.
 """
 
 import numpy as np

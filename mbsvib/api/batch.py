@@ -166,7 +166,7 @@ class Batch(BatchEquations):
         return "\n".join([self.nominal.explain(), *lines])
 
     def _each(self, ask: Callable[[System], T]) -> list[T]:
-        """Ask every variant, with the modes that were computed for all at once."""
+        """Ask every variant, with the modes that were computed for all together."""
         modal = self.basis.modal
         result = []
         for i, system in enumerate(self):

@@ -201,7 +201,7 @@ def built(kind: type, words: Mapping[str, Any], who: str, field: str) -> Any:
                              element=who, field=field)  # fmt: skip
     missing = [word for word, needed in known.items() if needed and word not in words]
     if missing:
-        raise ModelError(f"{who}: {field} = {check.shown(words)} lacks {', '.join(missing)}.", element=who, field=field)
+        raise ModelError(f"{who}: {field} = {check.shown(words)} needs {', '.join(missing)}.", element=who, field=field)
     try:
         return kind(**words)
     except ModelError as error:

@@ -139,7 +139,7 @@ def reduce_batch(scene: Scene, values: Values, phi: Array, chosen: Pivots, first
 
 
 def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction) -> Mask:
-    """Tell the variants in which constraints that are redundant here may not be in the poses nearby."""
+    """Tell the variants in which constraints that are redundant here may not be in neighbouring poses."""
     assert scene.cuts is not None
     assert reduction.matrix is not None
     result = np.zeros(len(reduction.matrix), dtype=bool)

@@ -123,7 +123,7 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
     loop : OpenedLoops
         The mechanism and its controllers.
     frequencies : array-like, shape (n,), optional
-        The first and the last are those of the band [Hz] that is looked at; default: all frequencies, of a sampled loop
+        The first and the last are the limits of the band [Hz]; default: all frequencies, of a sampled loop
         up to half its rate.
 
     Returns

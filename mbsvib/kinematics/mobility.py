@@ -102,7 +102,7 @@ def check_mobility(
 
 def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> bool:
     """Tell whether these loops move in parallel planes, and lose as many freedoms as their rows can take there: then
-    they do so in all poses nearby, as axes stay normal to the planes.
+    they do so in all neighbouring poses, as axes stay normal to the planes.
     """
     columns = groups[0].columns if len(groups) == 1 else np.concatenate([group.columns for group in groups])
     if cuts.couplings is not None or not len(columns):

@@ -47,7 +47,7 @@ def first_order(
     point : DesignPoint
         The system as it is, and the variables.
     quantities : mapping of str to Quantity
-        What is looked at.
+        The quantities of interest.
     off : array, shape (n, variables)
         How far variables are off in each sample.
     sizes : array, shape (variables,)
@@ -102,7 +102,7 @@ def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array)
     point : DesignPoint
         The system as it is.
     quantities : mapping of str to Quantity
-        What is looked at.
+        The quantities of interest.
     off : array, shape (n, variables)
         How far variables are off in each sample.
 

@@ -199,7 +199,7 @@ def tolerances(
         How far each parameter may be off, up and down: a number in its unit, or a share of its value, "2 %". A pattern
         gives all that it picks the same tolerance; each is off by itself. What is off together is a name in ``ties``.
     of : Quantity or mapping of str to Quantity, optional
-        What is looked at, as for ``optimize``. Default: all natural frequencies and damping ratios.
+        The quantities of interest, as for ``optimize``. Default: all natural frequencies and damping ratios.
     samples : int
         How many random samples.
     distribution : str

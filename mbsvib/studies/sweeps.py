@@ -61,7 +61,7 @@ def sweep(
         within ``parallel_config``.
     file : str or path-like, optional
         Record of the sweep, a line for each point as it is answered. Where it is there, only what is missing is asked.
-        It is told by model, values and names of functions; what functions do inside is not looked at.
+        It is told by model, values and names of functions; the body of a function is not compared.
     retry : bool
         Ask points of the record again that failed.
     progress : bool, callable or None

@@ -207,7 +207,7 @@ LINE = {"start": (0, 0, 0), "end": (1, 0, 0)}
         ({**LINE, "b": "ground", "elements": 1}, r"both ends are on 'ground'"),
         ({**LINE, "b": "tip"}, r"b = 'tip' is no body"),
         ({**LINE, "section": {"A": 1, "Iy": 1, "Iz": 1, "J": 1}, "shear": True}, r"needs the section's shear factors"),
-        ({**LINE, "section": {"type": "tube", "radius": 0.1}}, r"lacks wall"),
+        ({**LINE, "section": {"type": "tube", "radius": 0.1}}, r"needs wall"),
         ({**LINE, "section": {"type": "tub", "radius": 0.1}}, r"type: one of tube.*tube"),
         ({**LINE, "section": {"type": "circle", "radius": -0.1}}, r"beam 'rod': section: circle: radius = -0.1"),
         ({**LINE, "section": {"type": "circle", "diameter": 0.1}}, r"no 'diameter'"),
