@@ -36,6 +36,7 @@ def lacking(at: Stance, forces: Balance) -> tuple[str, dict[str, Any]]:
     body = owner if joint is None else joint.first if joint.second == "ground" else joint.second
     unit = "N m" if at.coordinates.turns[at.coordinates.names.index(name)] else "N"
     missing = -float(forces.residual[worst])
-    what = (f"body '{body}' lacks {missing:.6g} {unit} along '{name}' ({share[worst]:.1e} of the forces that "
-            f"should cancel)")  # fmt: skip
+    kind = "moment" if unit == "N m" else "force"
+    what = (f"unbalanced {kind} on body '{body}', {missing:.6g} {unit} missing along '{name}' ({share[worst]:.1e} of "
+            f"the forces that should cancel)")  # fmt: skip
     return what, {"body": body, "coordinate": name, "missing": missing, "unit": unit}
