@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.elements import Body
-from mbsvib.elements.refusal import refuse_composed
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import moves_geometry, varied
 from mbsvib.equations.batch_loops import Pivots, pivots, reduce_batch
+from mbsvib.equations.batch_one_by_one import one_by_one
 from mbsvib.equations.batch_values import checked
 from mbsvib.equations.equations import MATRICES, Equations
+from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene as scene_of
-from mbsvib.equations.wrenches import is_loaded
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -72,29 +73,20 @@ def linearize_batch(
     SingularPoseError
         If a variant has another number of degrees of freedom, by index.
     """
-    refuse_composed(model.composed.values(), "linearize(values=...)",
-                    "linearize variants one by one, with model.with_values")  # fmt: skip
     for rotor in model.rotors:
         raise ModelError(f"values: rotor '{rotor}' spins, which batches do not support yet; linearize the variants one "
                          f"by one, with model.with_values.", element=rotor, field="values")  # fmt: skip
-    parameters = model.parameters
-    variants = checked(parameters, values)
-    scene = scene_of(with_maxwell_nodes(model), cut)
-    loaded = is_loaded(model)
-    for row, *_ in () if loaded else scene.port.wrench_outputs:
-        name = list(model.outputs)[row]
-        raise ModelError(f"output '{name}': batches do not support forces in joints, or sums of forces, yet; linearize "
-                         f"the variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
-    nominal = single.assembled(model, scene, independent, form=form)
+    variants = checked(model.parameters, values)
+    plain = expanded(model)
+    scene = scene_of(with_maxwell_nodes(plain), cut)
+    nominal = single.assembled(plain, scene, independent, None if plain is model else copy(model), form=form)
     if nominal.provenance.massless is not None:
         what = nominal.provenance.massless
         name = (what.condensed + what.first_order)[0]
         raise ModelError(f"values: coordinate '{name}' moves no mass, which batches do not support yet; linearize the "
                          f"variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
-    if loaded:
-        from mbsvib.equations.batch_loaded import loaded_batch
-
-        return loaded_batch(model, nominal, variants, cut, batch)
+    if scene.loads is not None or scene.port.wrench_outputs or model.composed:
+        return one_by_one(model, nominal, variants, cut, batch)
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
     pieces = [

@@ -240,10 +240,20 @@ def test_end_that_a_body_holds_is_no_node():
         cantilever().add_input("F", "rod.0", "x")
 
 
-def test_what_is_not_supported_is_refused_by_name():
+def test_variants_of_a_beam_are_the_beams_themselves():
     model = cantilever()
-    with pytest.raises(mv.ModelError, match=r"beam 'rod': linearize\(values=\.\.\.\)"):
-        model.linearize(values={"rod.E": [1e9, 2e9]})
+    batch = model.linearize(values={"rod.E": [1e9, 2e9, 5e10], "rod.rho": [1e3, 1e3, 7e3]})
+    modes = batch.modes()
+    for i, (modulus, density) in enumerate(zip((1e9, 2e9, 5e10), (1e3, 1e3, 7e3), strict=True)):
+        single = model.with_values({"rod.E": modulus, "rod.rho": density}).linearize()
+        assert all((getattr(batch, key)[i] == getattr(single, key)).all() for key in ("M", "C", "K", "B", "Cq"))
+        np.testing.assert_allclose(modes.frequencies[i], single.modes().frequencies, rtol=1e-13)
+    assert batch[1].explain() == model.with_values({"rod.E": 2e9, "rod.rho": 1e3}).linearize().explain()
+
+
+def test_a_beam_that_one_variant_cannot_have_is_refused_by_index():
+    with pytest.raises(mv.ModelError, match=r"variant 1: .*rod"):
+        cantilever().linearize(values={"rod.E": [1e9, -1.0]})
 
 
 def test_closed_forms_of_sections():

@@ -157,10 +157,15 @@ def test_forces_in_a_loop_hold_its_bodies():
     assert acceleration * z2 + static + pull == pytest.approx(mass * motion[:2] * z2, rel=1e-9, abs=1e-9)
 
 
-def test_refusals():
+def test_variants_have_forces_of_their_own_in_joints():
     model = mv.library.stewart()
     joint = next(iter(model.joints))
     model.add_force_output("f", joint, "x")
     leg = next(name for name in model.parameters if name.endswith(".stiffness"))
-    with pytest.raises(mv.ModelError, match="batches do not support forces in joints"):
-        model.linearize(values={leg: [1e6, 2e6]})
+    batch = model.linearize(values={leg: [1e6, 2e6]})
+    for i, value in enumerate((1e6, 2e6)):
+        single = model.with_values({leg: value}).linearize()
+        for key in ("M", "C", "K", "Cq", "Ca", "D"):
+            expected = getattr(single, key)
+            np.testing.assert_allclose(getattr(batch, key)[i], expected, rtol=0, atol=1e-14 * abs(expected).max())
+    assert abs(batch.Cq[1] - batch.Cq[0]).max() > 1.0

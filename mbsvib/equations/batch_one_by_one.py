@@ -1,6 +1,6 @@
-"""Batches of loaded models: statics differ from variant to variant, so that each is linearized by itself.
+"""Batches whose variants are linearized one after the other: under loads, with beams, or with forces in joints.
 
-Rows of geometric stiffness that one variant has and another has not are zero rows there.
+Rows that one variant has and another has not, such as those of geometric stiffness, are zero rows there.
 """
 
 from __future__ import annotations
@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbsvib.equations import assembly as single
+from mbsvib.equations.assembly import linearized
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.equations import MATRICES
-from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
-from mbsvib.equations.scene import scene as scene_of
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
@@ -28,10 +26,10 @@ B = TypeVar("B", bound=BatchEquations)
 ROWS = ("elastic_rows", "stiffness", "damping")
 
 
-def loaded_batch(
+def one_by_one(
     model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, batch: type[B]
 ) -> B:
-    """Return a batch of a loaded model, whose variants are linearized one after the other.
+    """Return a batch of any model, whose variants are linearized one after the other.
 
     Parameters
     ----------
@@ -60,8 +58,7 @@ def loaded_batch(
     for i in range(variants.count):
         try:
             variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
-            scene = scene_of(with_maxwell_nodes(variant), cut)
-            found: Equations = single.assembled(variant, scene, nominal.coordinates, variant)
+            found: Equations = linearized(variant, nominal.coordinates, cut)
         except MbsvibError as error:
             error.args = (f"variant {i}: {error}", *error.args[1:])
             raise
