@@ -73,7 +73,7 @@ def decoupled(found: Subspace, result: Modes, z: Array) -> bool:
 def coupled(
     found: Subspace, k: int, near: float, form: type[Equations]
 ) -> tuple[Equations, Modes, Array, Index]:
-    """Return the damped modes whose natural frequencies are nearest to a frequency.
+    """Return the damped modes whose natural frequencies are nearest to a frequency, of rigid-body modes the slowest.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def coupled(
     for _ in range(ROUNDS):
         small = reduced(t.system, basis, rigid, form)
         result: Modes = dense_modes(small, RTOL)
-        chosen = np.sort(np.argsort(np.abs(result.natural - 2.0 * np.pi * near), kind="stable")[:k])
+        speed = np.abs(result.eigenvalues).reshape(-1, 2).max(axis=1)  # tells rigid-body modes apart
+        chosen = np.sort(np.lexsort((speed, np.abs(result.natural - 2.0 * np.pi * near)))[:k])
         if whole:
             return small, result, np.repeat(found.noise, 2) * (result.eigenvalues != 0.0), chosen
         eigenvalues, shapes, pair = _flexible(result, chosen)

@@ -218,9 +218,9 @@ def _closed(
         _check(lacks, limit, tree, said)
         return None
     row, column, entry = closure.kept_entries(tree)
-    value, rest = _least_squares((column, row, entry), len(lacks), count, -lacks)
+    value, rest, least = _least_squares((column, row, entry), len(lacks), count, -lacks)
     held = np.zeros(len(lacks))
-    np.add.at(held, column, np.abs(entry * value[row]))
+    np.add.at(held, column, np.abs(entry) * np.maximum(np.abs(value), LEAST * least)[row])
     _check(-rest, limit + held, tree, said)
     every, whole = closure.rows, np.zeros(len(closure.names))
     whole[closure.kept] = value
@@ -231,8 +231,10 @@ def _closed(
     return Pairs(every.first, every.second, every.point, every.point, every.force * whole, every.moment * whole)
 
 
-def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array]:
-    """The solution of an overdetermined sparse system of full rank, and what is left of the right side."""
+def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array, Array]:
+    """The solution of an overdetermined sparse system of full rank, what is left of the right side, and the size (n,) of
+    which the solution has the rounding: it is that of the largest unknown, in units in which columns are alike.
+    """
     from scipy.sparse import bmat, csc_matrix, eye
     from scipy.sparse.linalg import splu
 
@@ -244,7 +246,7 @@ def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: A
     whole = np.concatenate((right, np.zeros(n)))
     found = factor.solve(whole)
     found += factor.solve(whole - matrix @ found)
-    return found[m:] * scale, right - a @ found[m:]
+    return found[m:] * scale, right - a @ found[m:], scale * np.abs(found[m:]).max(initial=0.0)
 
 
 def _check(residual: Array, size: Array, tree: Tree, said: tuple[str, Topology]) -> None:

@@ -31,6 +31,9 @@ NOISE = 64.0 * float(np.finfo(float).eps)
 # Shifts, as shares of the highest frequency's square, at which modes are counted where springs do not say which
 # coordinates are free. Below the last one rounding of the stiffness takes over.
 SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
+# Dampers may couple all rigid-body modes, of which the slowest are then sums: so many are computed together, even where
+# fewer modes are asked for.
+BRAKED = 200
 
 
 @dataclass(frozen=True)
@@ -144,6 +147,8 @@ def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
     held = replace(first, factor=system.tableau.factor(lock=system.layout.coordinate[lock]), total=len(lock))
     if not _holds(held, lock):
         return _shifted(first)
+    if system.damping.any() and len(lock) <= BRAKED:
+        wanted = len(lock)
     return _free(held, _locked_motions(held, lock[:wanted]) if modes is None else modes[:, :wanted])
 
 

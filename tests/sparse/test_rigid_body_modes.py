@@ -147,3 +147,21 @@ def test_motions_that_hardly_anything_holds_are_refused_by_name():
     model = mv.load(Path(__file__).with_name("hardly_held.yaml"))
     with pytest.raises(mv.ResponseError, match=r"'hardly_held' found motions that depend.*method='dense'"):
         model.linearize(method="sparse").modes(2)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_the_slowest_of_braked_modes_are_found_among_all_of_them(count):
+    """Carriages that dampers alone hold: their eigenvalues are 0 and those of -M^-1 C, the slowest of which are asked."""
+    masses, brakes = np.array([2.0, 0.5, 3.0, 1.0, 7.0]), np.array([4.0, 30.0, 0.2, 9.0, 1.0])
+    model = mv.Model("carriages")
+    for i, (mass, brake) in enumerate(zip(masses, brakes, strict=True)):
+        at = [0.4 * i, 0.0, 0.0]
+        model.add_body(f"c{i}", mass, [0.1, 0.1, 0.1], at)
+        model.add_joint(f"rail{i}", "prismatic", "ground", f"c{i}", axis=[1.0, 0.0, 0.0])
+        before = "ground" if i == 0 else f"c{i - 1}"
+        model.add_spring(f"brake{i}", before, f"c{i}", [0.4 * i - 0.4, 0.0, 0.0], at, damping=brake)
+    C = np.diag(brakes + np.append(brakes[1:], 0.0)) - np.diag(brakes[1:], 1) - np.diag(brakes[1:], -1)
+    expected = -np.linalg.eigvalsh(C / np.sqrt(np.outer(masses, masses)))[:count]
+    found = model.linearize(method="sparse").modes(count)
+    np.testing.assert_allclose(np.sort(found.eigenvalues.real)[:count], np.sort(expected), rtol=1e-12)
+    assert (np.sort(np.abs(found.eigenvalues))[:count] == 0.0).all()
