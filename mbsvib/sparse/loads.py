@@ -232,8 +232,8 @@ def _closed(
 
 
 def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array, Array]:
-    """The solution of an overdetermined sparse system of full rank, what is left of the right side, and the size (n,) of
-    which the solution has the rounding: it is that of the largest unknown, in units in which columns are alike.
+    """The solution of an overdetermined sparse system of full rank, what is left of the right side, and the size (n,)
+    whose rounding the solution has: that of the largest unknown, in units in which columns are alike.
     """
     from scipy.sparse import bmat, csc_matrix, eye
     from scipy.sparse.linalg import splu

@@ -151,7 +151,7 @@ def test_motions_that_hardly_anything_holds_are_refused_by_name():
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_slowest_of_braked_modes_are_found_among_all_of_them(count):
-    """Carriages that dampers alone hold: their eigenvalues are 0 and those of -M^-1 C, the slowest of which are asked."""
+    """Carriages that dampers alone hold: their eigenvalues are 0 and those of -M^-1 C, the slowest of these come."""
     masses, brakes = np.array([2.0, 0.5, 3.0, 1.0, 7.0]), np.array([4.0, 30.0, 0.2, 9.0, 1.0])
     model = mv.Model("carriages")
     for i, (mass, brake) in enumerate(zip(masses, brakes, strict=True)):
