@@ -70,19 +70,29 @@ def follows(system: Equations) -> bool:
     bool
         True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where
         all motions without mass have dampers; unless bushings with moments were turned on the way to an equilibrium
-        that was found, couplers or Maxwell elements went along, or couplers contradict each other.
+        that was found, couplers or Maxwell elements went along, couplers contradict each other, or a joint's rotations
+        turn against its locked translations, which parameters of joints cannot say.
     """
     came = system.provenance
     return (
         came.statics is not None and came.dropped is None and system.gyroscopic is None
         and (came.massless is None or came.massless.transform is None)
         and all(isinstance(part, _KNOWN) for part in came.parts)
+        and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
         and not (came.settled and any(isinstance(part, Maxwell) for part in came.parts))
         and not (any(isinstance(part, Coupling) for part in came.parts)
                  and (came.settled or any(group.surplus for group in came.reduction.groups)))
         and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)
                     for part in came.parts)
     )  # fmt: skip
+
+
+def _skews(joint: Joint) -> bool:
+    """Whether the first of two successive rotations turns the axes of the second away from locked translations."""
+    if not joint.successive:
+        return False
+    about = next(name[1:] for name, _ in joint.freedom if name[0] == "r")
+    return sum(name[0] != "r" and name != about for name, _ in joint.locked) == 1
 
 
 def _turned(system: Equations) -> frozenset[str]:
