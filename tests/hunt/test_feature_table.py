@@ -97,7 +97,7 @@ def equilibrium(subject):
 
 
 ENGINES = {"Sparse responses": sparse_responses, "Sparse modes": sparse_modes, "Batches": checks.batch,
-           "`moved`": moved, "`equilibrium`": equilibrium}  # fmt: skip
+           "Moved": moved, "Equilibrium": equilibrium}  # fmt: skip
 
 
 def table():
@@ -130,7 +130,7 @@ def test_the_table_lists_all_features_and_engines():
 @pytest.mark.parametrize("row", ROWS)
 def test_the_table_says_what_engines_do(row, engine):
     for feature in ROWS[row]:
-        if engine == "`equilibrium`" and feature in NO_EQUILIBRIUM:
+        if engine == "Equilibrium" and feature in NO_EQUILIBRIUM:
             continue
         kind, error = answer(feature, engine)
         assert WORDS.get(kind) == table()[row][engine], f"{feature}: {kind}: {error}"
