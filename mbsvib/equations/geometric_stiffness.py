@@ -23,7 +23,7 @@ import numpy as np
 from mbsvib.elements.contribution import Contribution, Weights, turns
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.loops import EPS
-from mbsvib.linalg.vectors import skew
+from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
@@ -171,5 +171,5 @@ def geometric_terms(pairs: Pairs, applied: Applied, felt: Felt, position: Array)
         np.concatenate((number, start + np.arange(len(turning)), six + felt.two[2], across)),
         np.concatenate((count + bodies.repeat(6), felt.owner[turning], felt.two[0], felt.line_owner)),
         bodies, ends, np.concatenate(pairs.arms(position), axis=1), sign, turning,
-        skew(parts.swapaxes(0, 1)).transpose(3, 0, 2, 1).reshape(-1, 3, 6), slice(start, start + len(turning)),
+        skew(parts.transpose(2, 0, 1)).swapaxes(1, 2).reshape(-1, 3, 6), slice(start, start + len(turning)),
     )  # fmt: skip

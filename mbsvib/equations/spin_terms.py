@@ -16,9 +16,10 @@ from mbsvib.elements import BaseMotion, Bushing
 from mbsvib.elements.contribution import Contribution, Weights, turns
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.statement import antisymmetric, minimal_rows
-from mbsvib.equations.steady_spin import check_steady, cross, own_spin, tensor, together, world
+from mbsvib.equations.steady_spin import check_steady, own_spin, tensor, together, world
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +58,7 @@ def spin_contribution(
     _check_surroundings(model)
     ground = len(bodies)
     return Contribution.join([
-        *(Contribution.of(turns(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(cross(momentum)))
+        *(Contribution.of(turns(np.full(3, i), np.eye(3), ground), gyroscopic=_antisymmetric(skew(momentum)))
           for i, momentum in momenta(model, bodies)),
         *(Contribution.of(damper.rows, circulatory=_antisymmetric(damper.matrix))
           for damper in rotating_dampers(model, bodies, elements)),
@@ -181,7 +182,7 @@ def rotating_dampers(
             damping = world(spring, spring.damping)
             if not damping.any():
                 continue
-            turning = np.kron(np.eye(2), cross(spins[spring.first]))
+            turning = np.kron(np.eye(2), skew(spins[spring.first]))
             ends = number[spring.first], number[spring.second]
             result.append(RotatingDamper(spring.name, *ends, np.array(spring.position), damping @ turning))
     return result

@@ -8,6 +8,7 @@ import numpy as np
 
 from mbsvib.elements import Body, Bushing, Maxwell, Spring
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,12 +21,6 @@ if TYPE_CHECKING:
 # Inertia tensors and axes come from print-outs with six or seven digits.
 SLACK = 1e-6
 TURN = 1.0  # what is the same after one radian is the same after any angle, but for what repeats 2 pi times a turn
-
-
-def cross(v: Any) -> Array:
-    """Return [v]x, with [v]x w = v x w."""
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def tensor(body: Body) -> Array:
@@ -133,8 +128,7 @@ def _relative(point: Array, pair: tuple[str, str], bodies: Mapping[str, Body], s
 def _turned(rows: Array, point: Array, center: Array, axis: Array) -> Array:
     """Covectors (f, m) at a point, after a turn of what they belong to about a line; at the same point."""
     size = np.linalg.norm(axis)
-    unit = cross(axis / size)
-    turn = np.eye(3) + np.sin(TURN) * unit + (1.0 - np.cos(TURN)) * unit @ unit
+    turn = exponential(TURN * axis / size)
     moved = turn @ (point - center) - (point - center)
     force, moment = rows[:, :3] @ turn.T, rows[:, 3:] @ turn.T
     return np.concatenate((force, moment + np.cross(moved, force)), axis=1)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rotations import skew
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
@@ -66,22 +68,13 @@ def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:
     result = np.array(wrench)
     moves: list[bool] = np.asarray(arm.any(axis=0)).tolist()
     if all(moves):
-        result[:, 3:] += skew(arm.T).transpose(2, 0, 1) @ wrench[:, :3]
+        result[:, 3:] += skew(arm) @ wrench[:, :3]
         return result
     for axis, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         if moves[j]:
             result[:, 3 + axis] += arm[:, j, None] * wrench[:, k]
         if moves[k]:
             result[:, 3 + axis] -= arm[:, k, None] * wrench[:, j]
-    return result
-
-
-def skew(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return [v]x (3, 3, ...) of vectors (3, ...): [v]x w = v x w."""
-    result = np.zeros((3, *vectors.shape))
-    x, y, z = vectors
-    result[0, 1], result[0, 2], result[1, 0] = -z, y, z
-    result[1, 2], result[2, 0], result[2, 1] = -x, -y, x
     return result
 
 

@@ -24,7 +24,7 @@ from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.linalg.vectors import skew
+from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.rows import paths
@@ -325,7 +325,7 @@ def _gaps(point: Array, ends: Index, position: Array, length: float) -> csr_matr
         moves = np.flatnonzero(end >= 0)
         arm = (point[moves] - position[end[moves]]) / length
         block = np.tile(np.eye(6), (len(moves), 1, 1))
-        block[:, :3, 3:] = -skew(arm.T).transpose(2, 0, 1)
+        block[:, :3, 3:] = -skew(arm)
         which, i, j = np.nonzero(block)
         row.append(6 * moves[which] + i)
         column.append(6 * end[moves[which]] + j)
