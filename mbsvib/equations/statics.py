@@ -142,16 +142,46 @@ def check_balance(
     names = [scene.coordinates.names[i] for i in reduction.independent.tolist()]
     topology, share = scene.topology, np.abs(residual) / np.where(size > 0.0, size, 1.0)
     worst = int(off[np.argmax(share[off])])
-    unit = "N m" if turns[worst] else "N"
-    joint, _, direction = names[worst].rpartition(".")
-    body, where = who(joint, direction, topology)
     more = "" if len(off) == 1 else f" {len(off) - 1} more of the coordinates are off balance too."
-    raise EquilibriumError(
-        f"model '{model}' is not in balance in the given pose: unbalanced {'moment' if turns[worst] else 'force'} on "
-        f"body '{body}', {-residual[worst]:.6g} {unit} missing {where} ({share[worst]:.1e} of the forces that should "
-        f"cancel there; allowed {BALANCE:g}).{more} Find the pose with model.equilibrium(), or hold it with a load or "
-        f"a preload of a spring.",
-        body=body, coordinate=names[worst], missing=float(-residual[worst]), unit=unit,
+    missing = -float(residual[worst])
+    raise unbalanced(model, names[worst], bool(turns[worst]), missing, float(share[worst]), topology, more)
+
+
+def unbalanced(
+    model: str, coordinate: str, turns: bool, missing: float, share: float, topology: Topology, more: str = ""
+) -> EquilibriumError:
+    """Return the error of a pose that is not in balance, by body, direction and missing force.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model.
+    coordinate : str
+        The coordinate along which forces are off balance most.
+    turns : bool
+        Whether it is a rotation.
+    missing : float
+        The force that is missing there [N or N m].
+    share : float
+        The same as a share of the forces that should cancel.
+    topology : Topology
+        The graph, to name the body.
+    more : str
+        A sentence on other coordinates.
+
+    Returns
+    -------
+    EquilibriumError
+        The error.
+    """
+    kind, unit = ("moment", "N m") if turns else ("force", "N")
+    joint, _, direction = coordinate.rpartition(".")
+    body, where = who(joint, direction, topology)
+    return EquilibriumError(
+        f"model '{model}' is not in balance in the given pose: unbalanced {kind} on body '{body}', {missing:.6g} "
+        f"{unit} missing {where} ({share:.1e} of the forces that should cancel there; allowed {BALANCE:g}).{more} Find "
+        f"the pose with model.equilibrium(), or hold it with a load or a preload of a spring.",
+        body=body, coordinate=coordinate, missing=missing, unit=unit,
     )  # fmt: skip
 
 

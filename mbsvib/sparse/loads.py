@@ -19,11 +19,10 @@ from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.joint_carriers import carrier_of
 from mbsvib.equations.joint_carriers import place as place_of
 from mbsvib.equations.second_order_rows import felt
-from mbsvib.equations.statics import BALANCE, LEAST, who
+from mbsvib.equations.statics import BALANCE, LEAST, unbalanced
 from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import Pairs
 from mbsvib.equations.wrenches import applied
-from mbsvib.errors import EquilibriumError
 from mbsvib.kinematics.mobility import crossed_product
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.statement import antisymmetric, signed_squares, unknown_rows
@@ -257,13 +256,5 @@ def _check(residual: Array, size: Array, tree: Tree, said: tuple[str, Topology])
     share = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
     worst = int(off[np.argmax(share)])
     name, topology = said
-    joint, _, direction = tree.names[worst].rpartition(".")
-    body, where = who(joint, direction, topology)
-    unit = "N m" if tree.turns[worst] else "N"
-    raise EquilibriumError(
-        f"model '{name}' is not in balance in the given pose: unbalanced {'moment' if tree.turns[worst] else 'force'} "
-        f"on body '{body}', {-residual[worst]:.6g} {unit} missing {where} ({share.max():.1e} of the forces that should "
-        f"cancel there; allowed {BALANCE:g}). Find the pose with model.equilibrium(), or hold it with a load or a "
-        f"preload of a spring.",
-        body=body, coordinate=tree.names[worst], missing=float(-residual[worst]), unit=unit,
-    )  # fmt: skip
+    missing = -float(residual[worst])
+    raise unbalanced(name, tree.names[worst], bool(tree.turns[worst]), missing, float(share.max()), topology)
