@@ -72,6 +72,14 @@ NOT_BATCH = NOT_SPARSE | {*BEAMS, *SUPERELEMENTS, "beam force", "joint force", "
 FOR_SPARSE, FOR_BATCH = 0.25, 0.3
 
 
+def with_needs(feature):
+    """A feature, what it needs, what that needs, and so on."""
+    wanted = [feature]
+    while wanted[-1] in NEEDS:
+        wanted.append(NEEDS[wanted[-1]])
+    return wanted
+
+
 def fits(feature, chosen):
     return all(frozenset((feature, other)) not in EXCLUDED for other in chosen)
 
@@ -81,9 +89,7 @@ def plan(seed):
     chosen, avoided = [], frozenset()
 
     def take(feature):
-        wanted = [feature]
-        while wanted[-1] in NEEDS:
-            wanted.append(NEEDS[wanted[-1]])
+        wanted = with_needs(feature)
         if all(fits(one, chosen) and one not in avoided for one in wanted):
             chosen.extend(one for one in wanted if one not in chosen)
 

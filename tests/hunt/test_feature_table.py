@@ -54,9 +54,7 @@ WORDS = {"held": "yes", "refused": "refused", "skipped": "–"}
 
 def alone(feature):
     """A feature with what it needs, and what holds it in balance."""
-    chosen = [feature]
-    while chosen[-1] in features.NEEDS:
-        chosen.append(features.NEEDS[chosen[-1]])
+    chosen = features.with_needs(feature)
     return frozenset((*chosen, "held by bushings") if feature in features.LOADS else chosen)
 
 
