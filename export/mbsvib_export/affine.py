@@ -15,7 +15,6 @@ from mbsvib.equations.assembly import linearized
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib.mechanism.changes import scale_of
-from mbsvib.mechanism.parameters import unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -111,7 +110,9 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
         if together is None or not _near(together[label], expected, 1e-9):
             raise ExportError(f"{caller}: {label} is not affine in {', '.join(names)} together, though in each of "
                               f"them; leave some of them out.")  # fmt: skip
-    return Affine(names, tuple(map(unit, names)), np.array([known[name] for name in names]), system, slopes)
+    entries = [known.entry(name) for name in names]
+    values = np.array([entry.value for entry in entries])
+    return Affine(names, tuple(entry.unit for entry in entries), values, system, slopes)
 
 
 def _near(found: Array, expected: Array, rtol: float = 1e-11) -> bool:

@@ -7,6 +7,7 @@ has hundreds of them.
 from __future__ import annotations
 
 from math import hypot, inf, isfinite, pi, sin, sqrt
+from operator import mul
 from typing import Any
 
 from mbsvib.errors import ModelError, nearest
@@ -181,6 +182,15 @@ def exponential(w: Vector) -> Matrix3:
         (c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x),
         (c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)),
     )
+
+
+def rotated(w: Any, what: Any) -> Any:
+    """Return a vector, or axes as columns, turned by the rotation vector ``w`` [rad]."""
+    turn = exponential(tuple(w))
+    if not isinstance(what[0], tuple):
+        return tuple([sum(map(mul, row, what)) for row in turn])
+    columns = list(zip(*what, strict=True))
+    return tuple([tuple([sum(map(mul, row, column)) for column in columns]) for row in turn])
 
 
 def frame_along(z: Vector) -> Matrix3:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import hypot
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from mbsvib.common.arguments import Matrix3, Vector
 from mbsvib.elements import material as _material
 from mbsvib.elements import sections as _sections
 from mbsvib.elements.material import Material
-from mbsvib.elements.part import Composed, derived
+from mbsvib.elements.part import Composed, ParameterField, derived, point
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
 
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 ELEMENTS = 8
 # sine of the angle between a beam and the direction that says where its y axis is
 PARALLEL = 1e-6
+MATERIAL = ("E", "rho", "nu", "G")
+# Units of parameters that are no lengths.
+UNITS = {"E": "N/m^2", "G": "N/m^2", "rho": "kg/m^3", "nu": "-", "A": "m^2", "Iy": "m^4", "Iz": "m^4", "J": "m^4",
+         "ky": "-", "kz": "-", "alpha": "1/s", "beta": "s", "damping_ratio": "-"}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,57 +64,25 @@ class Beam(Composed):
                 "damping_ratio")  # fmt: skip
         return said | {word: value for word in rest if (value := getattr(self, word)) not in (None, False, 0.0)}
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield (field, names of its entries, value) of all parameters."""
+    def parameter_fields(self) -> Iterator[ParameterField]:
         for part in (self.material, self.section):
-            for field, value in _numbers(part):
-                yield field, None, value
+            for item in fields(part):
+                if (value := getattr(part, item.name)) is not None:
+                    yield ParameterField(item.name, value, UNITS.get(item.name, "m"))
         for field in ("start", "end"):
-            if getattr(self, field) is not None:
-                yield field, check.DIRECTIONS[:3], getattr(self, field)
+            if (value := getattr(self, field)) is not None:
+                yield point(field, value)
         if self.length is not None:
-            yield "length", None, self.length
+            yield ParameterField("length", self.length, "m")
         for field in ("alpha", "beta", "damping_ratio"):
-            yield field, None, getattr(self, field)
+            yield ParameterField(field, getattr(self, field), UNITS[field])
 
-    def number(self, field: str) -> Any:
-        """Return the value of a parameter.
-
-        Parameters
-        ----------
-        field : str
-            Its field, such as ``"E"``.
-
-        Returns
-        -------
-        float or tuple
-            Its value.
-        """
-        for part in (self.material, self.section):
-            if hasattr(part, field):
-                return getattr(part, field)
-        return getattr(self, field)
-
-    def with_numbers(self, values: Mapping[str, Any]) -> Beam:
-        """Return the beam with other values of some parameters, checked as when it was added.
-
-        Parameters
-        ----------
-        values : mapping
-            New values by field.
-
-        Returns
-        -------
-        Beam
-            The changed beam.
-        """
+    def with_values(self, values: Mapping[str, Any]) -> Beam:
         words = self.words()
-        of_material = {field: value for field, value in values.items() if field in ("E", "rho", "nu", "G")}
-        own = {field: value for field, value in values.items() if hasattr(self, field)}
-        of_section = {k: v for k, v in values.items() if k not in of_material and k not in own}
-        words["material"] |= of_material
-        words["section"] |= of_section
-        return make(**(words | own))
+        for field, value in values.items():
+            owner = words["material"] if field in MATERIAL else words if hasattr(self, field) else words["section"]
+            owner[field] = value
+        return make(**words)
 
     @property
     def properties(self) -> Properties:
@@ -166,12 +138,6 @@ class Beam(Composed):
             return [_frame(p, q, self.y_axis, who) for p, q in pairwise(points)]
         length, axes = _frame(points[0], points[-1], self.y_axis, who)
         return [(length / (len(points) - 1), axes)] * (len(points) - 1)
-
-
-def _numbers(part: Material | Shape) -> list[tuple[str, float]]:
-    from dataclasses import fields
-
-    return [(item.name, value) for item in fields(part) if (value := getattr(part, item.name)) is not None]
 
 
 def make(

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import acos, cos, pi, sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import IDENTITY, Matrix3, Vector
-from mbsvib.elements.part import Part
+from mbsvib.elements.part import ParameterField, Part, point, rotation
 from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 # Inertia tensors come from CAD print-outs with six or seven digits, in which a thin plate misses
 # Ixx + Iyy = Izz by that much.
@@ -30,6 +33,17 @@ class Body(Part):
     inertia: tuple[float, float, float, float, float, float]
     position: Vector = (0.0, 0.0, 0.0)
     orientation: Matrix3 = IDENTITY
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("mass", self.mass, "kg")
+        yield ParameterField("inertia", self.inertia, "kg m^2", ("xx", "yy", "zz", "xy", "xz", "yz"))
+        yield point("position", self.position)
+        yield rotation()
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        turned = {} if "orientation" not in values else {
+            "orientation": check.rotated(values["orientation"], self.orientation)}  # fmt: skip
+        return make(**self.arguments() | dict(values) | turned)  # type: ignore[return-value]
 
 
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:

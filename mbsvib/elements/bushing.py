@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
-from mbsvib.elements.part import Part
+from mbsvib.elements.part import ParameterField, Part, point, rotation, six
 from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 Six = tuple[float, ...]
 Matrix6 = tuple[Six, ...]
@@ -31,6 +34,19 @@ class Bushing(Part):
     damping: Six | Matrix6 = ZERO
     orientation: Matrix3 = check.IDENTITY
     preload: Six | None = None
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield six("stiffness", self.stiffness, ("N/m", "N/rad", "N m/rad"))
+        yield six("damping", self.damping, ("N s/m", "N s/rad", "N m s/rad"))
+        yield point("position", self.position)
+        yield rotation()
+        if self.preload is not None:
+            yield six("preload", self.preload, ("N", "N", "N m"))
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        turned = {} if "orientation" not in values else {
+            "orientation": check.rotated(values["orientation"], self.orientation)}  # fmt: skip
+        return make(**self.arguments() | dict(values) | turned)  # type: ignore[return-value]
 
 
 def make(

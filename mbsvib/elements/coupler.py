@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
-from mbsvib.elements.part import Numbered, derived
+from mbsvib.elements.part import ParameterField, Part, derived
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -32,14 +32,10 @@ TURNS, SLIDES = ("rx", "ry", "rz"), ("x", "y", "z")
 
 
 @dataclass(frozen=True, slots=True)
-class Coupling(Numbered):
+class Coupling(Part):
     """What couplers of all kinds have: ``terms``, the pairs (coordinate, coefficient) whose products add up to 0."""
 
     terms: Terms = derived(())
-
-    def number(self, field: str) -> Any:
-        """Return the value of a parameter."""
-        return next(value for name, _, value in self.numbers() if name == field)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +48,11 @@ class Coupler(Coupling):
         """Return the arguments of ``add_coupler`` that make this part."""
         return {"name": self.name, "coefficients": dict(self.coefficients)}
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield (field, names of its entries, value) of its parameters: coefficients by their place in the sum."""
+    def parameter_fields(self) -> Iterator[ParameterField]:
         ends = tuple(str(i + 1) for i in range(len(self.coefficients)))
-        yield "coefficient", ends, tuple(value for _, value in self.coefficients)
+        yield ParameterField("coefficient", tuple(value for _, value in self.coefficients), "-", ends)
 
-    def with_numbers(self, values: Mapping[str, Any]) -> Coupler:
-        """Return the coupler with other coefficients."""
+    def with_values(self, values: Mapping[str, Any]) -> Coupler:
         terms = {name: value for (name, _), value in zip(self.coefficients, values["coefficient"], strict=True)}
         return _coupler(self.name, terms)
 
@@ -71,12 +65,10 @@ class Gear(Coupling):
     second: str = ""
     ratio: float = 0.0
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield (field, names of its entries, value) of its parameters."""
-        yield "ratio", None, self.ratio
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("ratio", self.ratio, "-")
 
-    def with_numbers(self, values: Mapping[str, Any]) -> Gear:
-        """Return the gear with another ratio."""
+    def with_values(self, values: Mapping[str, Any]) -> Gear:
         return _gear(self.name, self.first, self.second, values["ratio"])
 
 
@@ -88,12 +80,10 @@ class Worm(Coupling):
     wheel: str = ""
     ratio: float = 0.0
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield (field, names of its entries, value) of its parameters."""
-        yield "ratio", None, self.ratio
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("ratio", self.ratio, "-")
 
-    def with_numbers(self, values: Mapping[str, Any]) -> Worm:
-        """Return the worm with another ratio."""
+    def with_values(self, values: Mapping[str, Any]) -> Worm:
         return _worm(self.name, self.worm, self.wheel, values["ratio"])
 
 
@@ -105,12 +95,10 @@ class Rack(Coupling):
     rack: str = ""
     radius: float = 0.0
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield (field, names of its entries, value) of its parameters."""
-        yield "radius", None, self.radius
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("radius", self.radius, "m")
 
-    def with_numbers(self, values: Mapping[str, Any]) -> Rack:
-        """Return the rack with another radius."""
+    def with_values(self, values: Mapping[str, Any]) -> Rack:
         return _rack(self.name, self.pinion, self.rack, values["radius"])
 
 

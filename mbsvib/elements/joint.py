@@ -29,12 +29,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import DIRECTIONS, UNIT6, Matrix3, Vector
-from mbsvib.elements.part import Part, derived
+from mbsvib.elements.part import ParameterField, Part, derived, point, rotation
 from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 Six = tuple[float, ...]
 Named = tuple[tuple[str, Six], ...]
@@ -108,6 +111,24 @@ class Joint(Part):
     locked: Named = derived(())
     point: Vector | None = derived()
     successive: bool = derived(False)
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        if self.position is not None:
+            yield point("position", self.position)
+        yield rotation() if self.end is None else point("end", self.end)
+        if self.pitch is not None:
+            yield ParameterField("pitch", self.pitch, "m/rad")
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        words = self.arguments() | dict(values)
+        if "orientation" in values:
+            turn = values["orientation"]
+            if self.kind == "universal" and self.axis is not None and self.axis2 is not None:
+                words |= {"orientation": None, "axis": check.rotated(turn, self.axis),
+                          "axis2": check.rotated(turn, self.axis2)}  # fmt: skip
+            else:
+                words |= {"orientation": check.rotated(turn, self.axes), "axis": None}
+        return make(**words)  # type: ignore[return-value]
 
 
 def make(

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
-from mbsvib.common.arguments import DIRECTIONS, Vector
-from mbsvib.elements.part import Numbered, Part
+from mbsvib.common.arguments import Vector
+from mbsvib.elements.part import Part, point
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from mbsvib.elements.part import ParameterField
 
 NONE: Vector = (0.0, 0.0, 0.0)
 
@@ -30,23 +32,26 @@ class Load(Part):
     position: Vector | None = None
     follower: bool = False
 
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield point("force", self.force, "N")
+        yield point("torque", self.torque, "N m")
+        if self.position is not None:
+            yield point("position", self.position)
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+
 
 @dataclass(frozen=True, slots=True)
-class Gravity(Numbered):
+class Gravity(Part):
     """The ``acceleration`` of free fall [m/s^2], world axes, as its components ``"gravity.x"`` ... are parameters."""
 
     acceleration: Vector
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield its three components, which have no other field than their direction."""
-        yield "", DIRECTIONS[:3], self.acceleration
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield point("", self.acceleration, "m/s^2")
 
-    def number(self, field: str) -> Any:
-        """Return the acceleration."""
-        return self.acceleration
-
-    def with_numbers(self, values: Mapping[str, Any]) -> Self:
-        """Return gravity of another acceleration."""
+    def with_values(self, values: Mapping[str, Any]) -> Self:
         expected = "an acceleration of free fall [m/s^2]"
         return type(self)(self.name, check.vector(values[""], "model", "gravity", expected))
 

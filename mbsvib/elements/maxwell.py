@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import Part, derived
+from mbsvib.elements.part import ParameterField, Part, derived, point
 from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,16 @@ class Maxwell(Part):
     def node(self) -> str:
         """Name of the massless node between spring and damper."""
         return f"{self.name}.node"
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("stiffness", self.stiffness, "N/m")
+        yield ParameterField("damping", self.damping, "N s/m")
+        yield ParameterField("static_stiffness", self.static_stiffness, "N/m")
+        yield point("start", self.start)
+        yield point("end", self.end)
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
 
 
 def make(

@@ -8,11 +8,11 @@ from typing import Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import Numbered
+from mbsvib.elements.part import ParameterField, Part
 
 
 @dataclass(frozen=True, slots=True)
-class Rotor(Numbered):
+class Rotor(Part):
     """A constant angular momentum on ``body``: ``inertia`` [kg m^2] times ``speed`` [rad/s] about ``axis`` (world axes,
     unit length). Without ``inertia`` the body itself spins, with its own moment about the axis.
     """
@@ -22,20 +22,13 @@ class Rotor(Numbered):
     axis: Vector
     inertia: float | None = None
 
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield (field, names of its entries, value) of all its parameters."""
-        yield "speed", None, self.speed
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("speed", self.speed, "rad/s")
         if self.inertia is not None:
-            yield "inertia", None, self.inertia
+            yield ParameterField("inertia", self.inertia, "kg m^2")
 
-    def number(self, field: str) -> Any:
-        """Return the value of a parameter."""
-        return getattr(self, field)
-
-    def with_numbers(self, values: Mapping[str, Any]) -> Self:
-        """Return the rotor with other values of some parameters, checked as when it was added."""
-        words = {"speed": self.speed, "inertia": self.inertia, **values}
-        part = make(self.name, self.body, words["speed"], self.axis, words["inertia"])
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        part = make(**self.arguments() | dict(values))
         return replace(self, speed=part.speed, inertia=part.inertia)
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot, inf
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.part import Part, derived
+from mbsvib.elements.part import ParameterField, Part, derived, point
 from mbsvib.errors import ModelError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,19 @@ class Spring(Part):
     line: Vector = derived((0.0, 0.0, 1.0))
     length: float = derived(1.0)
     tension: float = derived(0.0)
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("stiffness", self.stiffness, "N/m")
+        yield ParameterField("damping", self.damping, "N s/m")
+        yield point("start", self.start)
+        yield point("end", self.end)
+        if self.preload is not None:
+            yield ParameterField("preload", self.preload, "N")
+        if self.free_length is not None:
+            yield ParameterField("free_length", self.free_length, "m")
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
 
 
 def make(

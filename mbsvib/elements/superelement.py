@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,40 +52,6 @@ class Superelement(Composed):
         if self.orientation is not check.IDENTITY:
             said["orientation"] = self.orientation
         return said | ({"grounded": True} if self.grounded else {})
-
-    def numbers(self) -> Iterator[tuple[str, tuple[str, ...] | None, Any]]:
-        """Yield nothing: its matrices are no parameters."""
-        return iter(())
-
-    def number(self, field: str) -> Any:
-        """Return the value of a parameter.
-
-        Parameters
-        ----------
-        field : str
-            Its field, such as ``"E"``.
-
-        Returns
-        -------
-        object
-            Its value.
-        """
-        return getattr(self, field)
-
-    def with_numbers(self, values: Mapping[str, Any]) -> Superelement:
-        """Return the part itself, which has no parameters.
-
-        Parameters
-        ----------
-        values : mapping
-            New values by field.
-
-        Returns
-        -------
-        Superelement
-            This one.
-        """
-        return self
 
     @property
     def internal(self) -> int:

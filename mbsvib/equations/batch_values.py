@@ -15,7 +15,6 @@ from mbsvib.elements.body import TRIANGLE_SLACK
 from mbsvib.elements.coupler import Coupling
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.changes import resolved, variant, whole_fields
-from mbsvib.mechanism.parameters import unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -93,7 +92,7 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
     given: dict[str, Array] = {}
     for name, value in resolved(parameters, values).items():
         if id(value) not in arrays:  # what a pattern ties is looked at once
-            arrays[id(value)] = _array(name, value)
+            arrays[id(value)] = _array(name, value, parameters.entry(name).unit)
         given[name] = arrays[id(value)]
     lengths = {name: len(array) for name, array in given.items() if array.ndim}
     count = next(iter(lengths.values()), 1)
@@ -140,8 +139,8 @@ def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
     return result
 
 
-def _array(name: str, value: Any) -> Array:
-    expected = f"a number or a vector of numbers [{unit(name)}]"
+def _array(name: str, value: Any, unit: str) -> Array:
+    expected = f"a number or a vector of numbers [{unit}]"
     array = reals(value, "linearize", f"values['{name}']", expected,
                   partial(ModelError, element=name, field="values")).copy()  # fmt: skip
     if array.ndim > 1:

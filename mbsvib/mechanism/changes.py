@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.elements import Joint
-from mbsvib.elements.making import remade
-from mbsvib.elements.part import Numbered
 from mbsvib.errors import ModelError
-from mbsvib.mechanism.parameters import unit
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -43,7 +38,8 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
     """
     given = {}
     for name, value in resolved(parameters, values).items():
-        given[name] = np.array([check.number(value, f"parameter '{name}'", "value", f"a finite number [{unit(name)}]")])
+        expected = f"a finite number [{parameters.entry(name).unit}]"
+        given[name] = np.array([check.number(value, f"parameter '{name}'", "value", expected)])
     return {name: variant(parameters.parts[name], whole, 0) for name, whole in whole_fields(parameters, given).items()}
 
 
@@ -107,9 +103,7 @@ def whole_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[st
         entry = parameters.entry(name)
         whole = result.setdefault(entry.part, {})
         if entry.field not in whole:
-            given = (0.0, 0.0, 0.0) if entry.field == "orientation" else _value(
-                parameters.parts[entry.part], entry.field)  # fmt: skip
-            start = np.array(given, dtype=float)
+            start = np.array(_value(parameters.parts[entry.part], entry.field), dtype=float)
             whole[entry.field] = np.repeat(start[..., None], len(array), axis=-1)
         whole[entry.field][entry.index] = array
         if len(entry.index) == 2:
@@ -139,21 +133,15 @@ def variant(part: Part, whole: Mapping[str, Array], i: int) -> Part:
     ModelError
         If a value is refused.
     """
-    if isinstance(part, Numbered):
-        return part.with_numbers({field: array[..., i].tolist() for field, array in whole.items()})
-    words = {item.name: getattr(part, item.name) for item in fields(part) if not item.metadata.get("derived")}
-    for field, array in whole.items():
-        if field != "orientation":
-            words[field] = array[..., i].tolist()
-            continue
-        turn = np.array(check.exponential(tuple(array[:, i].tolist())))
-        if not isinstance(part, Joint):
-            words[field] = turn @ np.array(words[field])
-        elif part.kind == "universal" and part.axis is not None:
-            words["axis"], words["axis2"] = turn @ part.axis, turn @ part.axis2
-        else:
-            words["axis"], words[field] = None, turn @ np.array(part.axes)
-    return remade(part, words)
+    return part.with_values({field: _plain(array[..., i]) for field, array in whole.items()})
+
+
+def _plain(array: Array) -> Any:
+    """Numbers as tuples, as parts hold them."""
+    items = array.tolist()
+    if array.ndim < 2:
+        return tuple(items) if array.ndim else items
+    return tuple([tuple(row) for row in items])
 
 
 def scale_of(parameters: Parameters, name: str) -> float:
@@ -178,7 +166,7 @@ def scale_of(parameters: Parameters, name: str) -> float:
 
 
 def _value(part: Part, field: str) -> Any:
-    return part.number(field) if isinstance(part, Numbered) else getattr(part, field)
+    return next(item.value for item in part.parameter_fields() if item.name == field)
 
 
 def rotations(w: Array) -> Array:

@@ -45,8 +45,8 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     beams = [part for part in parts if isinstance(part, Beam)]
     if beams:
         result.append({_STIFFNESS, _DAMPING, _MASS, _INERTIA} | {
-            ("beam", field) for beam in beams for field, _, _ in beam.numbers()
-            if field not in GEOMETRY and field != "damping_ratio"})  # fmt: skip
+            ("beam", field.name) for beam in beams for field in beam.parameter_fields()
+            if field.name not in GEOMETRY and field.name != "damping_ratio"})  # fmt: skip
     if came.statics is not None:
         falls = any(isinstance(part, Gravity) for part in parts)
         still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}

@@ -91,8 +91,8 @@ def slopes(beam: Beam, field: str, lengths: list[float]) -> tuple[Array, Array]:
     if field in ("alpha", "beta"):
         rows = values(beam) * np.repeat((0.0, 1.0 if field == "alpha" else 0.0), (6, 144))
     else:
-        start = beam.number(field)
-        rows, _ = slope(lambda change: values(beam.with_numbers({field: start + change})), STEP * (abs(start) or 1.0))
+        start = next(item.value for item in beam.parameter_fields() if item.name == field)
+        rows, _ = slope(lambda change: values(beam.with_values({field: start + change})), STEP * (abs(start) or 1.0))
     return rows[:, :6], rows[:, 6:].reshape(-1, 12, 12)
 
 

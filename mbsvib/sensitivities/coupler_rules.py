@@ -59,9 +59,9 @@ def coupler_rule(network: Network, coupler: Coupling, field: str, index: tuple[i
 
 def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[str, float]]:
     """How fast coefficients change, which are linear in all numbers of couplers."""
-    numbers = {name: value for name, _, value in coupler.numbers()}
+    numbers = {item.name: item.value for item in coupler.parameter_fields()}
     value = numbers[field]
     twice: Any = 2.0 * value if not index else tuple(2.0 * v if i == index[0] else v for i, v in enumerate(value))
     size = value if not index else value[index[0]]
-    changed = coupler.with_numbers(numbers | {field: twice})
+    changed = coupler.with_values(numbers | {field: twice})
     return [(name, (b - a) / size) for (name, a), (_, b) in zip(coupler.terms, changed.terms, strict=True)]

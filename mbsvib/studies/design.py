@@ -12,7 +12,6 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model
 from mbsvib.errors import ModelError, nearest
 from mbsvib.mechanism.changes import resolved
-from mbsvib.mechanism.parameters import unit
 from mbsvib.studies.parameter_maps import Linear, Tie, started, turning
 
 if TYPE_CHECKING:
@@ -116,7 +115,7 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     direct = _direct(parameters, [name for name in variables if name not in given])
     linear, bound = _linear(parameters, given), _bound(given, variables)
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
-    start, units = dict(direct.start) | dict(linear.start), _units(direct)
+    start, units = dict(direct.start) | dict(linear.start), _units(direct, parameters)
     for tie, own in bound:
         start |= {name: started(tie, name) for name in own}
         units |= {name: each for name, each in getattr(tie, "units", {}).items() if name in own}
@@ -190,17 +189,18 @@ def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapp
 def _refuse_other(parameters: Parameters, values: Mapping[str, Any], who: str) -> None:
     """Refuse a tie that says where it starts, if the model is not as given there: its turns would start elsewhere."""
     size: dict[str, float] = {}
+    unit = {name: parameters.entry(name).unit for name in values}
     for name in values:
-        size[unit(name)] = max(size.get(unit(name), 0.0), abs(parameters[name]))
+        size[unit[name]] = max(size.get(unit[name], 0.0), abs(parameters[name]))
     for name, value in values.items():
-        if abs(value - parameters[name]) > AS_GIVEN * size[unit(name)]:
+        if abs(value - parameters[name]) > AS_GIVEN * size[unit[name]]:
             raise ModelError(f"{who}: where its tie starts, '{name}' is {value:.6g}, and {parameters[name]:.6g} in the "
                              f"model; make the tie for this model.", element=name, field="ties")  # fmt: skip
 
 
-def _units(direct: Linear) -> dict[str, str]:
+def _units(direct: Linear, parameters: Parameters) -> dict[str, str]:
     """Units of parameters, and of patterns that pick those of one kind."""
-    known = {variable: {unit(name) for name in rates} for variable, rates in direct.maps.items()}
+    known = {variable: {parameters.entry(name).unit for name in rates} for variable, rates in direct.maps.items()}
     return {variable: units.pop() for variable, units in known.items() if len(units) == 1}
 
 
