@@ -26,6 +26,10 @@ class ModelError(MbsvibError, ValueError):
         self.field = field
 
 
+class NoWordsError(ModelError):
+    """A part that its own words cannot describe in another pose, wherever that is."""
+
+
 class SingularPoseError(MbsvibError):
     """A pose in which the number of degrees of freedom, or the choice of coordinates, is not defined."""
 

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 from mbsvib.elements import body as _body
 from mbsvib.elements import bushing as _bushing
+from mbsvib.elements import inerter as _inerter
 from mbsvib.elements import joint as _joint
 from mbsvib.elements import maxwell as _maxwell
 from mbsvib.elements import spring as _spring
+from mbsvib.elements import torsion_spring as _torsion
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
+    from mbsvib.elements.inerter import Inerter
+    from mbsvib.elements.torsion_spring import TorsionSpring
 
 
 class RigidMechanism(Mechanism):
@@ -227,3 +231,68 @@ class RigidMechanism(Mechanism):
         self._check_name(part.node, f"maxwell '{name}': node")
         self._made[part.node] = part
         return self._keep(self._springs, part)
+
+    def add_inerter(
+        self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike, inertance: float
+    ) -> Inerter:
+        """Add an inerter: a force along the line between two points in proportion to their relative acceleration.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        first, second : str or Body
+            The two bodies.
+        start, end : array-like, shape (3,)
+            The point on ``first`` and the one on ``second`` [m], world axes.
+        inertance : float
+            Force per relative acceleration [kg], positive.
+
+        Returns
+        -------
+        Inerter
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, the points coincide, or the inertance is not positive.
+        """
+        self._check_name(name, "inerter")
+        a = self._body_name(first, "inerter", name, "first")
+        b = self._body_name(second, "inerter", name, "second")
+        return self._keep(self._springs, _inerter.make(name, a, b, start, end, inertance))
+
+    def add_torsion_spring(
+        self, name: str, first: str | Body, second: str | Body, axis: ArrayLike, stiffness: float = 0.0,
+        damping: float = 0.0, preload: float | None = None,
+    ) -> TorsionSpring:  # fmt: skip
+        """Add a torsion spring-damper about one axis, which ``first`` carries; it takes no force.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among bodies, joints, bushings and springs.
+        first, second : str or Body
+            The two bodies.
+        axis : array-like, shape (3,)
+            The axis, world axes; its length does not matter.
+        stiffness, damping : float
+            N m/rad and N m s/rad, of the twist of ``second`` against ``first`` about the axis.
+        preload : float, optional
+            Moment about the axis on ``second`` in the given pose [N m]; ``first`` takes its reaction.
+
+        Returns
+        -------
+        TorsionSpring
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If a body is unknown, the axis is zero, or neither stiffness, damping nor preload is given.
+        """
+        self._check_name(name, "torsion spring")
+        a = self._body_name(first, "torsion spring", name, "first")
+        b = self._body_name(second, "torsion spring", name, "second")
+        return self._keep(self._springs, _torsion.make(name, a, b, axis, stiffness, damping, preload))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from mbsvib.common import arguments as check
 from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements import ports as _ports
+from mbsvib.elements import strain_output as _strain
 from mbsvib.errors import nearest
 from mbsvib.mechanism.mechanism import GROUND, Mechanism, check_name
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Output
+    from mbsvib.elements.strain_output import StrainOutput
 
 
 class PortedMechanism(Mechanism):
@@ -172,3 +174,43 @@ class PortedMechanism(Mechanism):
         if isinstance(part, (Spring, Maxwell)) and any(w for i, w in enumerate(output.wrench) if i != 2):
             raise check.refuse(who, "direction", direction, "'z', the line of a spring")
         return self._keep(self._outputs, output)
+
+    def add_strain_output(
+        self, name: str, element: str, at: str = "start", side: str = "z", distance: float | None = None
+    ) -> StrainOutput:
+        """Add the axial strain on the surface of a beam as an output [m/m], as a strain gauge sees it.
+
+        It is the strain of stretching and of bending in one plane, positive in tension, as a change against the given
+        pose.
+
+        Parameters
+        ----------
+        name : str
+            Name, unique among outputs.
+        element : str
+            An element of a beam, ``"tube.e1"`` being the one at its start.
+        at : str
+            ``"start"``, ``"middle"`` or ``"end"`` of the element.
+        side : str
+            ``"y"``, ``"-y"``, ``"z"`` or ``"-z"``: on which side of the centre line, in the axes of the element.
+        distance : float, optional
+            Distance from the centre line [m]; default: the surface of the section, which one that is given by its
+            properties does not tell.
+
+        Returns
+        -------
+        StrainOutput
+            The part.
+
+        Raises
+        ------
+        ModelError
+            If there is no such element of a beam, or a word is refused.
+        """
+        check_name(name, "output", self._outputs)
+        part = _strain.make(name, element, at, side, distance)
+        beams = [key for beam in self.beams.values() for key in beam.element_names]
+        if element not in beams:
+            raise check.refuse(f"strain output '{name}'", "element", element, "an element of a beam, such as 'tube.e1'",
+                               nearest(str(element), beams).strip())  # fmt: skip
+        return self._keep(self._outputs, part)

@@ -11,11 +11,7 @@ from mbsvib.api.add_loads import LoadedMechanism
 from mbsvib.api.add_parts import RigidMechanism
 from mbsvib.api.add_ports import PortedMechanism
 from mbsvib.api.pose import Posed
-from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Maxwell, Output, Spring
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.coupler import Coupler, Gear, Rack, Worm
-from mbsvib.elements.rotor import Rotor
-from mbsvib.elements.superelement import Superelement
+from mbsvib.elements.families import FAMILIES
 from mbsvib.errors import ModelError, counted, nearest
 
 if TYPE_CHECKING:
@@ -163,22 +159,4 @@ class Model(RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism
         return f"Model({self.name!r}: {', '.join(counted(len(group), what) for group, what in counts)})"
 
 
-ADDERS: dict[type, str] = {
-    Body: "add_body",
-    Beam: "add_beam",
-    Superelement: "add_superelement",
-    Joint: "add_joint",
-    Bushing: "add_bushing",
-    Spring: "add_spring",
-    Maxwell: "add_maxwell",
-    Coupler: "add_coupler",
-    Gear: "add_gear",
-    Worm: "add_worm",
-    Rack: "add_rack",
-    Rotor: "add_rotor",
-    Load: "add_load",
-    Input: "add_input",
-    BaseMotion: "add_base_motion",
-    Output: "add_output",
-    ForceOutput: "add_force_output",
-}
+ADDERS: dict[type, str] = {family.part: f"add_{family.word}" for family in FAMILIES}

@@ -6,7 +6,7 @@ The coordinates are then the deformations of the elements: each spring feels one
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.body import Body
-from mbsvib.elements.shared_rows import Node, Piece
+from mbsvib.elements.shared_rows import Node, Piece, PlainParts
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Matrix3, Vector
@@ -23,6 +23,15 @@ if TYPE_CHECKING:
     from mbsvib.elements import Bushing, Joint
 
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def plain(beam: Beam, *_: Any) -> PlainParts:
+    """Return nodes, joints and bushings of a beam, its mass rows, and its dampers other than those of its elements."""
+    pairs = elements(beam)
+    return PlainParts(
+        {body.name: body for body in node_bodies(beam)}, {joint.name: joint for joint, _ in pairs},
+        {spring.name: spring for _, spring in pairs}, mass=tuple(masses(beam)), elastic=tuple(dampers(beam)),
+    )  # fmt: skip
 
 
 def node_bodies(beam: Beam) -> list[Body]:

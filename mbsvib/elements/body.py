@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import acos, cos, pi, sqrt
 from typing import TYPE_CHECKING, Any, Self
 
@@ -13,6 +13,8 @@ from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from mbsvib.elements.placement import Placement
 
 # Inertia tensors come from CAD print-outs with six or seven digits, in which a thin plate misses
 # Ixx + Iyy = Izz by that much.
@@ -44,6 +46,11 @@ class Body(Part):
         turned = {} if "orientation" not in values else {
             "orientation": check.rotated(values["orientation"], self.orientation)}  # fmt: skip
         return make(**self.arguments() | dict(values) | turned)  # type: ignore[return-value]
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.stays(self.name):
+            return self
+        return replace(self, position=pose.centre_of(self.name), orientation=pose.axes(self.name, self.orientation))
 
 
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:

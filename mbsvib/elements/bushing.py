@@ -1,25 +1,39 @@
-"""Bushings: spatial spring-dampers that act at a point, in up to six directions of their own axes."""
+"""Bushings: spatial spring-dampers that act at a point, in up to six directions of their own axes.
+
+In finite motion a bushing has the potential s . k s / 2 - preload . s with s = (d, rho): d = A^T (p_b - p_a) in axes A
+that turn with the first body, rho = log(A^T B). In another pose the same law is expanded to second order about that
+pose, which is all that its preload and its stiffness there can say.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Matrix3, Vector
+from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, point, rotation, six
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.placement import Placement
+
 Six = tuple[float, ...]
 Matrix6 = tuple[Six, ...]
 ZERO: Six = (0.0,) * 6
+# Bushings that carry moments are followed up to this angle [rad] between their bodies.
+FARTHEST = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Bushing(Part):
+class Bushing(Connection):
     """A spatial spring-damper between ``first`` and ``second`` at ``position`` [m], in the axes ``orientation``.
 
     ``stiffness`` [N/m, N m/rad] and ``damping`` [N s/m, N m s/rad] are six values (x y z rx ry rz) or symmetric
@@ -27,8 +41,6 @@ class Bushing(Part):
     wrench on the second body in the given pose, in these axes; the first body takes its reaction at the same point.
     """
 
-    first: str
-    second: str
     position: Vector
     stiffness: Six | Matrix6 = ZERO
     damping: Six | Matrix6 = ZERO
@@ -48,6 +60,18 @@ class Bushing(Part):
             "orientation": check.rotated(values["orientation"], self.orientation)}  # fmt: skip
         return make(**self.arguments() | dict(values) | turned)  # type: ignore[return-value]
 
+    @property
+    def loaded(self) -> bool:
+        """Whether it carries a force in the pose as described."""
+        return self.preload is not None and any(self.preload)
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.stays(self.first) and pose.stays(self.second):
+            return self
+        words = self.words() | {"position": pose.point(self.second, self.position),
+                                "orientation": pose.axes(self.first, self.orientation)}  # fmt: skip
+        return words if relaxed else words | _law_at(self, *deflection(self, pose))
+
 
 def make(
     name: str, first: str, second: str, position: Any, stiffness: Any, damping: Any, orientation: Any,
@@ -55,9 +79,7 @@ def make(
 ) -> Bushing:  # fmt: skip
     """Check the values of a bushing and build it."""
     who = f"bushing '{name}'"
-    if first == second:
-        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
-                         element=who, field="second")  # fmt: skip
+    check_ends(who, first, second)
     k = coefficients(stiffness, who, "stiffness")
     c = coefficients(damping, who, "damping")
     if preload is not None:
@@ -68,6 +90,45 @@ def make(
                          element=who, field="stiffness")  # fmt: skip
     return Bushing(name, first, second, check.vector(position, who, "position"), k, c,
                    check.orientation(orientation, who), preload)  # fmt: skip
+
+
+def deflection(bushing: Bushing, pose: Placement) -> tuple[Array, Array]:
+    """Return d [m] and rho [rad] of a bushing since the pose in which it is described, in its axes."""
+    first, second = (pose.turned(body, bushing.orientation) for body in (bushing.first, bushing.second))
+    gap = np.subtract(pose.point(bushing.second, bushing.position), pose.point(bushing.first, bushing.position))
+    return first.T @ gap, logarithm(first.T @ second)
+
+
+def _law_at(bushing: Bushing, d: Array, rho: Array) -> dict[str, Any]:
+    """Stiffness, damping and preload of a bushing about another pose, as far as they are others there."""
+    words: dict[str, Any] = {}
+    stiffness, damping = (np.array(value) for value in (bushing.stiffness, bushing.damping))
+    full = np.diag(stiffness) if stiffness.ndim == 1 else stiffness
+    wrench = np.array(bushing.preload or np.zeros(6)) - full @ np.concatenate((d, rho))
+    if rho.any():
+        map_ = np.eye(6)
+        map_[3:, 3:] = inverse_jacobian(rho)
+        if wrench[3:].any() or full[3:].any():
+            _check_turn(bushing, rho)
+            tangent = map_.T @ full @ map_
+            tangent[3:, 3:] -= second_order(rho, wrench[3:])
+            words["stiffness"] = 0.5 * (tangent + tangent.T)
+        if damping[3:].any():
+            words["damping"] = map_.T @ (np.diag(damping) if damping.ndim == 1 else damping) @ map_
+        wrench = map_.T @ wrench
+    if wrench.any() or bushing.preload is not None:
+        words["preload"] = wrench
+    return words
+
+
+def _check_turn(bushing: Bushing, rho: Array) -> None:
+    """Next to half a turn the rotation vector may as well point the other way, and so may the moment."""
+    angle = float(np.linalg.norm(rho))
+    if angle > FARTHEST:
+        who = f"bushing '{bushing.name}'"
+        raise ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
+                         f"(limit {np.degrees(FARTHEST):.0f}). Describe the model in a pose nearer by.",
+                         element=who, field="stiffness")  # fmt: skip
 
 
 def _acts(value: Six | Matrix6) -> bool:

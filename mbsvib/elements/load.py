@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from mbsvib.elements.part import ParameterField
+    from mbsvib.elements.placement import Placement
 
 NONE: Vector = (0.0, 0.0, 0.0)
 
@@ -40,6 +41,14 @@ class Load(Part):
 
     def with_values(self, values: Mapping[str, Any]) -> Self:
         return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.stays(self.body):
+            return self
+        changes: dict[str, Any] = {} if self.position is None else {"position": pose.point(self.body, self.position)}
+        if self.follower:
+            changes |= {key: pose.direction(self.body, getattr(self, key)) for key in ("force", "torque")}
+        return replace(self, **changes)
 
 
 @dataclass(frozen=True, slots=True)

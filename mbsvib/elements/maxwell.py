@@ -7,30 +7,32 @@ damper at work between.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, inf
+from math import dist, hypot, inf
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, derived, point
-from mbsvib.errors import ModelError
+from mbsvib.errors import NoWordsError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.elements.placement import Placement
+
+# A change of the length below this share of it is rounding.
+ROUNDING = 1.6e-14
+
 
 @dataclass(frozen=True, slots=True)
-class Maxwell(Part):
+class Maxwell(Connection):
     """A spring (``stiffness`` k1 [N/m]) in series with a damper (``damping`` c [N s/m]), and beside both a spring of
     ``static_stiffness`` k0, along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
 
     The damper is at the end; what it yields is the coordinate ``"NAME.z"``. ``line`` is the line's unit vector.
     """
 
-    preload = None  # it carries no force in the given pose
-
-    first: str
-    second: str
     start: Vector
     end: Vector
     stiffness: float
@@ -53,15 +55,28 @@ class Maxwell(Part):
     def with_values(self, values: Mapping[str, Any]) -> Self:
         return make(**self.arguments() | dict(values))  # type: ignore[return-value]
 
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        # the damper gives way until the spring in series carries nothing; the one beside them would carry a force
+        if pose.stays(self.first) and pose.stays(self.second):
+            return self
+        start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
+        before, after = dist(self.start, self.end), dist(start, end)
+        if not relaxed and self.static_stiffness and abs(after - before) > ROUNDING * before:
+            who = f"maxwell '{self.name}'"
+            raise NoWordsError(
+                f"{who}: static_stiffness = {self.static_stiffness:g} would carry a force in another pose, "
+                f"which a Maxwell element cannot say; make it an add_spring of its own.",
+                element=who, field="static_stiffness",
+            )  # fmt: skip
+        return self.words() | {"start": start, "end": end}
+
 
 def make(
     name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any, static_stiffness: Any
 ) -> Maxwell:
     """Check the values of a Maxwell element and build it."""
     who = f"maxwell '{name}'"
-    if first == second:
-        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
-                         element=who, field="second")  # fmt: skip
+    check_ends(who, first, second)
     a = check.vector(start, who, "start")
     b = check.vector(end, who, "end")
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]

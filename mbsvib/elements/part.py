@@ -12,6 +12,7 @@ from mbsvib.common.arguments import DIRECTIONS
 
 if TYPE_CHECKING:
     from mbsvib.common.arguments import Vector
+    from mbsvib.elements.placement import Placement
 
 Index = tuple[int, ...]
 
@@ -120,6 +121,28 @@ class Part:
             If a value is refused, as when the part is added.
         """
         assert not values  # a part without parameters
+        return self
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        """Return the part in another pose of the bodies; one that is fixed to no body stays as it is.
+
+        Parameters
+        ----------
+        pose : Placement
+            The pose.
+        relaxed : bool
+            Whether springs keep the forces that they have as described; otherwise these follow from the motion.
+
+        Returns
+        -------
+        Part or dict
+            The part there, or the words of the call that adds it.
+
+        Raises
+        ------
+        NoWordsError
+            If no such part can be described in that pose.
+        """
         return self
 
 

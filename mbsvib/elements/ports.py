@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import Part, derived
 from mbsvib.errors import ModelError, nearest
+
+if TYPE_CHECKING:
+    from mbsvib.elements.placement import Placement
 
 Six = tuple[float, ...]
 QUANTITIES = ("displacement", "velocity", "acceleration")
@@ -27,6 +30,12 @@ class Port(Part):
     position: Vector | None = None
     relative_to: str = "ground"
 
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        # its direction is fixed in the world
+        if self.position is None or pose.stays(self.body):
+            return self
+        return replace(self, position=pose.point(self.body, self.position))
+
 
 @dataclass(frozen=True, slots=True)
 class Input(Port):
@@ -40,13 +49,15 @@ class Output(Port):
     """A displacement, velocity or acceleration of ``body`` relative to ``relative_to``.
 
     ``inertial`` matters only where the ground itself moves (base motion): True measures against inertial space,
-    False against the moving ground; ``absolute`` is what the user said of it.
+    False against the moving ground; ``absolute`` is what the user said of it. ``unit`` is None where the direction and
+    the quantity tell it.
     """
 
     quantity: str = "displacement"
     absolute: bool | None = None
     inertial: bool = derived(False)
     wrench: Six = derived(())
+    unit: str | None = derived()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +96,9 @@ def make_input(name: str, body: str, direction: Any, position: Any, relative_to:
 
 
 def make_output(
-    name: str, body: str, direction: Any, position: Any, relative_to: str, quantity: Any, absolute: Any
-) -> Output:
+    name: str, body: str, direction: Any, position: Any, relative_to: str, quantity: Any, absolute: Any,
+    unit: str | None = None,
+) -> Output:  # fmt: skip
     """Check the values of an output and build it."""
     who = f"output '{name}'"
     if not isinstance(quantity, str) or quantity not in QUANTITIES:
@@ -99,7 +111,7 @@ def make_output(
         raise ModelError(f"{who}: absolute=True, yet measured relative to body '{relative_to}'; leave one out.",
                          element=who, field="absolute")  # fmt: skip
     inertial = quantity == "acceleration" and relative_to == "ground" if absolute is None else bool(absolute)
-    return Output(name, body, said, position, relative_to, quantity, absolute, inertial, wrench)
+    return Output(name, body, said, position, relative_to, quantity, absolute, inertial, wrench, unit)
 
 
 def make_base_motion(name: str, direction: Any, position: Any) -> BaseMotion:

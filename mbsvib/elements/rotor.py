@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.part import ParameterField, Part
+
+if TYPE_CHECKING:
+    from mbsvib.elements.placement import Placement
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +33,9 @@ class Rotor(Part):
     def with_values(self, values: Mapping[str, Any]) -> Self:
         part = make(**self.arguments() | dict(values))
         return replace(self, speed=part.speed, inertia=part.inertia)
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        return self.words() | {"axis": pose.direction(self.body, self.axis)}
 
 
 def make(name: str, body: str, speed: Any, axis: Any, inertia: Any) -> Rotor:

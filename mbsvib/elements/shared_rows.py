@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mbsvib.common.arrays import Array
-    from mbsvib.elements.part import Composed, Part
+    from mbsvib.elements.body import Body
+    from mbsvib.elements.connection import Connection
+    from mbsvib.elements.joint import Joint
+    from mbsvib.elements.part import Part
+    from mbsvib.elements.ports import Output
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,17 +43,29 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
+class PlainParts:
+    """What a part becomes when equations are made: bodies, joints, springs and outputs by name, and shared rows."""
+
+    bodies: Mapping[str, Body] = field(default_factory=dict)
+    joints: Mapping[str, Joint] = field(default_factory=dict)
+    springs: Mapping[str, Connection] = field(default_factory=dict)
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    mass: tuple[Piece, ...] = ()
+    elastic: tuple[Piece, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Pieces:
     """Rows of a model that more than two bodies share: ``mass``, W of M = W^T W, and ``elastic`` ones; ``nodes`` are
-    the bodies whose mass these rows are.
+    the bodies whose mass these rows are. ``owners`` are the parts that have become others, ``made`` the names of these.
     """
 
     mass: tuple[Piece, ...]
     elastic: tuple[Piece, ...]
     nodes: frozenset[str]
-    owners: tuple[Composed, ...] = ()
+    owners: tuple[Part, ...] = ()
+    made: frozenset[str] = frozenset()
 
-    def said(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+    def declared(self, parts: tuple[Part, ...]) -> tuple[Part, ...]:
         """Return parts as the user knows them: the owners in place of what they have become."""
-        made = {name for owner in self.owners for name in owner.made}
-        return (*[part for part in parts if part.name not in made], *self.owners)
+        return (*[part for part in parts if part.name not in self.made], *self.owners)

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, inf
+from math import dist, hypot, inf
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
+from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, derived, point
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.elements.placement import Placement
+
+# A force below this share of stiffness times length is rounding of the length.
+ROUNDING = 1e-15
+
 
 @dataclass(frozen=True, slots=True)
-class Spring(Part):
+class Spring(Connection):
     """A spring-damper along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
 
     ``stiffness`` [N/m] and ``damping`` [N s/m] act on the change of its length; ``line`` is its unit vector, ``length``
@@ -24,8 +30,6 @@ class Spring(Part):
     gives it as stiffness (length - free_length).
     """
 
-    first: str
-    second: str
     start: Vector
     end: Vector
     stiffness: float = 0.0
@@ -49,6 +53,28 @@ class Spring(Part):
     def with_values(self, values: Mapping[str, Any]) -> Self:
         return make(**self.arguments() | dict(values))  # type: ignore[return-value]
 
+    @property
+    def loaded(self) -> bool:
+        """Whether it carries a force in the pose as described."""
+        return self.tension != 0.0
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        if pose.stays(self.first) and pose.stays(self.second):
+            return self
+        start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
+        words = self.words() | {"start": start, "end": end}
+        if relaxed:
+            if self.free_length is not None:
+                words["preload"] = self.tension
+                del words["free_length"]
+        elif self.free_length is None:
+            tension = self.tension + self.stiffness * (dist(start, end) - self.length)
+            if abs(tension) < ROUNDING * abs(self.stiffness) * self.length:
+                tension = 0.0
+            if tension or self.preload is not None:
+                words["preload"] = tension
+        return words
+
 
 def make(
     name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any, preload: Any = None,
@@ -56,9 +82,7 @@ def make(
 ) -> Spring:  # fmt: skip
     """Check the values of a line spring and build it."""
     who = f"spring '{name}'"
-    if first == second:
-        raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
-                         element=who, field="second")  # fmt: skip
+    check_ends(who, first, second)
     a = check.vector(start, who, "start")
     b = check.vector(end, who, "end")
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]

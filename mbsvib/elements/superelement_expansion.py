@@ -6,7 +6,7 @@ Stiffness sees displacements relative to the first node only, so that rigid-body
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,13 +14,19 @@ from mbsvib.common.arguments import UNIT6
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import Joint
-from mbsvib.elements.shared_rows import Node, Piece
+from mbsvib.elements.shared_rows import Node, Piece, PlainParts
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements.superelement import Superelement
 
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def plain(part: Superelement, *_: Any) -> PlainParts:
+    """Return nodes, joints and shared rows of a superelement."""
+    return PlainParts({body.name: body for body in node_bodies(part)}, dict(links(part)), mass=tuple(masses(part)),
+                      elastic=tuple(elastic(part)))  # fmt: skip
 
 
 def node_bodies(part: Superelement) -> list[Body]:

@@ -136,7 +136,7 @@ def assembled(
         found, stays, separation = separate(scene, reduction, found, names, model, independent)
         names, kept = tuple([names[i] for i in stays]), [kept[i] for i in stays]
     if model.pieces is not None:
-        parts = model.pieces.said(parts)
+        parts = model.pieces.declared(parts)
     return form(
         name=model.name, coordinates=names,
         coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),

@@ -85,7 +85,8 @@ def linearize_batch(
         name = (what.condensed + what.first_order)[0]
         raise ModelError(f"values: coordinate '{name}' moves no mass, which batches do not support yet; linearize the "
                          f"variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
-    if scene.loads is not None or scene.port.wrench_outputs or model.composed:
+    by_one = plain is not model or scene.springs.inertance is not None
+    if scene.loads is not None or scene.port.wrench_outputs or by_one:
         return one_by_one(model, nominal, variants, cut, batch)
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)

@@ -1,18 +1,22 @@
-"""Mechanisms in plain parts: beams and superelements as bodies, joints, springs and shared rows."""
+"""Mechanisms in plain parts: beams and others as bodies, joints, springs, outputs and shared rows."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from mbsvib.elements.families import FAMILIES
+from mbsvib.elements.shared_rows import Piece, Pieces
 from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
 
+EXPANSIONS = {family.part: family.plain for family in FAMILIES if family.plain is not None}
+_MADE = ("bodies", "joints", "springs", "outputs")
 M = TypeVar("M", bound=Mechanism)
 
 
 def expanded(model: M) -> M:
-    """Return a mechanism in plain parts: nodes of beams and superelements as bodies, elements as joints and bushings.
+    """Return a mechanism in plain parts: each part in place of which its family has others becomes these.
 
     Parameters
     ----------
@@ -22,39 +26,35 @@ def expanded(model: M) -> M:
     Returns
     -------
     Mechanism
-        The same mechanism, with what more than two bodies share in ``pieces``; itself if nothing in it bends.
+        The same mechanism, with what more than two bodies share in ``pieces``; itself if all parts are plain.
 
     Raises
     ------
     ModelError
         If a superelement stands in a model under load.
     """
-    if not model.composed:
+    parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
+             if type(part) in EXPANSIONS]  # fmt: skip
+    if not parts:
         return model
-    from mbsvib.elements import superelement_expansion as _reduced
-    from mbsvib.elements.beam_expansion import dampers, elements, masses, node_bodies
-    from mbsvib.elements.shared_rows import Pieces
     from mbsvib.equations.wrenches import is_loaded
 
-    bodies: dict[str, Any] = dict(model.bodies)
-    joints: dict[str, Any] = dict(model.joints)
-    springs: dict[str, Any] = dict(model.springs)
-    mass, elastic = [], []
-    for part in model.superelements.values():
-        bodies |= {body.name: body for body in _reduced.node_bodies(part)}
-        joints |= dict(_reduced.links(part))
-        mass += _reduced.masses(part)
-        elastic += _reduced.elastic(part)
-    for beam in model.beams.values():
-        bodies |= {body.name: body for body in node_bodies(beam)}
-        for joint, spring in elements(beam):
-            joints[joint.name], springs[spring.name] = joint, spring
-        mass += masses(beam)
-        elastic += dampers(beam)
-    nodes = frozenset(bodies) - frozenset(model.bodies)
-    pieces = Pieces(tuple(mass), tuple(elastic), nodes, tuple(model.composed.values()))
-    plain = model.with_parts(bodies=bodies, joints=joints, springs=springs, composed={}, pieces=pieces)
-    return _prestressed(plain, model) if is_loaded(plain) else plain
+    groups: Any = {key: dict(getattr(model, key)) for key in _MADE}
+    owners = tuple([part for part in parts if model.outputs.get(part.name) is not part])
+    mass: list[Piece] = []
+    elastic: list[Piece] = []
+    made = {part.name for part in owners}
+    for part in parts:
+        plain = EXPANSIONS[type(part)](part, model.composed)
+        for key, group in groups.items():
+            group.update(getattr(plain, key))
+            made.update(getattr(plain, key) if key != "outputs" else ())
+        mass += plain.mass
+        elastic += plain.elastic
+    nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
+    pieces = Pieces(tuple(mass), tuple(elastic), nodes, owners, frozenset(made))
+    result = model.with_parts(**groups, composed={}, pieces=pieces)
+    return _prestressed(result, model) if model.composed and is_loaded(result) else result
 
 
 def _prestressed(plain: M, model: M) -> M:

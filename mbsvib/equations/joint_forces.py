@@ -80,7 +80,7 @@ def joint_force_rows(
     to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
     still = np.concatenate((found["body_motion"], np.zeros((1, *found["body_motion"].shape[1:]))))
     motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
-    elastic, damping = _of_springs(scene, relative, reduction, position)
+    elastic, damping, inerters = _of_springs(scene, relative, reduction, position)
     inertia = -_inertia(scene.bodies, still)
     sources = _of_inputs(scene, position)
     base = np.zeros_like(sources)
@@ -100,7 +100,7 @@ def joint_force_rows(
     if model.rotors:
         elastic = elastic + _of_rotating_dampers(model, scene, reduction, position)
         gyroscopic = _of_rotors(model, scene, still)
-    parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia, "D": sources + base}
+    parts = {"Cq": elastic, "Cv": damping + gyroscopic, "Ca": inertia + inerters, "D": sources + base}
     if any(kind == "joint" for _, kind, _, _ in scene.port.wrench_outputs):
         carried_by = {key: to_joints(part) for key, part in parts.items()}
         if statics is not None and change is not None:
@@ -192,14 +192,19 @@ def _inertia(bodies: tuple[Body, ...], motion: Array) -> Array:
     return result
 
 
-def _of_springs(scene: Scene, relative: Triplets, reduction: Reduction, position: Array) -> tuple[Array, Array]:
-    """What stiffness and damping do to the bodies, (6, bodies + 1, m) per unit of q and of q'."""
+def _of_springs(
+    scene: Scene, relative: Triplets, reduction: Reduction, position: Array
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """What stiffness, damping and inertance do to the bodies, (6, bodies + 1, m) per unit of q, of q' and of q''."""
     springs, locked = scene.springs, scene.locked
     rows = springs.rows
     felt = reduction.apply(relative.dense(locked, locked + len(springs.owner)))
     each = Pairs(rows.first, rows.second, rows.point, rows.point, rows.force, rows.moment)
     to_bodies = spread(each, position)
-    return to_bodies @ (-springs.stiffness[:, None] * felt), to_bodies @ (-springs.damping[:, None] * felt)
+    result = np.zeros((3, 6, position.shape[1], felt.shape[1]))
+    for order, value in springs.weights:
+        result[order] = to_bodies @ (-value[:, None] * felt)
+    return result[0], result[1], result[2]
 
 
 def _of_inputs(scene: Scene, position: Array) -> Array:

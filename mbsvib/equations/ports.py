@@ -110,7 +110,7 @@ def ports(model: Mechanism, bodies: list[Body], number: Mapping[str, int]) -> Po
         rows.append(place)
         order_of = QUANTITIES.index(output.quantity)
         derivative.append(order_of)
-        output_units.append(unit(output.wrench, _MOTION[order_of]))
+        output_units.append(output.unit or unit(output.wrench, _MOTION[order_of]))
         if output.inertial and base_motions:
             if order_of < 2:
                 raise ModelError(
@@ -192,6 +192,6 @@ def port_matrices(
     for row, owner, wrench in port.force_outputs:
         own = np.nonzero(springs.owner == owner)[0]
         share = springs.unit[..., own, :] @ wrench
-        for order, value in ((0, springs.stiffness), (1, springs.damping)):
+        for order, value in springs.weights:
             c[..., order, row, :] = ((share * value[..., own])[..., None, :] @ elastic[..., own, :])[..., 0, :]
     return {"B": b, "Cq": c[..., 0, :, :], "Cv": c[..., 1, :, :], "Ca": c[..., 2, :, :], "D": d}

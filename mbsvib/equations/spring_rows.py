@@ -1,18 +1,20 @@
 """Spring-dampers as rows: each elastic direction is one relative displacement with a stiffness and a damping.
 
 K = D^T diag(k) D and C = D^T diag(c) D share the rows D; a direction without stiffness or without damping has a zero
-there, one without both is left out.
+there, one without both is left out. Rows of inerters add D^T diag(b) D to M.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.common.arguments import IDENTITY
-from mbsvib.elements import Bushing, Maxwell, Spring
+from mbsvib.elements import Bushing, Spring
+from mbsvib.elements.families import FAMILIES
+from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.rows import Rows, columns, table
 from mbsvib.linalg.products import eigenrows
 
@@ -20,14 +22,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.connection import Connection
 
+_ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
 _SIX = np.eye(6)
 
 
 @dataclass(frozen=True, slots=True)
 class Elements:
     """Elastic and damping rows: ``rows``, ``stiffness`` and ``damping`` (..., n), the number of the ``owner`` (n,)
-    among the model's spring-dampers, and the direction ``unit`` (..., n, 6) in the owner's axes.
+    among the model's spring-dampers, and the direction ``unit`` (..., n, 6) in the owner's axes. ``inertance`` (n,) is
+    None where no inerter is among them.
     """
 
     rows: Rows
@@ -35,6 +40,7 @@ class Elements:
     damping: Array
     owner: Index
     unit: Array
+    inertance: Array | None = None
 
     def only(self, kept: Index) -> Elements:
         """Return the rows of some numbers, in ascending order."""
@@ -45,17 +51,23 @@ class Elements:
             Rows(rows.first.take(kept), rows.second.take(kept), rows.point.take(kept, axis=-1),
                  rows.force.take(kept, axis=-1), rows.moment.take(kept, axis=-1)),
             self.stiffness.take(kept, axis=-1), self.damping.take(kept, axis=-1), self.owner.take(kept),
-            self.unit.take(kept, axis=-2),
+            self.unit.take(kept, axis=-2), None if self.inertance is None else self.inertance.take(kept),
         )  # fmt: skip
 
+    @property
+    def weights(self) -> tuple[tuple[int, Array], ...]:
+        """Stiffness, damping and inertance, by the derivative of the displacement that each of them multiplies."""
+        return tuple([(order, value) for order, value in enumerate((self.stiffness, self.damping, self.inertance))
+                      if value is not None])  # fmt: skip
 
-def stack(springs: Iterable[Bushing | Spring | Maxwell], number: Mapping[str, int]) -> Elements:
+
+def stack(springs: Iterable[Connection], number: Mapping[str, int]) -> Elements:
     """Return the rows of all spring-dampers.
 
     Parameters
     ----------
-    springs : iterable of Bushing, Spring or Maxwell
-        The model's spring-dampers.
+    springs : iterable of Connection
+        The model's spring-dampers, all of them plain.
     number : mapping
         Number of each body, ground included.
 
@@ -67,12 +79,12 @@ def stack(springs: Iterable[Bushing | Spring | Maxwell], number: Mapping[str, in
     lines: list[tuple[int, Spring]] = []
     bushings: list[tuple[int, Bushing]] = []
     full: list[tuple[int, Bushing]] = []
-    relaxing: list[tuple[int, Maxwell]] = []
+    others: dict[type, list[tuple[int, Any]]] = {}
     for i, part in enumerate(springs):
         if isinstance(part, Spring):
             lines.append((i, part))
-        elif isinstance(part, Maxwell):
-            relaxing.append((i, part))
+        elif not isinstance(part, Bushing):
+            others.setdefault(type(part), []).append((i, part))
         elif isinstance(part.stiffness[0], tuple) or isinstance(part.damping[0], tuple):
             full.append((i, part))
         else:
@@ -80,17 +92,19 @@ def stack(springs: Iterable[Bushing | Spring | Maxwell], number: Mapping[str, in
     families = [_of_bushings(bushings, number)] if bushings else []
     if full:
         families.append(_of_matrices(full, number))
-    if relaxing:
-        from mbsvib.elements.maxwell_rows import rows
-
-        families.append(Elements(*rows(relaxing, number)))
+    families += [Elements(*_ROWS[kind](parts, number)) for kind, parts in others.items()]
     if lines or not families:
         families.append(_of_lines(lines, number))
     if len(families) == 1:
         return families[0]
-    return Elements(Rows.join([family.rows for family in families]), *(
-        np.concatenate([getattr(family, key) for family in families]) for key in Elements.__slots__[1:]
-    ))  # fmt: skip
+    inertance = None
+    if Inerter in others:
+        inertance = np.concatenate([
+            np.zeros(len(family.owner)) if family.inertance is None else family.inertance for family in families
+        ])  # fmt: skip
+    stiffness, damping, owner, unit = (np.concatenate([getattr(family, key) for family in families])
+                                       for key in ("stiffness", "damping", "owner", "unit"))  # fmt: skip
+    return Elements(Rows.join([family.rows for family in families]), stiffness, damping, owner, unit, inertance)
 
 
 def _of_lines(lines: list[tuple[int, Spring]], number: Mapping[str, int]) -> Elements:

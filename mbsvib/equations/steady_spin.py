@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Body, Bushing, Maxwell, Spring
+from mbsvib.elements import Body, Bushing, Spring
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import exponential
 
@@ -182,8 +182,8 @@ def _check_spring(
     who, center, axis = of[spinning], np.array(bodies[spinning].position), spins[spinning]
     along = together(model, spins, *pair)
     refuse = f"rotor '{who}': '{spring.name}', which acts on the spinning body '{spinning}', "
-    if isinstance(spring, Maxwell):
-        raise ModelError(refuse + "is a Maxwell element, which is not supported on a spinning body.",
+    if not isinstance(spring, (Spring, Bushing)):
+        raise ModelError(f"{refuse}is a {type(spring).__name__}, which is not supported on a spinning body.",
                          element=who, field="body")  # fmt: skip
     points = {spring.first: spring.start, spring.second: spring.end} if isinstance(spring, Spring) else dict.fromkeys(
         pair, spring.position)  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Spring
+from mbsvib.elements import Bushing, Spring
 from mbsvib.equations.wrench_pairs import Pairs
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Bushing
     from mbsvib.mechanism.mechanism import Mechanism
 
     Mask = NDArray[np.bool_]
@@ -48,17 +47,10 @@ class Applied:
         return np.arange(self.loads + self.lines, len(self.names))
 
 
-def preloaded(spring: Spring | Bushing) -> bool:
-    """Tell whether a spring or bushing carries a force in the given pose."""
-    if isinstance(spring, Spring):
-        return spring.tension != 0.0
-    return spring.preload is not None and any(spring.preload)
-
-
 def is_loaded(model: Mechanism) -> bool:
     """Tell whether anything loads a model: gravity, a load, or a preload."""
     gravity = model.gravity is not None and any(model.gravity)
-    return gravity or bool(model.loads) or any(map(preloaded, model.springs.values()))
+    return gravity or bool(model.loads) or any(spring.loaded for spring in model.springs.values())
 
 
 def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
@@ -86,14 +78,14 @@ def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
         at = load.position or model.bodies[load.body].position
         tuples.append((ground, number[load.body], *at, *at, *load.force, *load.torque))
         names.append(load.name)
-    springs = [spring for spring in model.springs.values() if preloaded(spring)]
+    springs = [spring for spring in model.springs.values() if spring.loaded]
     lines = [spring for spring in springs if isinstance(spring, Spring)]
     for line in lines:
         pull = [-line.tension * e for e in line.line]
         tuples.append((number[line.first], number[line.second], *line.start, *line.end, *pull, 0.0, 0.0, 0.0))
         names.append(line.name)
     for spring in springs:
-        if not isinstance(spring, Spring) and spring.preload is not None:
+        if isinstance(spring, Bushing) and spring.preload is not None:
             wrench = np.array(spring.orientation) @ np.array(spring.preload).reshape(2, 3).T
             tuples.append((number[spring.first], number[spring.second], *spring.position, *spring.position,
                            *wrench[:, 0].tolist(), *wrench[:, 1].tolist()))  # fmt: skip

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
-from mbsvib.errors import ModelError
+from mbsvib.errors import NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
 
 if TYPE_CHECKING:
@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
 # sin of the angle by which the frame of a custom joint may have left the one that its locked translations need
 SKEWED = 1e-12
-
-
-class NoWordsError(ModelError):
-    """A part that its own words cannot describe in another pose, wherever that is."""
 
 
 def rotations(joint: Joint) -> tuple[int, ...]:

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equilibrium.balance import Balance, balance
-from mbsvib.equilibrium.joints import NoWordsError
 from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.motion import Stance, close, same_side
-from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.errors import ModelError, NoWordsError, SingularPoseError
 from mbsvib.kinematics.loops import EPS
 
 if TYPE_CHECKING:

@@ -86,6 +86,11 @@ class Pose:
         """Return a vector (3,) or axes (3, 3), as an array, that turn with a body."""
         return np.asarray(self.turn[self.number[body]] @ np.asarray(what))
 
+    def centre_of(self, body: str) -> Vector:
+        """Return where the centre of mass of a body is [m]."""
+        x, y, z = self.centre[self.number[body]].tolist()
+        return x, y, z
+
     def stays(self, body: str) -> bool:
         """Tell whether a body is exactly where it was described."""
         return self._still[self.number[body]]

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Bushing
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.scene import cut_rows
 from mbsvib.equilibrium.joint_rules import in_groups
@@ -283,5 +282,5 @@ def size_of(model: Mechanism) -> float:
     points = [body.position for body in model.bodies.values()]
     points += [joint.point for joint in model.joints.values() if joint.point is not None]
     for spring in model.springs.values():
-        points += [spring.position] if isinstance(spring, Bushing) else [spring.start, spring.end]
+        points += spring.points
     return length_of(np.array(points).reshape(-1, 3))

@@ -8,22 +8,15 @@ from inspect import Parameter, signature
 from typing import Any
 
 from mbsvib.api.model import Model
+from mbsvib.elements.families import FAMILIES
 
 VERSION = 1
 
 # Each section is a property of the model that holds its parts in the order in which they were added. Where two calls
 # fill one section, ``type`` names the call; the first is the section's own and goes without saying.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "bodies": ("body",),
-    "beams": ("beam",),
-    "superelements": ("superelement",),
-    "joints": ("joint",),
-    "springs": ("spring", "bushing", "maxwell"),
-    "couplers": ("coupler", "gear", "worm", "rack"),
-    "rotors": ("rotor",),
-    "loads": ("load",),
-    "inputs": ("input", "base_motion"),
-    "outputs": ("output", "force_output"),
+    section: tuple([family.word for family in FAMILIES if family.section == section])
+    for section in dict.fromkeys(family.section for family in FAMILIES)
 }
 
 

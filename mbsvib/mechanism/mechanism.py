@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arguments import Vector
-    from mbsvib.elements import BaseMotion, Body, Bushing, ForceOutput, Input, Joint, Load, Output, Spring
+    from mbsvib.elements import BaseMotion, Body, ForceOutput, Input, Joint, Load, Output
     from mbsvib.elements.coupler import Coupling
     from mbsvib.elements.part import Composed, Part
     from mbsvib.elements.rotor import Rotor
@@ -60,12 +60,12 @@ class Mechanism:
         self._bodies: dict[str, Body] = {}
         self._composed: dict[str, Composed] = {}  # beams and superelements
         self._joints: dict[str, Joint] = {}
-        self._springs: dict[str, Bushing | Spring] = {}
+        self._springs: dict[str, Any] = {}
         self._couplers: dict[str, Coupling] = {}
         self._rotors: dict[str, Rotor] = {}
         self._loads: dict[str, Load] = {}
         self._inputs: dict[str, Input | BaseMotion] = {}
-        self._outputs: dict[str, Output | ForceOutput] = {}
+        self._outputs: dict[str, Any] = {}
         self._made: dict[str, Part] = {}  # names that composed parts and Maxwell elements take, and whose they are
         self._nodes: dict[str, Part] = {}  # those of them that are bodies
         self._elements: dict[str, Part] = {}  # and those that carry forces
@@ -108,8 +108,8 @@ class Mechanism:
         return MappingProxyType(self._joints)
 
     @property
-    def springs(self) -> Mapping[str, Bushing | Spring]:
-        """Bushings, line springs and Maxwell elements by name, in the order in which they were added."""
+    def springs(self) -> Mapping[str, Any]:
+        """Springs, bushings and all other connections by name, in the order in which they were added."""
         return MappingProxyType(self._springs)
 
     @property

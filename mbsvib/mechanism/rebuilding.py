@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mbsvib.elements.making import remade
+from mbsvib.elements.families import remade
 from mbsvib.elements.part import Part
 from mbsvib.mechanism.mechanism import Mechanism
 

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell, Spring
+from mbsvib.elements import Body, Bushing, Input, Joint, Maxwell
 from mbsvib.elements.beam import Beam
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.superelement import Superelement
 from mbsvib.equations.expansion import expanded
 from mbsvib.mechanism.topology import span
@@ -119,9 +120,10 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
     for part in parts:
         if type(part) is Joint:
             builder.joint(part, part.name in cut)
-        elif isinstance(part, Spring | Maxwell):
-            builder.spring(part, sum(isinstance(other, Spring | Maxwell) for other in parts) <= FEW_SPRINGS)
-        elif isinstance(part, Bushing):
+        elif isinstance(part, Connection) and len(part.points) == 2:
+            builder.spring(part, sum(isinstance(other, Connection) and len(other.points) == 2
+                                     for other in parts) <= FEW_SPRINGS)  # fmt: skip
+        elif isinstance(part, Connection):
             builder.bushing(part)
         elif isinstance(part, Beam):
             builder.chain(part.name, [(part.node(i), point) for i, point in enumerate(part.points)])
@@ -212,26 +214,29 @@ class _Builder:
         words = f"{part.kind} joint between {part.first} and {part.second}"
         self.mark("cut" if cut else "joint", part.name, part.first, at, words + (", cut" if cut else ""))
 
-    def spring(self, part: Spring | Maxwell, fine: bool) -> None:
-        self.hold(part.first, part.start)
-        self.hold(part.second, part.end)
-        if not part.stiffness:
-            self.line("damper", part.name, [(part.first, part.start), (part.second, part.end)])
+    def spring(self, part: Connection, fine: bool) -> None:
+        start, end = part.points
+        self.hold(part.first, start)
+        self.hold(part.second, end)
+        if not getattr(part, "stiffness", 0.0):
+            self.line("damper", part.name, [(part.first, start), (part.second, end)])
             return
         radius = COIL * self.size
-        points, share = outline.coil(np.array(part.start), np.array(part.end), radius, TURNS, 12 if fine else 4)
+        points, share = outline.coil(np.array(start), np.array(end), radius, TURNS, 12 if fine else 4)
         first = len(self.rest)
         a, b = self.number[part.first], self.number[part.second]
         for at, s in zip(points, share, strict=True):
             self.rest.append(at)
-            self.rides.append((a, b, float(s), part.start, part.end))
+            self.rides.append((a, b, float(s), start, end))
         self.lines.append(Line("spring", part.name, first, len(self.rest)))
 
-    def bushing(self, part: Bushing) -> None:
-        self.hold(part.first, part.position)
-        self.hold(part.second, part.position)
-        self.line("gap", part.name, [(part.first, part.position), (part.second, part.position)])
-        self.mark("bushing", part.name, part.second, part.position, f"bushing between {part.first} and {part.second}")
+    def bushing(self, part: Connection) -> None:
+        at = part.points[0] if part.points else self.places[part.first if part.second == GROUND else part.second]
+        self.hold(part.first, at)
+        self.hold(part.second, at)
+        self.line("gap", part.name, [(part.first, at), (part.second, at)])
+        what = "bushing" if isinstance(part, Bushing) else "torsion spring"
+        self.mark("bushing", part.name, part.second, at, f"{what} between {part.first} and {part.second}")
 
     def chain(self, name: str, nodes: Sequence[tuple[str, Any]]) -> None:
         for body, at in (nodes[0], nodes[-1]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.elements import Bushing, Maxwell, Spring
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.part import Composed
 from mbsvib.mechanism.topology import FLOATS
@@ -79,7 +79,7 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
     given = list(parts)
     made = {name for part in given if isinstance(part, Composed) for name in part.made}
     for part in given:
-        if isinstance(part, Spring | Bushing | Maxwell) and part.name not in made:
+        if isinstance(part, Connection) and part.name not in made:
             what = type(part).__name__.lower()
             edges.append(["spring", part.name, what, number[part.first], number[part.second]])
         elif isinstance(part, Coupling):

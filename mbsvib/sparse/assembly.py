@@ -93,11 +93,12 @@ def linearized(
     acting = np.flatnonzero(np.diff(elastic.indptr))
     springs, elastic = springs.only(acting), elastic[acting]
     inertia = spatial_inertia(bodies)
-    factor = inertia_rows(place, inertia)
+    of_bodies = inertia_rows(place, inertia)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
     shared = None if model.pieces is None else shared_rows(model.pieces, number, len(model.springs))
     if shared is not None:
-        factor, rows, k, c, owner = _with_shared(shared, structure, place, factor, rows, k, c, owner)
+        of_bodies, rows, k, c, owner = _with_shared(shared, structure, place, of_bodies, rows, k, c, owner)
+    factor = _with_inerters(of_bodies, springs, elastic)
     names = (*model.springs, *(() if shared is None else shared.names))
     port = ports(model, bodies, number)
     loading: tuple[str, ...] = ()
@@ -133,12 +134,12 @@ def linearized(
     )  # fmt: skip
     check_mobility(structure, closure, place, tableau)
     seen = relative_rows(structure, place, port.rows)
-    inputs, outputs, through = _port_rows(port, seen, springs, elastic, factor, inertia, place, structure.position,
+    inputs, outputs, through = _port_rows(port, seen, springs, elastic, of_bodies, inertia, place, structure.position,
                                           shared)  # fmt: skip
     if port.wrench_outputs:
         from mbsvib.sparse.forces import Acting
 
-        sums = Acting(topology, structure, place, closure, number, springs, elastic, inertia, factor, port,
+        sums = Acting(topology, structure, place, closure, number, springs, elastic, inertia, of_bodies, port,
                       seen[: len(port.force_inputs)], shared, found, shared_by)  # fmt: skip
         more, straight = sums.outputs()
         undetermined = sums.undetermined(tuple(model.outputs))
@@ -154,6 +155,16 @@ def linearized(
         model=copy(model), loading=loading, undetermined=undetermined, circulatory=circulatory,
         gyroscopic=gyroscopic,
     )  # fmt: skip
+
+
+def _with_inerters(factor: csr_matrix, springs: Elements, elastic: csr_matrix) -> csr_matrix:
+    """Put the rows of inerters, times the roots of their inertance, below those of bodies."""
+    if springs.inertance is None:
+        return factor
+    from scipy.sparse import diags, vstack
+
+    acts = springs.inertance.nonzero()[0]
+    return vstack((factor, diags(np.sqrt(springs.inertance[acts])) @ elastic[acts])).tocsr()
 
 
 def _with_shared(
@@ -279,7 +290,7 @@ def _port_rows(
     for row, owner, wrench in port.force_outputs:
         own = np.flatnonzero(springs.owner == owner)
         share = springs.unit[own] @ wrench
-        for derivative, value in ((0, springs.stiffness), (1, springs.damping)):
+        for derivative, value in springs.weights:
             line = (csr_matrix(share * value[own]) @ elastic[own]).tocoo()
             outputs[derivative] = outputs[derivative] + csr_matrix(
                 (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip

@@ -120,7 +120,7 @@ class Acting:
 
     def _in_joint(self, number: int, wrench: Array) -> tuple[dict[int, Array], Array]:
         """The force with which a joint pulls its first body to its second."""
-        lines = {0: np.zeros(self.place.size), 1: np.zeros(self.place.size)}
+        lines = dict(enumerate(np.zeros((3, self.place.size))))
         region = self.regions.get(number)
         if region is None:
             motion: Motion = self._giving_way(number, wrench)
@@ -130,12 +130,13 @@ class Acting:
             motion = self._yielding(region, step)
             if self._turning is not None and region.is_open(step, held):
                 lines[0] += self._in_every_pose(region, held)
-        for rows, along, stiffness, damping in self._elastic(motion):
-            for derivative, value in ((0, stiffness), (1, damping)):
+        for rows, along, weights in self._elastic(motion):
+            for derivative, value in weights:
                 lines[derivative] -= rows.T @ (value * along)
         if self._turning is not None:
             lines[0] += self._turning.of_joints(motion)
-        lines[2], through = self._of_inertia(motion)
+        inertia, through = self._of_inertia(motion)
+        lines[2] += inertia
         forces = self.port.force_inputs
         push = motion.along(self.port.rows)[: len(forces)]
         through[forces] += push if motion.follows is None else push + self.pushed @ motion.follows
@@ -186,17 +187,16 @@ class Acting:
             np.add.at(target, len(locked) + row, share * gap)
         return replace(motion, follows=self.release.unknowns(target)) if target.any() else motion
 
-    def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, Array, Array]]:
-        """Elastic rows, how far a motion goes along them, stiffness and damping."""
+    def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, tuple[tuple[int, Array], ...]]]:
+        """Elastic rows, how far a motion goes along them, and their weights by derivative."""
         follows = motion.follows
         along = motion.along(self.springs.rows)
-        yield (self.elastic, along if follows is None else along + self.elastic @ follows, self.springs.stiffness,
-               self.springs.damping)  # fmt: skip
+        yield (self.elastic, along if follows is None else along + self.elastic @ follows, self.springs.weights)
         if self._blended is not None and self.shared is not None and self.shared.elastic is not None:
             blend = self.shared.elastic
             along = _rigidly(blend.composite, motion)
-            yield (self._blended, along if follows is None else along + self._blended @ follows, blend.stiffness,
-                   blend.damping)  # fmt: skip
+            yield (self._blended, along if follows is None else along + self._blended @ follows,
+                   ((0, blend.stiffness), (1, blend.damping)))  # fmt: skip
 
     def _of_inertia(self, motion: Motion) -> tuple[Array, Array]:
         """What inertia does in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""

@@ -1,0 +1,95 @@
+"""Inerters: a force along a line in proportion to the relative acceleration of its two ends.
+
+F = b (u_b - u_a)'' . e, with the inertance b [kg] and the line's unit vector e: kinetic energy 1/2 b (L')^2, where L is
+the distance of the ends. At rest it carries no force, so that it adds to M only.
+
+Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans. Automatic Control 47, section II.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, inf
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from mbsvib.common import arguments as check
+from mbsvib.common.arguments import Vector
+from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.part import ParameterField, Part, derived, point
+from mbsvib.elements.rows import Rows, columns
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.placement import Placement
+
+
+@dataclass(frozen=True, slots=True)
+class Inerter(Connection):
+    """An ``inertance`` [kg] along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
+
+    Its force on both bodies is inertance times the second derivative of their distance along the unit vector ``line``.
+    """
+
+    stiffness = damping = 0.0
+
+    start: Vector
+    end: Vector
+    inertance: float
+    line: Vector = derived((0.0, 0.0, 1.0))
+
+    def parameter_fields(self) -> Iterator[ParameterField]:
+        yield ParameterField("inertance", self.inertance, "kg")
+        yield point("start", self.start)
+        yield point("end", self.end)
+
+    def with_values(self, values: Mapping[str, Any]) -> Self:
+        return make(**self.arguments() | dict(values))  # type: ignore[return-value]
+
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
+        return self.words() | {"start": pose.point(self.first, self.start), "end": pose.point(self.second, self.end)}
+
+
+def make(name: str, first: str, second: str, start: Any, end: Any, inertance: Any) -> Inerter:
+    """Check the values of an inerter and build it."""
+    who = f"inerter '{name}'"
+    check_ends(who, first, second)
+    a, b = check.vector(start, who, "start"), check.vector(end, who, "end")
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = hypot(x, y, z)
+    if not 0.0 < length < inf:
+        raise check.refuse(who, "end", end, "a point other than start",
+                           "An inerter of no length has no line to act along.")  # fmt: skip
+    expected = "a positive number [kg]"
+    mass = check.number(inertance, who, "inertance", expected)
+    if mass <= 0.0:
+        raise check.refuse(who, "inertance", inertance, expected)
+    return Inerter(name, first, second, a, b, mass, (x / length, y / length, z / length))
+
+
+def rows(
+    parts: Sequence[tuple[int, Inerter]], number: Mapping[str, int]
+) -> tuple[Rows, Array, Array, Index, Array, Array]:
+    """Return the rows of inerters, the change of their length.
+
+    Parameters
+    ----------
+    parts : sequence of (int, Inerter)
+        The inerters and their numbers among the model's spring-dampers.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    tuple of Rows and array
+        Rows, stiffness, damping (both 0), owner, direction in the owner's axes and inertance, as in ``Elements``.
+    """
+    table = columns([(number[p.first], number[p.second], i, *p.start, *p.line, p.inertance) for i, p in parts], 10)
+    first, second, owner = table[:3].astype(np.intp)
+    unit = np.zeros((len(parts), 6))
+    unit[:, 2] = 1.0
+    none = np.zeros(len(parts))
+    return Rows(first, second, table[3:6], table[6:9], np.zeros((3, len(parts)))), none, none, owner, unit, table[9]
