@@ -4,31 +4,40 @@ tau = preload - k phi - c phi', the moment on the second body about the axis e. 
 against the first since the pose as described: its rotation is a swing about an axis across e after a turn by phi about
 e. Equations about that pose see a bushing with stiffness about e only, whose moment turns with the first body.
 
+With the quaternion (w, x, y, z) of the relative rotation, z along e, phi = 2 atan2(z, w). After another small rotation
+rho, phi changes by g . rho - 1/2 (g . rho) (h . rho), g = (w y + z x, z y - w x, w^2 + z^2) / (w^2 + z^2) and
+h = (z y - w x, -w y - z x, 0) / (w^2 + z^2): where the bodies are turned across the axis, a bushing is made of that.
+
 Source: Dobrowolski (2015), Swing-twist decomposition in Clifford algebra, arXiv:1506.05481.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, degrees, hypot
+from math import atan2, cos, degrees, hypot, sqrt
 from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements import bushing
 from mbsvib.elements.connection import Connection, check_ends
-from mbsvib.elements.part import ParameterField
+from mbsvib.elements.part import ParameterField, Part
 from mbsvib.elements.shared_rows import PlainParts
-from mbsvib.errors import ModelError, NoWordsError
-from mbsvib.linalg.rotations import axial
+from mbsvib.errors import ModelError
+from mbsvib.linalg.rotations import logarithm
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement
 
-# A swing of the bodies across the axis below this sine is rounding.
-SWING = 1e-9
+# A swing of the bodies across the axis below this half sine is rounding.
+SWING = 1e-12
+# Squared cosine of half a swing of 3 rad, up to which torsion springs are followed.
+FARTHEST = 5e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,30 +66,40 @@ class TorsionSpring(Connection):
         """Whether it carries a force in the pose as described."""
         return bool(self.preload)
 
-    def in_pose(self, pose: Placement, relaxed: bool) -> Self | dict[str, Any]:
+    def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
         if pose.stays(self.first) and pose.stays(self.second):
             return self
         words = self.words() | {"axis": pose.direction(self.first, self.axis)}
         if relaxed:
             return words
         axes = check.frame_along(self.axis)
-        turn = pose.turned(self.first, axes).T @ pose.turned(self.second, axes)
-        swing = hypot(turn[0, 2], turn[1, 2])
-        if swing > SWING:
+        w, (x, y, z) = _quaternion(pose.turned(self.first, axes).T @ pose.turned(self.second, axes))
+        square, angle = w * w + z * z, 2.0 * atan2(z, w)
+        if square < FARTHEST or abs(angle) > bushing.FARTHEST:
             who = f"torsion spring '{self.name}'"
-            raise NoWordsError(
-                f"{who}: its bodies are turned against each other across its axis (sine {swing:.2g}), which no torsion "
-                f"spring can say in that pose; join the bodies such that they turn about the axis only, or use a "
-                f"bushing.", element=who, field="axis",
-            )  # fmt: skip
-        angle = atan2(2.0 * axial(turn)[2], turn[0, 0] + turn[1, 1])
-        if abs(angle) > bushing.FARTHEST:
-            who = f"torsion spring '{self.name}'"
-            raise ModelError(f"{who}: is turned by {degrees(angle):.0f} degrees, beyond which its angle is no longer "
-                             f"known (limit {degrees(bushing.FARTHEST):.0f}). Describe the model in a pose nearer by.",
+            raise ModelError(f"{who}: its bodies are turned by {degrees(abs(angle)):.0f} degrees about its axis and by "
+                             f"{degrees(2.0 * atan2(hypot(x, y), sqrt(square))):.0f} across it, where its angle is no "
+                             f"longer known. Describe the model in a pose nearer by.",
                              element=who, field="stiffness")  # fmt: skip
         moment = (self.preload or 0.0) - self.stiffness * angle
-        return words | ({"preload": moment} if moment or self.preload is not None else {})
+        if hypot(x, y) <= SWING:
+            return words | ({"preload": moment} if moment or self.preload is not None else {})
+        slope = np.array((w * y + z * x, z * y - w * x, square)) / square
+        bend = np.array((z * y - w * x, -w * y - z * x, 0.0)) / square
+        curve = -0.5 * (np.outer(slope, bend) + np.outer(bend, slope))
+        about = np.zeros((3, 6, 6))
+        about[0, 3:, 3:] = self.stiffness * np.outer(slope, slope) - moment * curve
+        about[1, 3:, 3:] = self.damping * np.outer(slope, slope)
+        about[2, 0, 3:] = moment * slope
+        return bushing.make(self.name, self.first, self.second, (0.0, 0.0, 0.0), about[0], about[1],
+                            pose.axes(self.first, axes), about[2, 0])  # fmt: skip
+
+
+def _quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:
+    """Scalar and vector of the unit quaternion of a rotation matrix; the scalar is not negative."""
+    vector = logarithm(turn)
+    half = 0.5 * float(np.linalg.norm(vector))
+    return cos(half), tuple((0.5 * float(np.sinc(half / np.pi)) * vector).tolist())
 
 
 def make(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.equations.expansion import expanded
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.moved_parts import carried
@@ -79,7 +80,7 @@ def balance(at: Stance) -> Balance:
         Residual and tangent.
     """
     model = at.described if at.pose.as_described else carried(at.described, at.pose)
-    numbers = scene(model, at.cut)
+    numbers = scene(expanded(model), at.cut)
     relative = numbers.relative()
     locked, coordinates = numbers.locked, numbers.coordinates
     with warnings.catch_warnings():  # a pose on the way, not the one that is asked for

@@ -163,7 +163,8 @@ def _kind(document: Document, place: Place, entry: dict[str, Any]) -> str:
         return kinds[0]
     kind = entry.pop("type")
     if kind not in kinds:
-        raise document.error((*place, "type"), f"{kind!r} is no type of {place[0]}; expected {', '.join(kinds[:-1])} or {kinds[-1]}."
+        expected = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
+        raise document.error((*place, "type"), f"{kind!r} is no type of {place[0]}; expected {expected}."
                              f"{nearest(str(kind), kinds)}", element=place[1], field="type")  # fmt: skip
     return str(kind)
 

@@ -44,6 +44,21 @@ def springs(draft):
                   static_stiffness=k * float(rng.uniform(0.1, 1)) if "static" in feature else None)  # fmt: skip
 
 
+def besides(draft):
+    """An inerter between two bodies, and a torsion spring."""
+    rng, features = draft.rng, draft.features
+    if "inerter" in features:
+        first, second = draft.pair()
+        draft.add("inerter", "inerter", first=first, second=second, start=draft.near(first), end=draft.near(second),
+                  inertance=float(10 ** rng.uniform(-0.5, 1)))  # fmt: skip
+    if "torsion spring" in features:
+        first, second = draft.pair()
+        stiffness = float(10 ** rng.uniform(2, 3.5))
+        loaded = "preloaded torsion spring" in features
+        draft.add("torsion_spring", "torsion", first=first, second=second, axis=rng.normal(size=3), stiffness=stiffness,
+                  damping=draft.damping(stiffness), preload=float(10 * rng.normal()) if loaded else None)  # fmt: skip
+
+
 def bushing(draft, first, second, full=False, negative=False, at=None, prefix="bush"):
     k = draft.stiffness(full, negative)
     at = draft.near(second if second != "ground" else first) if at is None else at

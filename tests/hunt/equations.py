@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.hunt.flexible import beam, points_of, superelement
+from tests.hunt.flexible import beam, points_of, strain, superelement
 from tests.hunt.forces_in_pose import ForcesInPose
 from tests.hunt.restated import acts_on, six
 
@@ -148,6 +148,11 @@ class Equations:
         for part in self.flexible:
             to = self._to(part)
             self.M += to.T @ part.mass @ to
+        self.inerters = np.zeros((self.size, self.size))
+        for call in self.scene.of("inerter"):
+            row = self._line(call.arguments)
+            self.inerters += call.arguments["inertance"] * np.outer(row, row)
+        self.M += self.inerters
         for call in self.scene.of("rotor"):
             a, k = call.arguments, self.number[call.arguments["body"]] + 3
             axis = np.array(a["axis"]) / np.linalg.norm(a["axis"])
@@ -165,16 +170,19 @@ class Equations:
         own[:, self.internal[part.name] :][:, : part.internal] = np.eye(part.internal)
         return np.concatenate((*rows, own))
 
+    def _line(self, a):
+        """Change of the distance of two points, (n,)."""
+        line = np.subtract(a["end"], a["start"])
+        return (line / np.linalg.norm(line)) @ (self.at(a["second"], a["end"]) - self.at(a["first"], a["start"]))[:3]
+
     def _elastic(self):
         """Dampers, flexible parts and Maxwell elements; what forces in elements see, by element name."""
         self.elements = {}
         for call in self.scene.of("spring", "bushing"):
             a = call.arguments
             if call.kind == "spring":
-                line = np.subtract(a["end"], a["start"])
-                line = line / np.linalg.norm(line)
                 rows = np.zeros((6, self.size))
-                rows[2] = line @ (self.at(a["second"], a["end"]) - self.at(a["first"], a["start"]))[:3]
+                rows[2] = self._line(a)
                 k, c = (
                     np.diag([0, 0, a.get("stiffness", 0.0), 0, 0, 0]),
                     np.diag([0, 0, a.get("damping", 0.0), 0, 0, 0]),
@@ -185,6 +193,13 @@ class Equations:
                 k, c = (square(a.get(word, np.zeros(6))) for word in ("stiffness", "damping"))
             self.C += rows.T @ c @ rows
             self.elements[call.name] = (k @ rows, c @ rows)
+        for call in self.scene.of("torsion_spring"):
+            a, rows = call.arguments, np.zeros((6, self.size))
+            rows[5] = np.array(a["axis"]) / np.linalg.norm(a["axis"]) @ self.relative(
+                a["first"], a["second"], np.zeros(3))[3:]  # fmt: skip
+            damped = a.get("damping", 0.0) * rows
+            self.C += rows.T @ damped
+            self.elements[call.name] = (a["stiffness"] * rows, damped)
         for part in self.flexible:
             # what does not let the nodes move as a rigid body stands on the ground
             to = self._to(part, against_ground=True)
@@ -209,8 +224,7 @@ class Equations:
     def _maxwell(self):
         for call in self.scene.of("maxwell"):
             a = call.arguments
-            line = np.subtract(a["end"], a["start"])
-            row = (line / np.linalg.norm(line)) @ (self.at(a["second"], a["end"]) - self.at(a["first"], a["start"]))[:3]
+            row = self._line(a)
             yields = np.eye(self.size)[self.internal[call.name]]
             spring = row - yields
             self.K += a["stiffness"] * np.outer(spring, spring) + a.get("static_stiffness", 0.0) * np.outer(row, row)
@@ -258,13 +272,21 @@ class Equations:
         self.forces = self.B - self.M @ self.field
 
     def _outputs(self):
-        calls = self.scene.of("output", "force_output")
+        calls = self.scene.of("output", "force_output", "strain_output")
         p, r = len(calls), len(self.J)
         self.ports = Ports(*(np.zeros((p, self.size)) for _ in range(3)), np.zeros((p, r)),
                            np.zeros((p, self.B.shape[1])), np.zeros((p, r)),
                            np.zeros((p, self.B.shape[1])), np.zeros(p))  # fmt: skip
         for i, call in enumerate(calls):
-            (self._motion if call.kind == "output" else self._force)(i, call)
+            {"output": self._motion, "force_output": self._force, "strain_output": self._strain}[call.kind](i, call)
+
+    def _strain(self, i, call):
+        name, _, element = call.arguments["element"].partition(".e")
+        beam_call = next(each for each in self.scene.of("beam") if each.name == name)
+        part = next(part for part in self.flexible if part.name == name)
+        k = int(element) - 1
+        pair = np.concatenate([self.at(body, point) for body, point in part.nodes[k : k + 2]])
+        self.ports.Rq[i] = strain(beam_call, k, call.arguments) @ pair
 
     def _motion(self, i, call):
         a = call.arguments
@@ -282,6 +304,10 @@ class Equations:
         name, w = call.arguments["element"], six(call.arguments["direction"])
         kind = acts_on(call, self.scene)
         ports = self.ports
+        if kind == "inerter":
+            a = next(each.arguments for each in self.scene.of("inerter") if each.name == name)
+            ports.Ra[i] = w[2] * a["inertance"] * self._line(a)
+            return
         if name in self.elements:
             stiff, damped = self.elements[name]
             ports.Rq[i], ports.Rv[i] = w @ stiff, w @ damped
@@ -294,7 +320,7 @@ class Equations:
             ports.size[i] = np.abs(w).max() * np.abs(self.parts_l[name]).sum(axis=0)
         elif kind == "body":
             k = self.number[name]
-            ports.Ra[i] = w @ self.M[k : k + 6]
+            ports.Ra[i] = w @ (self.M - self.inerters)[k : k + 6]
             ports.Rv[i] = w @ self.gyroscopic[k : k + 6]
             ports.D[i] = w @ self.M[k : k + 6] @ self.field
         else:

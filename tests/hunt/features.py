@@ -24,14 +24,20 @@ SIGNALS = ("reaction of input", "velocity", "acceleration", "relative output", "
 FORCES = ("joint force", "cut joint force", "spring force", "bushing force", "beam force", "maxwell force",
           "sum on body", "sum on ground")  # fmt: skip
 GLOBAL = ("floating", "locked", "far from origin")
-ALL = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
-       *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
+LOADING = (*LOADS, "preloaded torsion spring")
+# Features that some scenes have besides those that their seed asks for, so that the plans of seeds stay as they are.
+BESIDES = ("inerter", "inerter force", "torsion spring", "preloaded torsion spring", "torsion spring moment",
+           "beam strain")  # fmt: skip
+PAIRED = (*TREE, *LOOP, *REDUNDANT, *COUPLERS, *ELASTIC, *DAMPING, *MASSLESS, *SPIN, *BEAMS, *SUPERELEMENTS, *LOADS,
+          *HOLDS, *BASE, *SIGNALS, *FORCES, *GLOBAL)  # fmt: skip
+ALL = (*PAIRED, *BESIDES)
 
 # what one feature needs besides
 NEEDS = {
     "beam force": "beam", "maxwell force": "maxwell", "spring force": "line spring", "rayleigh damping": "beam",
     "modal damping": "beam", "against moving ground": "base translation", "line preload": "line spring",
-    "free length": "line spring",
+    "free length": "line spring", "inerter force": "inerter", "preloaded torsion spring": "torsion spring",
+    "torsion spring moment": "torsion spring", "beam strain": "beam",
 }  # fmt: skip
 
 
@@ -59,7 +65,7 @@ def _excluded():
 
 EXCLUDED = frozenset(frozenset(pair) for pair in _excluded())
 EXCLUDED -= {frozenset(("locked", "fixed in tree"))}
-PAIRS = tuple(pair for pair in combinations(ALL, 2) if frozenset(pair) not in EXCLUDED and not any(
+PAIRS = tuple(pair for pair in combinations(PAIRED, 2) if frozenset(pair) not in EXCLUDED and not any(
     frozenset((NEEDS.get(one, one), other)) in EXCLUDED for one, other in (pair, pair[::-1])))  # fmt: skip
 # Each seed asks for so many pairs; consecutive ones are far from each other.
 PAIRS_EACH, STRIDE = 2, 1009
@@ -70,6 +76,7 @@ NOT_SPARSE = frozenset((*MASSLESS, *SPIN, "maxwell", "maxwell with static spring
 NOT_BATCH = NOT_SPARSE | {*BEAMS, *SUPERELEMENTS, "beam force", "joint force", "cut joint force", "sum on body",
                           "sum on ground"}  # fmt: skip
 FOR_SPARSE, FOR_BATCH = 0.25, 0.3
+OFTEN_BESIDES = 0.1
 
 
 def with_needs(feature):
@@ -111,4 +118,14 @@ def plan(seed):
                 break
     if any(hold in chosen for hold in HOLDS) and not any(load in chosen for load in LOADS):
         take("line preload" if "base rotation" in chosen else "gravity")
-    return frozenset(chosen)
+    return frozenset((*chosen, *_besides(seed, chosen)))
+
+
+def _besides(seed, chosen):
+    """Features besides those of a plan that go with it."""
+    rng = np.random.default_rng((seed, 4))
+    for feature in BESIDES:
+        fits_in = "locked" not in chosen and ("beam" in chosen or feature != "beam strain") and (
+            any(hold in chosen for hold in HOLDS) or feature != "preloaded torsion spring")  # fmt: skip
+        if rng.random() < OFTEN_BESIDES and fits_in:
+            yield from with_needs(feature)

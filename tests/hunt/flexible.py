@@ -169,3 +169,31 @@ def superelement(call):
     c = np.zeros_like(m) if a.get("C") is None else np.array(a["C"], dtype=float)
     m, c, k = (turn.T @ matrix @ turn for matrix in (m, c, np.array(a["K"], dtype=float)))
     return Flexible(call.name, nodes, internal, m, c, k)
+
+
+def strain(call, i, asked):
+    """The strain (12,) of element i on the displacements of its nodes, world axes: eps = u' - y psi'.
+
+    u is linear, psi the slope of a section of a beam with shear deformation, y where the strain is measured.
+    """
+    a, points = call.arguments, points_of(call)
+    along = points[i + 1] - points[i]
+    length, axes = float(np.linalg.norm(along)), axes_of(call, along)
+    material = a["material"]
+    shear_modulus = material.get("G", material["E"] / (2 * (1 + material.get("nu", 0.0))))
+    nu = material.get("nu", material["E"] / (2 * shear_modulus) - 1)
+    area, iy, iz, _, ky, kz = properties(a["section"], nu)
+    section = a["section"]
+    across = 0 if asked["side"][-1] == "y" else 1
+    half = 0.5 * section.get(("width", "height")[across], 2 * section.get("radius", 0.0))
+    offset = asked.get("distance", half) * (-1 if asked["side"][0] == "-" else 1)
+    phi = 12 * material["E"] * (iz, iy)[across] / ((ky, kz)[across] * shear_modulus * area * length**2) if a.get(
+        "shear") else 0.0  # fmt: skip
+    row = np.zeros(12)
+    row[[0, 6]] = -1 / length, 1 / length
+    index, sign = PLANES[across]
+    x, at = Polynomial([0, 1]), {"start": 0.0, "middle": 0.5, "end": 1.0}[asked["at"]]
+    turns = [6 * (x**2 - x) / length, sign * (1 - 4 * x + 3 * x**2 + phi * (1 - x)), 6 * (x - x**2) / length,
+             sign * (3 * x**2 - 2 * x + phi * x)]  # fmt: skip
+    row[list(index)] += [-offset * turn.deriv()(at) / (length * (1 + phi)) for turn in turns]
+    return row @ np.kron(np.eye(4), axes.T)

@@ -74,6 +74,9 @@ class ForcesInPose:
             a = call.arguments
             self._bushing(a["first"], a["second"], a["position"], a.get("orientation", np.eye(3)),
                           a.get("stiffness"), a.get("preload"))  # fmt: skip
+        for call in self.scene.of("torsion_spring"):
+            a = call.arguments
+            self._torsion(a["first"], a["second"], a["axis"], a.get("stiffness", 0.0), a.get("preload") or 0.0)
         dead = load(False)
         if self.scene.gravity is not None:
             for call in self.scene.of("body"):
@@ -111,6 +114,15 @@ class ForcesInPose:
         k = np.zeros((6, 6)) if stiffness is None else np.array(stiffness, dtype=float)
         k = np.diag(k) if k.ndim == 1 else k
         self.sum.add(index, turn.T @ jacobian.T @ multipliers, turn.T @ (hessian + jacobian.T @ k @ jacobian) @ turn)
+
+    def _torsion(self, first, second, axis, stiffness, preload):
+        z = np.array(axis) / np.linalg.norm(axis)
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        index, turn = self._local(first, second, np.column_stack((x, np.cross(z, x), z)))
+        _, jacobian, hessian, *_ = pair("twist")([-preload], np.zeros(3), np.zeros(3))
+        self.sum.add(index, turn.T @ jacobian[0] * -preload,
+                     turn.T @ (hessian + stiffness * np.outer(jacobian[0], jacobian[0])) @ turn)  # fmt: skip
 
     def coordinate_row(self, joint, direction):
         """A joint's coordinate as couplers know it, (n,) per displacements of the bodies."""

@@ -37,6 +37,7 @@ def draft_of(seed, attempt, features=None):
     elements.beams(draft)
     elements.superelements(draft)
     elements.springs(draft)
+    elements.besides(draft)
     forces.loads(draft)
     signals.signals(draft)
     return draft

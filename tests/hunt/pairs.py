@@ -8,7 +8,8 @@ points that both bodies carry, d = A^T (p_b - p_a) and the relative rotation E =
 - no rotation free: the rotation vector of E; one about e: the two others of E e; universal: e . E e2 of the axis e that
   stays in the first body and e2 in the second; homokinetic: the z component of the rotation vector of E;
 - distance and line spring: |p_b - p_a| less the same in the pose;
-- bushing: all of d and of the rotation vector of E.
+- bushing: all of d and of the rotation vector of E;
+- torsion spring: the twist of E about z, of which a swing about an axis across z is taken off.
 
 Each function is made once for its kind; ``tests/support/lagrangian.py`` says the same for whole models.
 """
@@ -66,10 +67,10 @@ def _angle(axis, start, end):
 def pair(what, kind="", free=(), direction=""):
     """The function of one kind of rows: (multipliers, r_a, r_b, gap, other) -> values and derivatives in the pose.
 
-    ``what`` is "joint", "coordinate", "line" or "bushing"; r_a and r_b lead from the centres to the points, ``gap``
-    from the first point to the second. Returns rows, Jacobian, Hessian of multipliers . rows, the wrench on the second
-    body at its point, and the derivatives of that wrench, in axes that the first body carries, by displacements and
-    multipliers.
+    ``what`` is "joint", "coordinate", "line", "twist" or "bushing"; r_a and r_b lead from the centres to the points,
+    ``gap`` from the first point to the second. Returns rows, Jacobian, Hessian of multipliers . rows, the wrench on the
+    second body at its point, and the derivatives of that wrench, in axes that the first body carries, by displacements
+    and multipliers.
     """
     x = ca.SX.sym("x", 12)
     ra, rb, gap, other = (ca.SX.sym(name, 3) for name in ("ra", "rb", "gap", "other"))
@@ -82,6 +83,8 @@ def pair(what, kind="", free=(), direction=""):
         rows = [_coordinate(kind, free, direction, d, e, other)]
     elif what == "line":
         rows = [ca.norm_2(end - start)]
+    elif what == "twist":  # that of e = swing after twist about z
+        rows = [ca.atan2(e[1, 0] - e[0, 1], e[0, 0] + e[1, 1])]
     else:
         rows = [d, logarithm(e)]
     phi = ca.vertcat(ca.SX(0, 1), *rows)

@@ -125,6 +125,10 @@ def scalars(u):
         "bushing": {"position": u.length},
         "spring": {**line, "preload": u.force, "free_length": u.length},
         "maxwell": {**line, "static_stiffness": k},
+        "inerter": {"start": u.length, "end": u.length, "inertance": u.mass},
+        "torsion_spring": {"stiffness": u.force * u.length, "damping": u.force * u.length * u.time,
+                           "preload": u.force * u.length},
+        "strain_output": {"distance": u.length},
         "rack": {"radius": u.length},
         "rotor": {"speed": 1 / u.time, "inertia": u.mass * u.length**2},
         "load": {"force": u.force, "torque": u.force * u.length, "position": u.length},
@@ -204,7 +208,7 @@ def shuffled(scene, rng):
 
 def renamed(scene, rng):
     """The scene under other names, and the new name of each element; inputs and outputs keep theirs."""
-    own = [call.name for call in scene.calls if call.kind not in (*IN_WORLD, "force_output")]
+    own = [call.name for call in scene.calls if call.kind not in (*IN_WORLD, "force_output", "strain_output")]
     numbers = rng.permutation(len(own))
     new = {name: f"{'Z part' if number % 2 else 'a'}_{number}" for name, number in zip(own, numbers, strict=True)}
 

@@ -59,7 +59,7 @@ class Scene:
 
     @property
     def outputs(self):
-        return self.names("output", "force_output")
+        return self.names("output", "force_output", "strain_output")
 
     @property
     def loaded(self):

@@ -23,6 +23,7 @@ def signals(draft):
     if "against moving ground" in features:
         draft.add("output", "out", quantity="acceleration", absolute=False, **_port(draft))
     forces(draft)
+    strains(draft)
 
 
 def _port(draft, relative=False):
@@ -50,6 +51,10 @@ def forces(draft):
         "beam force": [f"{name}.e1" for name, call in kinds.items() if call.kind == "beam"],
         "sum on body": draft.heavy, "sum on ground": ["ground"],
     }  # fmt: skip
+    wanted |= {
+        "inerter force": [name for name, call in kinds.items() if call.kind == "inerter"],
+        "torsion spring moment": [name for name, call in kinds.items() if call.kind == "torsion_spring"],
+    }
     for feature, elements in wanted.items():
         if feature not in draft.features or not elements:
             continue
@@ -57,10 +62,23 @@ def forces(draft):
         draft.add("force_output", "force", element=element, direction=_direction(draft, kinds.get(element)))
 
 
+def strains(draft):
+    """The strain of an element of a beam; of a section by its properties at a distance from the centre line."""
+    beams = [call for call in draft.calls if call.kind == "beam"]
+    if "beam strain" in draft.features and beams:
+        call = draft.pick(beams)
+        asked = "A" in call.arguments["section"] or draft.chance(0.3)
+        distance = float(draft.rng.uniform(0.01, 0.05)) if asked else None
+        draft.add("strain_output", "strain", element=f"{call.name}.e1", at=draft.pick(("start", "middle", "end")),
+                  side=draft.pick(("y", "-y", "z", "-z")), distance=distance)  # fmt: skip
+
+
 def _direction(draft, call):
     """Any direction but where only that along the axis is meant by the scene."""
-    if call is not None and call.kind in ("spring", "maxwell"):
+    if call is not None and call.kind in ("spring", "maxwell", "inerter"):
         return "z"
+    if call is not None and call.kind == "torsion_spring":
+        return "rz"
     if call is not None and call.kind == "joint" and call.arguments.get("kind") == "distance":
         return "z"
     if call is not None and call.kind == "joint" and "axis" in call.arguments and "axis2" not in call.arguments:

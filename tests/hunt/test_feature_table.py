@@ -30,19 +30,23 @@ ROWS = {
                                    *features.DAMPING),
     "Maxwell elements": ("maxwell",),
     "Maxwell elements with a static spring": ("maxwell with static spring",),
+    "Inerters": ("inerter",),
+    "Torsion springs": ("torsion spring",),
     "Massless bodies": ("massless node", "massless damped node"),
     "Point masses": ("point mass",),
     "Rotors": features.SPIN,
     "Beams": features.BEAMS,
     "Superelements": features.SUPERELEMENTS,
     "Gravity and forces": ("gravity", "dead force"),
-    "Preloads and free lengths": ("bushing preload", "line preload", "free length"),
+    "Preloads and free lengths": ("bushing preload", "line preload", "free length", "preloaded torsion spring"),
     "Torques and follower loads": ("dead torque", "follower force", "follower torque"),
     "Base motion": features.BASE,
     "Displacements, velocities, accelerations": features.SIGNALS,
-    "Forces in springs and bushings": ("spring force", "bushing force"),
+    "Forces in springs, bushings and inerters": ("spring force", "bushing force", "inerter force",
+                                                 "torsion spring moment"),
     "Forces in joints, sums on bodies and ground": ("joint force", "cut joint force", "sum on body", "sum on ground"),
     "Forces in beams": ("beam force",),
+    "Strains of beams": ("beam strain",),
     "Forces in Maxwell elements": ("maxwell force",),
 }  # fmt: skip
 # What a single scene has against being moved or loaded, whatever its element; another scene is asked.
@@ -55,7 +59,7 @@ WORDS = {"held": "yes", "refused": "refused", "skipped": "–"}
 def alone(feature):
     """A feature with what it needs, and what holds it in balance."""
     chosen = features.with_needs(feature)
-    return frozenset((*chosen, "held by bushings") if feature in features.LOADS else chosen)
+    return frozenset((*chosen, "held by bushings") if set(chosen) & set(features.LOADING) else chosen)
 
 
 def sparse_responses(subject):
@@ -72,7 +76,7 @@ def moved(subject):
     """Along one coordinate and back: bodies are where they were; a rod goes back from there along another circle."""
     model = subject.scene.model()
     names = [name for name in subject.system.coordinates if name.split(".")[0] in model.joints]
-    if subject.scene.features & set(features.LOADS) or not names:
+    if subject.scene.features & set(features.LOADING) or not names:
         raise checks.Skip("nothing that may be moved")
     there = model.moved({names[0]: STEP}, relaxed=True)
     assert there.linearize(method="dense").dof == subject.system.dof
