@@ -14,7 +14,7 @@ Source: Dobrowolski (2015), Swing-twist decomposition in Clifford algebra, arXiv
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, degrees, hypot, sqrt
+from math import atan2, degrees, hypot, sqrt
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -26,12 +26,11 @@ from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part
 from mbsvib.elements.shared_rows import PlainParts
 from mbsvib.errors import ModelError
-from mbsvib.linalg.rotations import logarithm
+from mbsvib.linalg.rotations import quaternion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement
 
 # A swing of the bodies across the axis below this half sine is rounding.
@@ -73,7 +72,7 @@ class TorsionSpring(Connection):
         if relaxed:
             return words
         axes = check.frame_along(self.axis)
-        w, (x, y, z) = _quaternion(pose.turned(self.first, axes).T @ pose.turned(self.second, axes))
+        w, (x, y, z) = quaternion(pose.turned(self.first, axes).T @ pose.turned(self.second, axes))
         square, angle = w * w + z * z, 2.0 * atan2(z, w)
         if square < FARTHEST or abs(angle) > bushing.FARTHEST:
             who = f"torsion spring '{self.name}'"
@@ -93,13 +92,6 @@ class TorsionSpring(Connection):
         about[2, 0, 3:] = moment * slope
         return bushing.make(self.name, self.first, self.second, (0.0, 0.0, 0.0), about[0], about[1],
                             pose.axes(self.first, axes), about[2, 0])  # fmt: skip
-
-
-def _quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:
-    """Scalar and vector of the unit quaternion of a rotation matrix; the scalar is not negative."""
-    vector = logarithm(turn)
-    half = 0.5 * float(np.linalg.norm(vector))
-    return cos(half), tuple((0.5 * float(np.sinc(half / np.pi)) * vector).tolist())
 
 
 def make(

@@ -183,7 +183,8 @@ def _check_spring(
     along = together(model, spins, *pair)
     refuse = f"rotor '{who}': '{spring.name}', which acts on the spinning body '{spinning}', "
     if not isinstance(spring, (Spring, Bushing)):
-        raise ModelError(f"{refuse}is a {type(spring).__name__}, which is not supported on a spinning body.",
+        what = "a Maxwell element" if isinstance(spring, Maxwell) else "an inerter"
+        raise ModelError(f"{refuse}is {what}, which is not supported on a spinning body.",
                          element=who, field="body")  # fmt: skip
     points = {spring.first: spring.start, spring.second: spring.end} if isinstance(spring, Spring) else dict.fromkeys(
         pair, spring.position)  # fmt: skip

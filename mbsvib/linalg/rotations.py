@@ -97,3 +97,10 @@ def _coefficient(square: float) -> tuple[float, float]:
     # d(half cot half)/d(angle) = cot/2 - half/2 / sin^2
     slope = -(0.5 * cotangent - 0.5 * half / np.sin(half) ** 2) / (2.0 * angle * square) - value / square
     return float(value), float(slope)
+
+
+def quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:
+    """Return scalar and vector of the unit quaternion of a rotation matrix (3, 3); the scalar is not negative."""
+    vector = logarithm(turn)
+    half = 0.5 * float(np.linalg.norm(vector))
+    return float(np.cos(half)), tuple((0.5 * float(np.sinc(half / np.pi)) * vector).tolist())
