@@ -11,44 +11,54 @@ unknowns (``strong_damping``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import lapack
 
 from mbsvib.equations.unresisted_motion import completed, product
 from mbsvib.linalg.products import product as weighted
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import forces, improved
+from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.equations import Equations
-    from mbsvib.modes.undamped import Undamped
-
 
 EPS = float(np.finfo(float).eps)
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
 CLASSICAL = 1e-13
+# Shapes that mix leave that much times it of what commutes.
+PLAIN = 1e3
 NO_DAMPER = "no damper"
+IN_DOUBT = "in doubt"
 COMMUTES = "damping commutes with mass and stiffness"
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
+# Columns of work space with which LAPACK's eigenvalues go block by block.
+WORK = 64
 # Of the accuracy asked for, this share may be in doubt; errors of the undamped modes need some of it too.
 MARGIN = 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class _Forms:
-    """Mass, damping and stiffness in the basis, from the factors: no more than rounding away from 1, Gamma, Omega^2,
-    yet that rounding counts where an eigenvalue is asked for to the last digit. ``spread`` bounds Gamma's rounding.
+    """Mass, damping and stiffness in the basis, ``matrices`` (3, m, m) from the factors: 1, Gamma and Omega^2 but for
+    rounding and for what shapes mix, which count where an eigenvalue is asked for to the last digit. ``spread`` (m, m)
+    bounds Gamma's rounding.
     """
 
-    mass: Array
-    damping: Array
-    stiffness: Array
+    matrices: Array
     spread: Array
+
+    def of(self, y: Complex) -> Complex:
+        """Return the three matrices times complex vectors (m, n), shape (3, m, n), without complex copies of them."""
+        m = len(y)
+        result: Complex = self.matrices.reshape(3 * m, m).dot(y.view(float)).view(complex)
+        return result.reshape(3, m, -1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +80,7 @@ class Damped:
     slopes: Complex | None
 
 
-def damped(system: Equations, basis: Undamped, rtol: float) -> Damped:
+def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
     """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
 
     Parameters
@@ -84,10 +94,13 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped:
 
     Returns
     -------
-    Damped
-        Pairs of eigenvalues, in ascending order of their natural frequency.
+    Damped or None
+        Pairs of eigenvalues, in ascending order of their natural frequency; None where undamped modes that mix leave in
+        doubt whether damping couples them, or how accurate the eigenvalues are: clean ones will tell.
     """
     reason, gamma = classical_damping(system, basis)
+    if reason == IN_DOUBT:
+        return None
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
         summed = _rounding(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else 0.0
@@ -95,12 +108,17 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped:
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
-    pairs, vectors, slopes, errors = _coupled(system, shapes, (basis, forms, free), rtol)
+    found = _coupled(system, shapes, (basis, forms, free), rtol)
+    if found is None:
+        return None
+    pairs, vectors, slopes, errors = found
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
 
 
 def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
-    """Return why damping is classical ("" if it is not) and Gamma, as its diagonal (m,) or whole (m, m)."""
+    """Return why damping is classical ("" if it is not, ``IN_DOUBT`` if the basis mixes too much to tell) and Gamma, as
+    its diagonal (m,) or whole (m, m).
+    """
     c, k = system.damping, system.stiffness
     if not np.count_nonzero(c):
         return NO_DAMPER, np.zeros(system.dof)
@@ -111,10 +129,13 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
     half = system.elastic_rows.take(used, axis=0).dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
     gamma = half.T.dot(half * np.sign(c)[:, None] if np.count_nonzero(c < 0.0) else half)
     size = np.einsum("ij,ij->j", half, half)
-    limit = CLASSICAL * np.sqrt(size[:, None] * size)
+    limit = np.sqrt(size[:, None] * size)
     np.fill_diagonal(limit, np.inf)
-    if np.count_nonzero(np.abs(gamma) <= limit) == gamma.size:
+    amount = np.abs(gamma)
+    if np.count_nonzero(amount <= CLASSICAL * limit) == gamma.size:
         return COMMUTES, gamma.diagonal().copy()
+    if basis.mixed > CLEAN and np.count_nonzero(amount <= PLAIN * basis.mixed * limit) == gamma.size:
+        return IN_DOUBT, gamma
     return "", gamma
 
 
@@ -189,12 +210,13 @@ def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Arra
 
 
 def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms:
-    h = system.inertia_factor @ shapes
-    e = system.elastic_rows @ shapes
-    stiffness = e.T @ (e * system.stiffness[:, None])
+    h = system.inertia_factor.dot(shapes)
+    e = system.elastic_rows.dot(shapes)
+    stiffness = e.T.dot(e * system.stiffness[:, None])
     stiffness[:rigid] = stiffness[:, :rigid] = 0.0
-    cancel = np.abs(system.elastic_rows) @ np.abs(shapes)
-    return _Forms(h.T @ h, gamma, stiffness, cancel.T @ (np.abs(e) * np.abs(system.damping)[:, None]))
+    cancel = np.abs(system.elastic_rows).dot(np.abs(shapes))
+    spread = cancel.T.dot(np.abs(e) * np.abs(system.damping)[:, None])
+    return _Forms(np.array((h.T.dot(h), gamma, stiffness)), spread)
 
 
 def _dampers(system: Equations, shapes: Array) -> Array | None:
@@ -208,50 +230,74 @@ def _dampers(system: Equations, shapes: Array) -> Array | None:
 
 def _coupled(
     system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
-) -> tuple[Complex, Complex, Complex, Array]:
-    """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2)."""
+) -> tuple[Complex, Complex, Complex, Array] | None:
+    """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2);
+    None where they are in doubt in a basis that mixes.
+
+    Until they are paired, eigenvalues with Im > 0 come first, and stand for their conjugates too.
+    """
     basis, forms, free = parts
     m, r = len(basis.square), basis.rigid
-    values, right = _energy_eigenvalues(basis, forms.damping, free)
-    y = np.zeros((m, len(values)), dtype=complex)
-    y[free:] = right * (1.0 / _lengths(right))
+    values, y = _energy_eigenvalues(basis, forms.matrices[1], free)
     values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
-    if float(doubt.max(initial=0.0)) > MARGIN * rtol:
+    doubtful = float(doubt.max(initial=0.0)) > MARGIN * rtol
+    if basis.mixed > CLEAN and (doubtful or float(bound.max(initial=0.0)) > rtol):
+        return None
+    if doubtful:
         found = values, y, slope, bound
         values, y, slope, bound = _doubtful(system, shapes, parts, (found, doubt), MARGIN * rtol)
-    first, second = _pair(values, y, free, r)
-    pairs = np.zeros((m, 2), dtype=complex)
-    vectors = np.zeros((m, m, 2), dtype=complex)
-    slopes = np.zeros((m, 2), dtype=complex)
-    errors = np.zeros((m, 2))
+    turning = _turning(values)
+    which = np.stack(_pair(values, y, free, r), axis=1)
+    values, y, slope, bound = (_both(part, turning, 1) for part in (values, y, slope, bound))  # -1 stands for none
+    either = values.take(which)
+    which = which.take(np.abs(either[:, 0] * either[:, 1]).argsort(kind="stable"), axis=0)
+    pairs, slopes = np.zeros((2, m, 2), dtype=complex)
+    vectors, errors = np.zeros((m, m, 2), dtype=complex), np.zeros((m, 2))
     vectors[np.arange(free), np.arange(free)] = 1.0
-    for column, chosen in ((0, first), (1, second)):
-        known = (chosen >= 0).nonzero()[0]
-        place, which = free + known, chosen.take(known)
-        pairs[place, column], slopes[place, column] = values.take(which), slope.take(which)
-        errors[place, column], vectors[:, place, column] = bound.take(which), y.take(which, axis=1)
+    pairs[free:], slopes[free:], errors[free:] = values.take(which), slope.take(which), bound.take(which)
+    vectors[:, free:] = y.take(which, axis=1)
     # a rigid-body mode that dampers brake stays where it comes to rest: an eigenvalue 0 with a rigid shape
-    resting = free + np.nonzero(first < 0)[0]
-    at = free + np.arange(len(resting))
-    vectors[at, resting, 0] = 1.0
-    slopes[resting, 0] = forms.damping[at, at]
-    order = np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])).argsort(kind="stable")
-    return pairs[order], vectors[:, order], slopes[order], errors[order]
+    at = np.arange(free, r)
+    vectors[at, at, 0] = 1.0
+    slopes[at, 0] = forms.matrices[1, at, at]
+    return pairs, vectors, slopes, errors
+
+
+def _turning(values: Complex) -> int:
+    """Return how many of the eigenvalues stand for their conjugates too."""
+    return int(np.count_nonzero(values.imag))
+
+
+def _both(half: Any, turning: int, zeros: int = 0) -> Any:
+    """Put the conjugates of the first ones (..., n) behind all, and zeros behind these."""
+    return np.concatenate((half, half[..., :turning].conj(), np.zeros((*half.shape[:-1], zeros))), axis=-1)
 
 
 def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex]:
-    """Eigenvalues and velocity parts of the eigenvectors in energy coordinates (Omega eta, eta')."""
+    """Eigenvalues and velocity parts (m, n) of the eigenvectors in energy coordinates (Omega eta, eta')."""
     omega = basis.omega[basis.rigid :]
-    n, flexible = len(basis.square) - free, len(omega)
-    a = np.zeros((flexible + n, flexible + n))
+    m, flexible = len(basis.square), len(omega)
+    size = flexible + m - free
+    a = np.zeros((size, size), order="F")
     at = np.arange(flexible)
     velocity = flexible + (basis.rigid - free) + at
     a[at, velocity] = omega
     a[velocity, at] = -np.sign(basis.square[basis.rigid :]) * omega
     a[flexible:, flexible:] = -gamma[free:, free:]
-    values, vectors = np.linalg.eig(a)
-    values[values == 0.0] = -EPS * np.abs(values).max(initial=0.0)  # none is: rounding left nothing of a slow motion
-    return values.astype(complex), vectors[flexible:].astype(complex)
+    real, imag, _, vectors, failed = lapack.dgeev(a, compute_vl=0, lwork=max(1, WORK * size), overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("the eigenvalues of the damped modes did not converge")
+    upper, creeping = (imag > 0.0).nonzero()[0], (imag == 0.0).nonzero()[0]
+    turning = len(upper)
+    order = np.concatenate((upper, creeping))
+    values, y = np.empty(len(order), dtype=complex), np.zeros((m, len(order)), dtype=complex)
+    values.real, values.imag = real.take(order), imag.take(order)
+    # none is 0: rounding left nothing of a slow motion
+    values[values == 0.0] = -EPS * np.abs(values).max(initial=0.0)
+    parts = vectors[flexible:]
+    y.real[free:], y.imag[free:, :turning] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
+    y *= 1.0 / _lengths(y)
+    return values, y
 
 
 def _rayleigh(
@@ -260,8 +306,9 @@ def _rayleigh(
     """Improve every eigenvalue by its two-sided Rayleigh quadratic and every vector by what the others see of its
     residual; return both with the slopes, a bound of the eigenvalues' relative errors, and what of it can be mended.
     """
-    inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)
-    a, b, c = (np.einsum("ij,ij->j", y, part) for part in (inertia, damping, elastic))
+    turning = _turning(values)
+    inertia, damping, elastic = moved = forms.of(y)
+    a, b, c = np.einsum("ij,kij->kj", y, moved)
     improved = values
     for _ in range(2):  # the second step squares what the first leaves
         slope = 2.0 * improved * a + b
@@ -269,37 +316,35 @@ def _rayleigh(
         step = np.divide(wrong, slope, out=none, where=slope != 0.0)
         small = np.abs(step) <= CORRECTION * np.abs(improved)
         improved = np.where(small, improved - step, improved)
-    size, speed = np.abs(y), np.abs(improved)
+    if turning and improved.imag[:turning].min() <= 0.0:  # conjugates that are about to meet
+        small[:turning] &= improved.imag[:turning] > 0.0
+        improved = np.where(small, improved, values)
+    size, speed = np.square(np.abs(y)), np.abs(improved)
     # what is left is of second order: the residual r through the resolvent, the sum of y y^T / (slope (l - l_k))
     residual = improved * (improved * inertia + damping) + elastic
-    share = y.T @ residual
+    every, exact_slope = _both(y, turning), 2.0 * improved * a + b
+    share = every.T.dot(residual)
     seen = np.abs(share)
-    exact_slope = 2.0 * improved * a + b
     slope = np.abs(exact_slope)
-    distance = exact_slope[:, None] * (improved - improved[:, None])
+    distance = _both(exact_slope, turning)[:, None] * (improved - _both(improved, turning)[:, None])
+    np.fill_diagonal(distance[: len(values)], np.inf)
     apart = np.abs(distance)
-    np.fill_diagonal(apart, np.inf)
     doubt = np.divide(seen, apart, out=np.ones(seen.shape), where=apart > seen)
     doubt = np.einsum("ij,ij->j", seen, doubt)
     # rounding of the three quadratic forms; errors of the frequencies tell how far the factors can be trusted
-    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread @ size)
+    lengths = np.sqrt(size)
+    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", lengths, forms.spread.dot(lengths))
     mendable = _relative(doubt, slope * speed, np.where(small, 0.0, 1.0))
-    bound = _relative(doubt + _trust(improved, y, basis), slope * speed, np.where(small, 0.0, np.abs(step) / speed))
-    near = (CORRECTION * apart <= seen) | (distance == 0.0)
-    mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=~near)
-    y = y - y @ mixing
+    doubt += _trust(speed, size, basis)
+    bound = _relative(doubt, slope * speed, np.where(small, 0.0, np.abs(step) / speed))
+    mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=seen < CORRECTION * apart)
+    y = y - every.dot(mixing)
     if basis.rigid:
-        brakes, r = forms.damping.diagonal()[: basis.rigid, None], slice(basis.rigid)
+        brakes, r = forms.matrices[1].diagonal()[: basis.rigid, None], slice(basis.rigid)
         y[r] -= np.divide(residual[r], brakes * improved, out=np.zeros_like(y[r]), where=brakes * speed > 0.0)
     y *= 1.0 / _lengths(y)
-    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + _times(forms.damping, y))
+    exact_slope = np.einsum("ij,ij->j", y, 2.0 * improved * y + forms.of(y)[1])
     return improved, y, exact_slope, bound, mendable
-
-
-def _times(matrix: Array, y: Complex) -> Complex:
-    """A real matrix times complex vectors, without a complex copy of the matrix."""
-    result: Complex = matrix.dot(np.ascontiguousarray(y).view(float)).view(complex)
-    return result
 
 
 def _lengths(y: Complex) -> Array:
@@ -307,12 +352,11 @@ def _lengths(y: Complex) -> Array:
     return np.asarray(np.sqrt(np.add.reduce(np.square(np.abs(y)))))
 
 
-def _trust(values: Complex, y: Complex, basis: Undamped) -> Array:
-    """What errors of the undamped modes do to the quadratics."""
-    size = np.abs(y)
-    trust = 2.0 * (basis.errors[:, None] + EPS)
-    energy = (np.abs(values) ** 2 + np.abs(basis.square[:, None])) * trust * size
-    return np.asarray(np.einsum("ij,ij->j", size, energy))
+def _trust(speed: Array, power: Array, basis: Undamped) -> Array:
+    """What errors of the undamped modes do to the quadratics: |values| (n,), squares of vectors (m, n)."""
+    trust = 2.0 * (basis.errors + EPS)
+    moving, held = np.array((trust, trust * np.abs(basis.square))).dot(power)
+    return np.asarray(speed * speed * moving + held)
 
 
 def _relative(doubt: Array, slope: Array, least: Array) -> Array:
@@ -328,7 +372,8 @@ def _doubtful(
 ) -> _Found:
     """Eigenvalues in doubt from the factors themselves, or with the dampers' forces, whichever is better."""
     basis, _, free = parts
-    best = min(found[0], _from_factors(system, shapes, len(found[0][0]), rtol) or found[0],
+    count = len(found[0][0]) + _turning(found[0][0])
+    best = min(found[0], _from_factors(system, shapes, count, rtol) or found[0],
                key=lambda each: float(each[3].max()))  # fmt: skip
     dampers = _dampers(system, shapes)
     if dampers is None or float(best[3].max()) <= rtol:
@@ -342,31 +387,31 @@ def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> 
     from mbsvib.modes.general import spectrum
 
     _, found = spectrum(system, rtol)
-    turns, real = np.nonzero(found.turns)[0], np.nonzero(~found.turns)[0]
-    order = np.concatenate((np.repeat(turns, 2), real))
-    if len(order) != count or not np.isfinite(found.errors).all():
+    turning = int(np.count_nonzero(found.turns))
+    order = np.argsort(~found.turns, kind="stable")
+    if turning + len(order) != count or not np.isfinite(found.errors).all():
         return None
     inertia, felt = system.inertia_factor @ found.right, system.elastic_rows @ found.right
     slope = 2.0 * found.values * (inertia**2).sum(axis=0) + system.damping @ felt**2
     y = shapes.T @ (system.M @ found.right)
     size = np.linalg.norm(y, axis=0)
-    values, y, slope, bound = found.values[order], (y / size)[:, order], (slope / size**2)[order], found.errors[order]
-    second = slice(1, 2 * len(turns), 2)
-    values[second], y[:, second], slope[second] = values[second].conj(), y[:, second].conj(), slope[second].conj()
-    return values, y, slope, bound
+    return found.values[order], (y / size)[:, order], (slope / size**2)[order], found.errors[order]
 
 
 def _with_forces(
     found: _Found, dampers: Array, doubt: Array, basis: Undamped, free: int, rtol: float
 ) -> _Found:
     """Values, vectors, slopes and bounds, with those in doubt from the dampers' forces where that is better."""
-    values, y, slope, bound = found[0].copy(), found[1].copy(), found[2].copy(), found[3].copy()
+    turning = _turning(found[0])
+    values, y, slope = (_both(part, turning) for part in found[:3])
+    bound, doubt = (np.concatenate((part, part[:turning])) for part in (found[3], doubt))
     equations = forces(basis.square[free:], dampers[:, free:], basis.rigid - free)
     new, shapes, slopes, errors = improved(equations, values, doubt, rtol)
     motion = np.zeros_like(y)
     motion[free:] = shapes
     size = np.abs(slopes * new)
-    errors += np.divide(_trust(new, motion, basis), size, out=np.zeros_like(size), where=size > 0.0)
+    trust = _trust(np.abs(new), np.square(np.abs(motion)), basis)
+    errors += np.divide(trust, size, out=np.zeros_like(size), where=size > 0.0)
     better = errors < bound
     values[better], y[:, better], slope[better], bound[better] = (
         new[better], motion[:, better], slopes[better], errors[better]
@@ -375,27 +420,26 @@ def _with_forces(
     distance = np.abs(values[:, None] - values)
     np.fill_diagonal(distance, np.inf)
     nearest = np.argmin(np.abs(values.conj()[upper, None] - values), axis=1) if len(upper) else upper
-    whole = 2 * len(upper) + len(real) == len(values) and len(set(nearest.tolist())) == len(upper)
-    if not whole or (distance <= 2.0 * bound * np.abs(values)).any():
+    complete = 2 * len(upper) + len(real) == len(values) and len(set(nearest.tolist())) == len(upper)
+    if not complete or (distance <= 2.0 * bound * np.abs(values)).any():
         return found  # two have met, or a conjugate is missing
-    pairs = np.repeat(upper, 2)
-    order = np.concatenate((pairs, real))
-    values, y, slope = values[order], y[:, order], slope[order]
-    second = slice(1, len(pairs), 2)
-    values[second], y[:, second], slope[second] = values[second].conj(), y[:, second].conj(), slope[second].conj()
-    return values, y, slope, bound[order]
+    order = np.concatenate((upper, real))
+    return values[order], y[:, order], slope[order], bound[order]
 
 
 def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pair the eigenvalues: conjugates, a real one with 0 for each braked rigid mode, other real ones by shape."""
-    speed = values.imag.tolist()
-    turns = [i for i, imag in enumerate(speed) if imag != 0.0]  # conjugates are neighbours, also after a correction
-    oscillating = [(i, j) if speed[i] > 0.0 else (j, i) for i, j in zip(turns[::2], turns[1::2], strict=True)]
-    real = [i for i, imag in enumerate(speed) if imag == 0.0]
+    """Pair the eigenvalues: those with Im > 0, which come first, with their conjugates, which are to come behind all, a
+    real one with 0 (-1) for each braked rigid mode, other real ones by shape.
+    """
+    turning = _turning(values)
+    upper, real = np.arange(turning), list(range(turning, len(values)))
+    if not real:
+        return upper, upper + turning
     share = _lengths(y[free:rigid, real])
     braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free].tolist()]
     left = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
-    pairs = [(-1, i) for i in braked] + oscillating
+    pairs = [(-1, i) for i in braked]
+    pairs += zip(upper.tolist(), range(len(values), len(values) + turning), strict=True)
     while left:
         slow = left.pop(0)
         mac = np.abs(y[:, left].real.T @ y[:, slow].real)

@@ -328,11 +328,15 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     """
     if is_general(system):
         return _without_symmetry(system, rtol, form)
-    basis = undamped(system, rtol, clean or not proportional(system))
+    basis = undamped(system, rtol, clean, coupled=not proportional(system))
     result = damped(system, basis, rtol)
+    if result is None:
+        basis = undamped(system, rtol)
+        result = damped(system, basis, rtol)
+    assert result is not None  # clean shapes leave nothing in doubt
     if basis.doubt > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
-        result = damped(system, basis, rtol)
+        result = damped(system, basis, rtol) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
         largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(system.dof)]

@@ -47,6 +47,8 @@ PERTURBED, PERTURBED_MORE = 0.5, 0.7
 CERTAIN = 0.3
 # Shapes of equations that are off by no more than this are clean enough for any use.
 CLEAN = 1e-14
+# Shapes that mix more than this are no basis for modes that dampers couple.
+MIXED = 1e-10
 # A cheap bound of rounding that is larger than this is worth a closer look, row by row.
 CLOSER = 1e-14
 # Loops whose smallest pivot p is above this lose nothing that counts; others lose eps / p of every frequency at most.
@@ -75,7 +77,9 @@ class Undamped:
         return np.sqrt(np.abs(self.square))
 
 
-def undamped(system: Equations, rtol: float, clean: bool = True, null: Array | None = None) -> Undamped:
+def undamped(
+    system: Equations, rtol: float, clean: bool = True, null: Array | None = None, coupled: bool = False
+) -> Undamped:
     """Return the undamped modes, K phi = omega^2 M phi.
 
     Parameters
@@ -88,6 +92,9 @@ def undamped(system: Equations, rtol: float, clean: bool = True, null: Array | N
         Whether the shapes have to be as good as the frequencies, as responses ask for; frequencies need less.
     null : array, shape (m, r), optional
         Motions that no row with stiffness feels, M-orthonormal, where they are known.
+    coupled : bool
+        Whether the shapes are a basis in which the factors are looked at again, as where damping couples them: they
+        may then mix up to ``MIXED``, and errors are those of the factors in this basis.
 
     Returns
     -------
@@ -106,7 +113,7 @@ def undamped(system: Equations, rtol: float, clean: bool = True, null: Array | N
     elif size[size.argmin()] <= SUSPECT**2 * size[size.argmax()]:
         scene.null = orthonormal(scene.w, free_motions(scene.rows))
     if scene.null is None and scene.sign is None:
-        result = _as_it_is(scene, shapes, square, rtol, clean)
+        result = _as_it_is(scene, shapes, square, rtol, clean, coupled)
         if result is not None:
             return _with_loops(result, system)
     result = refined(scene, shapes, "products", rtol)
@@ -133,7 +140,9 @@ def _with_loops(result: Undamped, system: Equations) -> Undamped:
     return replace(result, errors=result.errors + flexible * (EPS / kept))
 
 
-def _as_it_is(scene: Factors, shapes: Array, square: Array, rtol: float, clean: bool) -> Undamped | None:
+def _as_it_is(
+    scene: Factors, shapes: Array, square: Array, rtol: float, clean: bool, coupled: bool
+) -> Undamped | None:
     """The first rung where its a-priori bound will do, frequencies in doubt taken from the factors; None elsewhere.
 
     Rounding of M, of K, of A = L^-1 K L^-T and of its eigenvalues is a perturbation of A whose size in each mode is
@@ -147,16 +156,11 @@ def _as_it_is(scene: Factors, shapes: Array, square: Array, rtol: float, clean: 
     mixed = float(bound[bound.argmax()])
     if mixed <= (min(rtol, CLEAN) if clean else CERTAIN * rtol):
         return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
-    if clean:
+    if clean or (coupled and mixed > MIXED):
         return None
     late = np.flatnonzero(bound > CERTAIN * rtol)
-    moved, gap = bound * square, square[1:] - square[:-1]
-    crossed = np.zeros(len(square) + 1)
-    crossed[1:-1] = np.divide(
-        np.maximum(moved[1:], moved[:-1]) ** 2, gap, out=np.full_like(gap, np.inf), where=gap > 0.0
-    )  # fmt: skip
-    bound[late] = (np.maximum(crossed[1:], crossed[:-1])[late]) / square[late] + 2.0 * EPS
-    if float(bound[late].max()) > rtol:
+    bound[late] = 2.0 * EPS if coupled else 2.0 * EPS + _crossed(bound * square, square)[late] / square[late]
+    if float(bound.max()) > rtol:
         return None
     phi = shapes[:, late]
     h, e = scene.w @ phi, scene.stretch(phi)
@@ -165,9 +169,18 @@ def _as_it_is(scene: Factors, shapes: Array, square: Array, rtol: float, clean: 
     bound[late] += _rounding(scene.w, phi, h, EPS * cancel[late], mass, rtol)
     square[late] = energy / mass
     shapes[:, late] = phi / np.sqrt(mass)
-    if float(bound.max()) > rtol or float((square[1:] - square[:-1]).min(initial=0.0)) < 0.0:
+    if float(bound.max()) > rtol or (not coupled and float((square[1:] - square[:-1]).min(initial=0.0)) < 0.0):
         return None
     return Undamped(square, shapes, bound, 0, "products", 0.0, mixed)
+
+
+def _crossed(moved: Array, square: Array) -> Array:
+    """What perturbations (m,) do to squared frequencies by mixing modes: their square over the distance to the next."""
+    gap = square[1:] - square[:-1]
+    mixed = np.zeros(len(square) + 1)
+    np.divide(np.maximum(moved[1:], moved[:-1]) ** 2, gap, out=mixed[1:-1], where=gap > 0.0)
+    mixed[1:-1][gap <= 0.0] = np.inf
+    return np.maximum(mixed[1:], mixed[:-1])
 
 
 def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped:
