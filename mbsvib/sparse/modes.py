@@ -20,10 +20,11 @@ from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
 from mbsvib.sparse.damping import coupled, decoupled
 from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.spectrum import general_modes
 from mbsvib.sparse.subspace import subspace
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.subspace import Subspace
 
@@ -83,6 +84,27 @@ def modes(
         If k or the frequency are not such numbers.
     """
     _check(system, k, near)
+    missed = None
+    if system.circulatory is not None or system.gyroscopic is not None:
+        small, result, left, chosen = general_modes(system, k, near, dense)
+        errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
+    else:
+        small, result, errors, chosen, missed = _symmetric(system, k, near, dense)
+    errors = np.minimum(errors, 1.0)
+    pairs = np.concatenate([np.arange(*result.starts[i : i + 2]) for i in chosen])
+    return form(
+        result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
+        result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
+        result.body_motion, result.inertia_factor, result.damped,
+        None if result.first_order is None else result.first_order[chosen], reduced=small, dof=system.dof,
+        missed=missed,
+    )  # fmt: skip
+
+
+def _symmetric(
+    system: SparseEquations, k: int, near: float, dense: type[Equations]
+) -> tuple[Equations, Modes, Array, Index, int | None]:
+    """The small system, its modes with errors, which of them to take, and how many were missed."""
     found = subspace(system, k, near)
     basis, bound, rigid = _nearest(system, found, k)
     wanted = k
@@ -94,24 +116,13 @@ def modes(
     result: Modes = dense_modes(small, RTOL)
     if decoupled(found, result, basis):
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
-        chosen = np.arange(k)
-    else:
-        small, result, left, chosen = coupled(found, k, near, dense)
-        errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
-    errors = np.minimum(errors, 1.0)
-    pairs = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
-    return form(
-        result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
-        result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
-        result.body_motion, result.inertia_factor, result.damped, reduced=small, dof=system.dof, missed=found.missed,
-    )  # fmt: skip
+        return small, result, errors, np.arange(k), found.missed
+    small, result, left, chosen = coupled(found, k, near, dense)
+    errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
+    return small, result, errors, chosen, found.missed
 
 
 def _check(system: SparseEquations, k: int, near: float) -> None:
-    if system.circulatory is not None or system.gyroscopic is not None:
-        raise ResponseError(f"modes: follower loads, torques or rotors make the equations of '{system.name}' "
-                            f"unsymmetric, whose modes are not computed sparse yet; take linearize(method='dense'), "
-                            f"or ask for frequency_response.")  # fmt: skip
     if not system.dof:
         raise ResponseError(f"modes: '{system.name}' is fully locked: it has no modes. Its responses are constant: ask "
                             f"linearize(method='dense') for them, or frequency_response.")  # fmt: skip

@@ -9,9 +9,12 @@ import numpy as np
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import product
+from mbsvib.sparse.operator import NOISE
 from mbsvib.sparse.subspace import strains
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
     from mbsvib.common.arrays import Array
     from mbsvib.sparse.equations import SparseEquations
 
@@ -44,15 +47,29 @@ def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations]
     body, direction = system.layout.moving
     motion[body, direction] = z[system.layout.displacement[body, direction]]
     cq, cv, ca = (np.asarray(rows @ z) for rows in system.output_rows)
+    gyroscopic, circulatory = (_antisymmetric(matrix, z) for matrix in (system.gyroscopic, system.circulatory))
+    damping_matrix, stiffness_matrix = product(elastic, damping), product(elastic, stiffness)
     names = tuple(f"mode{i + 1}" for i in range(n))
     return form(
         name=system.name, coordinates=names, coordinate_units=("modal",) * n, inputs=system.inputs,
         input_units=system.input_units, outputs=system.outputs, output_units=system.output_units, bodies=system.bodies,
-        M=factor.T @ factor, C=product(elastic, damping), K=product(elastic, stiffness),
+        M=factor.T @ factor, C=damping_matrix if gyroscopic is None else damping_matrix + gyroscopic,
+        K=stiffness_matrix if circulatory is None else stiffness_matrix + circulatory,
         B=np.asarray(system.input_rows @ z).T.copy(), Cq=cq, Cv=cv, Ca=ca, D=system.D.copy(), inertia_factor=factor,
         elastic_rows=elastic, stiffness=stiffness, damping=damping, row_owner=system.row_owner[acting],
-        body_motion=motion,
+        body_motion=motion, gyroscopic=gyroscopic, circulatory=circulatory,
         provenance=Provenance(
             system.topology, Reduction(np.arange(n), None, ()), names, system.springs + system.loading,
         ),
     )  # fmt: skip
+
+
+def _antisymmetric(matrix: csr_matrix | None, z: Array) -> Array | None:
+    """Z^T A Z of an antisymmetric matrix, with exact zeros where terms cancel to rounding."""
+    if matrix is None:
+        return None
+    force, terms = np.asarray(matrix @ z), np.asarray(abs(matrix) @ np.abs(z))
+    force[np.abs(force) <= NOISE * terms] = 0.0
+    result: Array = z.T @ force
+    result[np.abs(result) <= NOISE * (np.abs(z).T @ np.abs(force))] = 0.0
+    return 0.5 * (result - result.T)

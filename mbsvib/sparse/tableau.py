@@ -126,20 +126,23 @@ class Factor:
     row_scale: Array
     column_scale: Array
 
-    def solve(self, right: NDArray[Any], refinements: int = REFINEMENTS) -> NDArray[Any]:
-        """Return the solution for one or more right sides (size,) or (size, n)."""
+    def solve(self, right: NDArray[Any], refinements: int = REFINEMENTS, transposed: bool = False) -> NDArray[Any]:
+        """Return the solution for one or more right sides (size,) or (size, n), of the transposed matrix if asked."""
+        rows, columns = (self.column_scale, self.row_scale) if transposed else (self.row_scale, self.column_scale)
         scale = (slice(None), None) if right.ndim == 2 else slice(None)
-        b = right * self.row_scale[scale]
+        b = right * rows[scale]
         if np.iscomplexobj(b) and not np.iscomplexobj(self.matrix.data):
-            x: NDArray[Any] = self._solve(b.real, refinements) + 1j * self._solve(b.imag, refinements)
+            real, imaginary = (self._solve(part, refinements, transposed) for part in (b.real, b.imag))
+            x: NDArray[Any] = real + 1j * imaginary
         else:
-            x = self._solve(b.astype(self.matrix.dtype), refinements)
-        return x * self.column_scale[scale]
+            x = self._solve(b.astype(self.matrix.dtype), refinements, transposed)
+        return x * columns[scale]
 
-    def _solve(self, b: NDArray[Any], refinements: int) -> NDArray[Any]:
-        x: NDArray[Any] = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b))
+    def _solve(self, b: NDArray[Any], refinements: int, transposed: bool) -> NDArray[Any]:
+        matrix, way = (self.matrix.T, "T") if transposed else (self.matrix, "N")
+        x: NDArray[Any] = self.lu.solve(np.ascontiguousarray(b) if b.ndim == 1 else np.asfortranarray(b), way)
         for _ in range(refinements):
-            x = x + self.lu.solve(b - self.matrix @ x)
+            x = x + self.lu.solve(b - matrix @ x, way)
         return x
 
     def solve_closely(self, right: Array, fine: float) -> tuple[NDArray[Any], float]:

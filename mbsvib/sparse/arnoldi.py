@@ -1,0 +1,123 @@
+"""Block Arnoldi: the largest eigenvalues of an operator, with an orthonormal basis of their invariant subspace.
+
+Source: Saad, Numerical Methods for Large Eigenvalue Problems (2011), section 6.5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+
+# Vectors that are new by less than this share of their length are rounding.
+NEW = 1e-12
+# Ritz values are looked at when the basis has grown by this share.
+GROWTH = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Ritz:
+    """Ritz ``values`` (m,) by descending size with relative ``residuals`` (m,), ``vectors`` (m, m) in the orthonormal
+    ``basis`` (n, m); ``exhausted`` where the basis is an invariant subspace.
+    """
+
+    values: Complex
+    residuals: Array
+    vectors: NDArray[Any]
+    basis: NDArray[Any]
+    exhausted: bool
+
+    def converged(self, tolerance: float) -> int:
+        """Return how many of the first values have smaller residuals, conjugates together."""
+        late = np.flatnonzero(self.residuals > tolerance)
+        count = int(late[0]) if len(late) else len(self.values)
+        pair = 0 < count < len(self.values) and not np.iscomplexobj(self.basis)
+        if pair and self.values[count - 1].imag and self.values[count] == self.values[count - 1].conj():
+            count -= 1
+        return count
+
+    def subspace(self, count: int) -> NDArray[Any]:
+        """Return an orthonormal basis (n, count) of the first vectors' span."""
+        y = self.vectors[:, :count]
+        if not np.iscomplexobj(self.basis):
+            u, size, _ = np.linalg.svd(np.concatenate((y.real, y.imag), axis=1), full_matrices=False)
+            return np.asarray(self.basis @ u[:, : min(count, len(size))])
+        return np.asarray(self.basis @ np.linalg.qr(y)[0])
+
+
+def arnoldi(
+    apply: Callable[[NDArray[Any]], NDArray[Any]], start: NDArray[Any], enough: Callable[[Ritz], bool],
+    dimensions: tuple[int, int],
+) -> Ritz:  # fmt: skip
+    """Return Ritz values and vectors of a linear operator, the largest first, until they are enough.
+
+    Parameters
+    ----------
+    apply : callable
+        The operator on columns (n, b).
+    start : array, shape (n, b)
+        The first block.
+    enough : callable
+        Tells whether Ritz values will do.
+    dimensions : tuple of int
+        Dimension of the basis at which they are first looked at, and the largest.
+
+    Returns
+    -------
+    Ritz
+        The values; not enough if the basis has its largest dimension.
+    """
+    block = np.linalg.qr(start)[0]
+    n, limit = len(block), min(dimensions[1], len(block))
+    room = limit + block.shape[1]
+    basis = np.zeros((n, room), dtype=block.dtype, order="F")
+    inner = np.zeros((room, room), dtype=block.dtype)
+    basis[:, : block.shape[1]] = block
+    before, size, look = 0, block.shape[1], dimensions[0]
+    while True:
+        new = apply(basis[:, before:size])
+        length = np.linalg.norm(new, axis=0)
+        for _ in range(2):
+            share = basis[:, :size].conj().T @ new
+            new = new - basis[:, :size] @ share
+            inner[:size, before:size] += share
+        block, upper = _independent(new, float(length.max(initial=0.0)))
+        count = block.shape[1]
+        full = size + count > limit
+        if not count or full or size >= look:
+            look = int(size * (1.0 + GROWTH)) + 1
+            result = _ritz(inner[:size, :size], upper, basis[:, :size])
+            if not count or full or enough(result):
+                return result
+        inner[size : size + count, before:size] = upper
+        basis[:, size : size + count] = block
+        before, size = size, size + count
+
+
+def _independent(new: NDArray[Any], length: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Orthonormal columns of a block, less those that are rounding, and the block in these."""
+    from scipy.linalg import qr
+
+    block, upper, order = qr(new, mode="economic", pivoting=True)
+    count = int(np.count_nonzero(np.abs(upper.diagonal()) > NEW * length))
+    result = np.empty((count, new.shape[1]), dtype=new.dtype)
+    result[:, order] = upper[:count]
+    return block[:, :count], result
+
+
+def _ritz(inner: NDArray[Any], below: NDArray[Any], basis: NDArray[Any]) -> Ritz:
+    values, vectors = np.linalg.eig(inner)
+    order = np.argsort(-np.abs(values), kind="stable")
+    values, vectors = values[order].astype(complex), vectors[:, order]
+    left = np.linalg.norm(below @ vectors[len(inner) - below.shape[1] :], axis=0)
+    size = np.abs(values)
+    residuals = np.divide(left, size, out=np.full(len(size), np.inf), where=size > 0.0)
+    return Ritz(values, residuals, vectors, basis, not len(below))

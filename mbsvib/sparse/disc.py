@@ -1,0 +1,213 @@
+"""The eigenvalues of P(lambda) in a disc: shift-invert Arnoldi on motions and rates, z and (lambda - sigma) z.
+
+P(lambda) z = 0 is theta (z, w) = (-P(sigma)^-1 (P'(sigma) z + M w), z) with theta = 1 / (lambda - sigma). The state
+holds only what M, C and G act on, in units of the square root of energy: W z, what dampers and spin act on, and W w.
+Motions without mass have no part in w, infinite eigenvalues are theta = 0. Eigenvalues that are equal, of equal parts
+above all, are searched for again beside those that are known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.sparse.arnoldi import arnoldi
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.sparse.arnoldi import Ritz
+    from mbsvib.sparse.quadratic import Quadratic
+    from mbsvib.sparse.tableau import Factor
+
+# Residual of the eigenvectors.
+TOLERANCE = 1e-10
+# Vectors of a block: equal eigenvalues of up to so many parts are seen at once.
+BLOCK = 4
+# Largest dimension of a search for each eigenvalue wanted, and beside these; those that may come up at once.
+EACH, MORE, FEW = 10, 80, 4
+# An eigenvalue is as near as the last one if it is so within this share of the distance.
+BESIDE = 1e-6
+# Ritz values may still grow by as much as this share of them.
+UNSURE = 0.1
+# Eigenvalues theta below this share of the largest are 0.
+NOTHING = 1e-13
+# Rounds of searching for eigenvalues that were missed.
+SEARCHES = 8
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """The operator at a shift ``sigma`` [1/s], with a ``speed`` [rad/s] that brings w to the size of z."""
+
+    quadratic: Quadratic
+    sigma: complex
+    speed: float
+    factor: Factor
+    transposed: bool = False
+
+    @cached_property
+    def _dampers(self) -> tuple[Any, Any]:
+        """Rows of dampers in the square root of energy, and the same with the dampers' signs, transposed."""
+        from scipy.sparse import diags
+
+        system = self.quadratic.system
+        used = np.flatnonzero(system.damping)
+        c = system.damping[used]
+        rows = diags(np.sqrt(np.abs(c))) @ system.elastic_rows[used]
+        return (np.sqrt(self.speed) * rows).tocsr(), (rows.T @ diags(np.sign(c) / np.sqrt(self.speed))).tocsr()
+
+    @cached_property
+    def _spins(self) -> tuple[Any, Any]:
+        """Coordinates on which G acts in the square root of energy, and G over these."""
+        from scipy.sparse import csr_matrix, diags
+
+        system = self.quadratic.system
+        g = system.gyroscopic
+        if g is None:
+            return csr_matrix((0, system.layout.size)), csr_matrix((system.layout.size, 0))
+        size = np.asarray(abs(g).sum(axis=0)).reshape(-1)
+        at = np.flatnonzero(size)
+        scale = np.sqrt(self.speed * size[at])
+        rows = csr_matrix((scale, (np.arange(len(at)), at)), shape=(len(at), system.layout.size))
+        return rows, ((-1.0 if self.transposed else 1.0) * g[:, at] @ diags(1.0 / scale)).tocsr()
+
+    @cached_property
+    def _ends(self) -> tuple[int, int, int]:
+        mass, dampers = self.quadratic.w.shape[0], self._dampers[0].shape[0]
+        return mass, mass + dampers, mass + dampers + self._spins[0].shape[0]
+
+    @property
+    def size(self) -> int:
+        """Number of entries of a state."""
+        return self._ends[2] + self._ends[0]
+
+    def motions(self, state: NDArray[Any]) -> NDArray[Any]:
+        """Return theta z (size, n) of states (n columns)."""
+        mass, dampers, spins = self._ends
+        q = self.quadratic
+        force = q.wt @ ((2.0 * self.sigma / self.speed) * state[:mass] + state[spins:])
+        force = force + self._dampers[1] @ state[mass:dampers] + self._spins[1] @ state[dampers:spins]
+        return -q.solve(self.factor, np.asarray(force), self.transposed)
+
+    def apply(self, state: NDArray[Any]) -> NDArray[Any]:
+        """Return the operator times states."""
+        z, before = self.motions(state), state[: self._ends[0]] / self.speed
+        return np.concatenate((self.speed * (self.quadratic.w @ z), self._dampers[0] @ z, self._spins[0] @ z, before))
+
+    def start(self, seed: int) -> NDArray[Any]:
+        """Return states at random, without motions of infinite eigenvalues."""
+        state = np.random.default_rng(seed).standard_normal((self.size, min(BLOCK, self.size)))
+        for _ in range(2):
+            state = self.apply(state)
+            state = state / np.maximum(np.linalg.norm(state, axis=0), np.finfo(float).tiny)
+        return state
+
+    def rough(self, steps: int) -> Ritz:
+        """Return what a few steps tell of the eigenvalues nearest to the shift."""
+        return arnoldi(self.apply, self.start(0)[:, :1], lambda _: False, (steps, steps))
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """The eigenvalues ``values`` nearest to the shift, which are all up to a distance of ``reach`` from it, with an
+    orthonormal ``basis`` of the states that belong to them; the largest search had so many ``dimension``s.
+    """
+
+    shifted: Shifted
+    values: Complex
+    basis: NDArray[Any]
+    reach: float
+    dimension: int = 0
+
+    def motions(self) -> NDArray[Any]:
+        """Return motions (size, n) that span the eigenvectors."""
+        return self.shifted.motions(self.basis)
+
+    def apart(self, values: Complex) -> Array:
+        """Return how far eigenvalues are at least from those that are not among these."""
+        return np.asarray(np.maximum(self.reach - np.abs(values - self.shifted.sigma), 0.0))
+
+    def grown(self, wanted: int) -> Disc:
+        """Return the disc with so many eigenvalues, or a few more; with less where they do not converge."""
+        disc = self
+        if wanted > len(self.values):
+            missing = wanted - len(self.values)
+            more = self._more(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + MORE // 4, missing)
+            disc = self._with(more, more.converged(TOLERANCE))
+        return disc.filled(disc.reach * (1.0 - BESIDE), disc.dimension)
+
+    def filled(self, reach: float, dimension: int = MORE // 2) -> Disc:
+        """Return the disc with all eigenvalues up to a distance from the shift; with a smaller reach where they do not
+        converge. Every search has a basis of some dimension at least.
+        """
+        disc = self
+        for _ in range(SEARCHES):
+            if not np.isfinite(reach) or reach <= 0.0:
+                break
+
+            def inside(ritz: Ritz) -> int:
+                size = np.abs(ritz.values) * (1.0 + np.minimum(ritz.residuals, UNSURE))
+                return int(np.count_nonzero(size * reach >= 1.0))
+
+            more = disc._more(lambda ritz: ritz.converged(TOLERANCE) >= inside(ritz), dimension, FEW)
+            count, wanted = more.converged(TOLERANCE), inside(more)
+            disc = disc._with(more, min(count, wanted))
+            if count < wanted:
+                return replace(disc, reach=min(disc.reach, 1.0 / float(np.abs(more.values[: count + 1]).max())))
+            if not wanted:
+                break
+        return replace(disc, reach=max(disc.reach, reach))
+
+    def _with(self, more: Ritz, count: int) -> Disc:
+        """The disc with some more eigenvalues."""
+        sigma = self.shifted.sigma
+        largest = float(np.abs(np.append(more.values, 1.0 / (self.values - sigma))).max())
+        there = int(np.count_nonzero(np.abs(more.values) > NOTHING * largest))
+        count = min(count, there)
+        values = np.concatenate((self.values, sigma + 1.0 / more.values[:count]))
+        basis = np.linalg.qr(np.concatenate((self.basis, more.subspace(count)), axis=1))[0]
+        reach = np.inf if not there else float(np.abs(values - sigma).max(initial=0.0))
+        return replace(self, values=values, basis=basis, reach=max(self.reach, reach),
+                       dimension=max(self.dimension, len(more.values)))  # fmt: skip
+
+    def _more(self, enough: Callable[[Ritz], bool], dimension: int, wanted: int) -> Ritz:
+        known, shifted = self.basis, self.shifted
+
+        def without(state: NDArray[Any]) -> NDArray[Any]:
+            return state - known @ (known.conj().T @ state) if known.shape[1] else state
+
+        start = without(shifted.start(known.shape[1]))
+        limit = max(EACH * wanted + MORE, 2 * dimension)
+        return arnoldi(lambda state: without(shifted.apply(state)), start, enough, (dimension, limit))
+
+
+def disc(quadratic: Quadratic, sigma: complex, transposed: bool = False, factor: Factor | None = None) -> Disc:
+    """Return the empty disc around a shift.
+
+    Parameters
+    ----------
+    quadratic : Quadratic
+        P(s).
+    sigma : complex
+        The shift [1/s], real or not; not 0.
+    transposed : bool
+        Whether left eigenvectors are wanted.
+    factor : Factor, optional
+        The factored P(sigma), if it is there.
+
+    Returns
+    -------
+    Disc
+        Without eigenvalues; ``grown`` finds some.
+    """
+    if factor is None:
+        factor = quadratic.system.tableau.factor(s=sigma)
+    shifted = Shifted(quadratic, sigma, abs(sigma), factor, transposed)
+    return Disc(shifted, np.zeros(0, dtype=complex), np.zeros((shifted.size, 0), dtype=factor.matrix.dtype), 0.0)

@@ -1,0 +1,98 @@
+"""P(s) = s^2 M + s (C + G) + K + N over the unknowns: products from the factors, and solves from both sides.
+
+P(s)^T has G and N with the other sign. The tableau is symmetric but for these, once equations stand where the unknowns
+stand that they balance, so that one factor solves with both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.sparse.equations import SparseEquations
+    from mbsvib.sparse.tableau import Factor
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """P(s) of a ``system``."""
+
+    system: SparseEquations
+
+    @cached_property
+    def w(self) -> Any:
+        """The rows of W that are not empty."""
+        w = self.system.inertia_factor
+        return w[np.diff(w.indptr) > 0]
+
+    @cached_property
+    def wt(self) -> Any:
+        """W^T by rows."""
+        return self.w.T.tocsr()
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether left vectors are right ones: neither spin nor circulatory forces."""
+        return self.system.gyroscopic is None and self.system.circulatory is None
+
+    @property
+    def conservative(self) -> bool:
+        """Whether a sum of squares is kept, so that all eigenvalues are imaginary and left vectors conjugate."""
+        system = self.system
+        return not system.damping.any() and system.circulatory is None and bool((system.stiffness >= 0.0).all())
+
+    @property
+    def stable(self) -> bool:
+        """Whether no eigenvalue can have a positive real part: forces are those of springs, dampers and spin."""
+        system = self.system
+        signs = (system.stiffness >= 0.0).all() and (system.damping >= 0.0).all()
+        return bool(signs) and system.circulatory is None
+
+    def force(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+        """Return P(lambda) z, column by column (size, n), or P(lambda)^T z."""
+        system, rows = self.system, self.system.elastic_rows
+        weights = system.stiffness[:, None] + system.damping[:, None] * values
+        result = rows.T @ (weights * (rows @ z)) + self.wt @ ((self.w @ z) * values**2)
+        return np.asarray(result + self._antisymmetric(values, 1.0, z, transposed))
+
+    def slope(self, values: Any, z: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+        """Return P'(lambda) z = (2 lambda M + C + G) z, column by column (size, n), or P'(lambda)^T z."""
+        rows = self.system.elastic_rows
+        result = rows.T @ (self.system.damping[:, None] * (rows @ z)) + self.wt @ ((self.w @ z) * (2.0 * values))
+        return np.asarray(result + self._antisymmetric(1.0, 0.0, z, transposed))
+
+    def _antisymmetric(self, spin: Any, circulation: float, z: NDArray[Any], transposed: bool) -> Any:
+        sign, result = -1.0 if transposed else 1.0, 0.0
+        if self.system.gyroscopic is not None:
+            result = (self.system.gyroscopic @ z) * (sign * spin)
+        if self.system.circulatory is not None and circulation:
+            result = result + (self.system.circulatory @ z) * sign
+        return result
+
+    def energy(self, z: NDArray[Any], speed: float) -> NDArray[Any]:
+        """Return rows (n, columns) whose squares add up to an energy: inertia at a speed [rad/s], springs, dampers."""
+        weights = np.sqrt(np.abs(self.system.stiffness) + speed * np.abs(self.system.damping))[:, None]
+        return np.concatenate((speed * (self.w @ z), weights * (self.system.elastic_rows @ z)))
+
+    @cached_property
+    def _balance(self) -> tuple[Index, Array]:
+        return self.system.layout.balance()
+
+    def solve(self, factor: Factor, force: NDArray[Any], transposed: bool = False) -> NDArray[Any]:
+        """Return motions (size, n) with P z = force, or P^T z = force, for the factored P."""
+        row, sign = self._balance
+        used = np.flatnonzero(sign)
+        if transposed:
+            result = np.zeros(force.shape, dtype=np.result_type(force, factor.matrix.dtype))
+            result[used] = factor.solve(force, transposed=True)[row[used]] * sign[used, None]
+            return result
+        right = np.zeros_like(force)
+        right[row[used]] = force[used] * sign[used, None]
+        return factor.solve(right)

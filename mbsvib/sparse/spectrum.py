@@ -1,0 +1,266 @@
+"""Some modes of equations without symmetry: which eigenvalues are nearest, and the subspace that has their vectors.
+
+The lowest modes have an eigenvalue each in a disc around 0, as far out as the highest natural frequency among them.
+Those nearest to a frequency have theirs in a ring, or, where they creep, one on the real axis within it: discs are laid
+side by side along the ring from the imaginary axis, where lightly damped modes are, until the ring is covered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.unresisted_motion import free_motions
+from mbsvib.modes import modes as dense_modes
+from mbsvib.sparse.converged import RTOL, converged, joined, parts
+from mbsvib.sparse.disc import disc
+from mbsvib.sparse.layout import kinematics
+from mbsvib.sparse.operator import operator
+from mbsvib.sparse.quadratic import Quadratic
+from mbsvib.sparse.reduction import reduced
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.equations.equations import Equations
+    from mbsvib.modes import Modes
+    from mbsvib.sparse.disc import Disc
+    from mbsvib.sparse.equations import SparseEquations
+
+    Answer = tuple[Equations, Modes, Array, Index]
+
+# Modes beyond those asked for.
+GUARDS = 2
+# Systems of so few degrees of freedom, or of not many times the modes asked for, are taken whole.
+WHOLE, EACH = 40, 6
+# The shift for the lowest modes, as a share of the lowest frequency that is not 0.
+SHIFT = 0.1
+# Steps that tell the lowest frequency up to a factor, from a shift no more than so much above it.
+STEPS, ABOVE = 16, 10.0
+# A frequency further than this above all eigenvalues comes down to the last of them.
+BEYOND = 1.2
+# Eigenvalues this small beside the shift may be 0.
+ZERO = 1e-7
+# Shifts near the imaginary axis are off it by this share, to the side of growing motions, where few eigenvalues are.
+ASIDE = 1e-5
+# The first disc is this much larger than a ring is wide; those beside it are this share of the distance from the
+# imaginary axis, or this much larger than the ring is wide.
+FIRST, CLEAR, WIDER = 2.5, 0.7, 1.2
+# A ring wider than this share of its radius is searched as a disc around 0.
+WIDE = 0.5
+# Share of a disc on the real axis within a ring that is searched: lightly damped modes are at its rim.
+WITHIN = 0.9
+# Residual of eigenvalues that are known roughly, and rounds of finding where they are.
+ROUGH, ROUNDS = 0.1, 40
+# Eigenvalues equally near are taken with each other up to this share of their distance.
+TIES = 1e-9
+
+
+def general_modes(
+    system: SparseEquations, k: int, near: float, form: type[Equations]
+) -> tuple[Equations, Modes, Array, Index]:
+    """Return the modes whose natural frequencies are nearest to a frequency, of equations without symmetry.
+
+    Parameters
+    ----------
+    system : SparseEquations
+        The equations of motion.
+    k : int
+        Number of modes.
+    near : float
+        Frequency [Hz], 0 for the lowest.
+    form : type
+        The class of the small dense equations.
+
+    Returns
+    -------
+    tuple
+        The small system, its modes, a bound of the relative error of each eigenvalue by what the subspace lacks, and
+        which modes to take.
+    """
+    quadratic, centre = Quadratic(system), 2.0 * np.pi * near
+
+    def choose(result: Modes) -> Index:
+        speed = np.abs(result.pairs).max(axis=1)  # tells rigid-body modes apart
+        return np.sort(np.lexsort((speed, np.abs(result.natural - centre)))[:k])
+
+    if system.dof > max(WHOLE, EACH * (k + GUARDS)):
+        search = Search(quadratic, k, centre, choose, form)
+        result = search.ring() if near else search.lowest()
+        if result is not None:
+            return result
+    small = reduced(system, coordinates(system), 0, form)
+    every: Modes = dense_modes(small, RTOL)
+    return small, every, np.zeros(len(every.eigenvalues)), choose(every)
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for ``count`` modes around an angular frequency ``centre``; ``choose`` numbers those of a small system
+    of a class ``form``.
+    """
+
+    quadratic: Quadratic
+    count: int
+    centre: float
+    choose: Callable[[Modes], Index]
+    form: type[Equations]
+
+    def lowest(self) -> Answer | None:
+        """Return modes out of a disc around 0; None where it would have to hold all of them."""
+        sigma = SHIFT * lowest_speed(self.quadratic)
+        system, factor = self.quadratic.system, self.quadratic.system.tableau.factor(s=sigma)
+        discs = [disc(self.quadratic, sigma, transposed, factor) for transposed in self._sides]
+        rigid = rigid_motions(self.quadratic, self.count)
+        wanted = 2 * (self.count + GUARDS)
+        while wanted < system.dof:
+            discs = [each.grown(wanted) for each in discs]
+            if min(len(each.values) for each in discs) < self.count:
+                return None
+            answer = self._solved(rigid, discs)
+            if discs[0].reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
+                return answer
+            wanted += max(8, wanted // 2)
+        return None
+
+    def ring(self) -> Answer | None:
+        """Return modes out of a ring; None where it would have to hold all of them."""
+        centre = min(self.centre, highest_speed(self.quadratic, self.centre))
+        sigma, wanted = centre * (1j + ASIDE), self.count + GUARDS
+        system, factor = self.quadratic.system, self.quadratic.system.tableau.factor(s=sigma)
+        discs = [disc(self.quadratic, sigma, transposed, factor) for transposed in self._sides]
+        nothing = np.zeros((system.layout.size, 0))
+        while True:
+            discs = [each.grown(wanted) for each in discs]
+            if wanted > system.dof or min(len(each.values) for each in discs) < self.count:
+                return None
+            answer = self._solved(nothing, discs)
+            width = self._distance(answer) - (self.centre - centre)
+            if width > WIDE * centre:
+                return self.lowest()
+            least = width if self.quadratic.conservative else FIRST * width
+            if discs[0].reach >= (1.0 + TIES) * least + ASIDE * centre:
+                break
+            wanted += max(4, wanted // 2)
+        if self.quadratic.conservative:
+            return answer
+        more: list[Disc] = []
+        for side in (1.0,) if self.quadratic.stable else (1.0, -1.0):
+            more += self._arc(centre, width, side, discs[0])
+        return self._solved(nothing, discs, more)
+
+    def _arc(self, centre: float, width: float, side: float, first: Disc) -> list[Disc]:
+        """Discs that cover a quarter of a ring from the first one at the imaginary axis to the real axis, to the left
+        for 1 and to the right for -1, and one for real eigenvalues within.
+        """
+        half = 0.5 * (centre + width)
+        result = [disc(self.quadratic, -side * half).filled(WITHIN * half)]
+        angle = _covered(centre, width, first.reach - ASIDE * centre)
+        while angle < 0.5 * np.pi:
+            sigma = centre * (1j * np.cos(angle) - side * np.sin(angle))
+            each = disc(self.quadratic, sigma).filled(max(CLEAR * centre * np.sin(angle), WIDER * width))
+            result.append(each)
+            covered = _covered(centre, width, each.reach)
+            if not covered:
+                break
+            angle += covered
+        return result
+
+    @property
+    def _sides(self) -> tuple[bool, ...]:
+        """Whether left vectors are to be searched for as well."""
+        return (False,) if self.quadratic.symmetric or self.quadratic.conservative else (False, True)
+
+    def _solved(self, rigid: Array, discs: list[Disc], more: Iterable[Disc] = ()) -> Answer:
+        basis = rigid
+        every = (*discs, *more)
+        for each in every:
+            basis = joined(self.quadratic, basis, parts(each.motions()), abs(each.shifted.sigma))
+
+        def apart(values: Complex) -> Array:
+            return np.asarray(np.max([each.apart(values) for each in every], axis=0))
+
+        return converged(self.quadratic, basis, rigid.shape[1], self.choose, apart, self.form)
+
+    def _distance(self, answer: Answer) -> float:
+        """Distance of the last mode chosen."""
+        return float(np.abs(answer[1].natural[answer[3]] - self.centre).max())
+
+
+def _covered(centre: float, width: float, reach: float) -> float:
+    """Half the angle in which a disc covers a ring: |w e^(i a) - w0|^2 = (w - w0)^2 + 4 w w0 sin^2 (a / 2)."""
+    share = max(0.0, reach**2 - width**2) / (4.0 * centre * (centre + width))
+    return 2.0 * float(np.arcsin(np.sqrt(min(share, 1.0))))
+
+
+def rigid_motions(quadratic: Quadratic, count: int) -> Array:
+    """Return the motions that meet no spring (size, r), where springs alone decide which these are."""
+    if quadratic.system.circulatory is not None or (quadratic.system.stiffness < 0.0).any():
+        return np.zeros((quadratic.system.layout.size, 0))
+    return operator(quadratic.system, None, count).rigid
+
+
+def lowest_speed(quadratic: Quadratic) -> float:
+    """Return the size of the smallest eigenvalue that is not 0, up to a factor."""
+    system = quadratic.system
+    square = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
+    speed = np.sqrt(square / (float(system.inertia_factor.power(2).sum()) or 1.0)) or 1.0
+    for _ in range(ROUNDS):
+        size = _nearest_to(quadratic, speed)
+        size = size[size > ZERO * speed]
+        if not len(size) or size.min() >= speed / ABOVE:
+            return float(min(speed, size.min(initial=speed)))
+        speed = float(size.min())
+    return speed
+
+
+def highest_speed(quadratic: Quadratic, centre: float) -> float:
+    """Return a frequency at which modes are told apart, from which those are nearest that are nearest to the centre."""
+    for _ in range(ROUNDS):
+        size = _nearest_to(quadratic, 1j * centre)
+        if size.max(initial=0.0) * BEYOND**2 > centre or not size.any():
+            break
+        centre = BEYOND * float(size.max())
+    return centre
+
+
+def _nearest_to(quadratic: Quadratic, sigma: complex) -> Array:
+    """Sizes of the eigenvalues nearest to a shift, roughly."""
+    if isinstance(sigma, complex):
+        sigma *= 1.0 - 1j * ASIDE
+    rough = disc(quadratic, sigma).shifted.rough(STEPS)
+    values = rough.values[rough.residuals < ROUGH]
+    return np.asarray(np.abs(sigma + 1.0 / values[values != 0.0]))
+
+
+def coordinates(system: SparseEquations) -> Array:
+    """Return motions that span all of a system's: one of its joint coordinates each, where loops leave them.
+
+    Parameters
+    ----------
+    system : SparseEquations
+        The equations of motion.
+
+    Returns
+    -------
+    array, shape (size, dof)
+        Displacements and joint coordinates; exact up to the rounding of the geometry.
+    """
+    from scipy.sparse.linalg import splu
+
+    place, tree, m = system.layout, system.structure, len(system.joint_coordinates)
+    free = np.eye(m)
+    if len(place.multiplier):
+        row, column, value = system.constraints.kept_entries(tree)
+        loops = np.zeros((len(place.multiplier), m))
+        np.add.at(loops, (row, column), value)
+        free = free_motions(loops)
+    result = np.zeros((place.size, free.shape[1]))
+    result[place.coordinate] = free
+    at = place.displacement[tree.moves]
+    demands = kinematics(tree, place)[at].tocsc()
+    result[at] = splu(demands[:, at], permc_spec="NATURAL").solve(-(demands[:, place.coordinate] @ free))
+    return result
