@@ -84,6 +84,11 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
                           "states have other units in each variant. Write them one by one, to_npz(batch[i], ...).")
     each = [SystemData.of(system, realization) for system in batch]
     spaces = [data.state_space for data in each]
+    for i, space in enumerate(spaces):
+        if space.states != spaces[0].states:
+            raise ExportError(f"to_npz_batch: variant {i} has the states {', '.join(space.states)}, variant 0 "
+                              f"{', '.join(spaces[0].states)}; expected one list for all. Write them one by one, "
+                              f"to_npz(batch[i], ...).")  # fmt: skip
     one = each[0]
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),

@@ -38,7 +38,8 @@ class Batch(BatchEquations):
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix where nothing varies. ``batch[i]`` is the system of variant i, ``nominal`` that of the model as given;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
-    ``own`` is what each variant came from where they were linearized one by one.
+    ``own`` is what each variant came from where they were linearized one by one. ``gyroscopic`` and ``circulatory``
+    (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
     """
 
     nominal: System
@@ -100,8 +101,9 @@ class Batch(BatchEquations):
         from mbsvib.responses.batch import FEW, few_frequencies
 
         w = angular(omega)
-        if len(w) * self.dof <= FEW:
-            result = few_frequencies(self, self.basis.modal, np.abs(w))
+        modal = self.basis.modal
+        if modal.damped is not None and len(w) * self.dof <= FEW:
+            result = few_frequencies(self, modal.damped, np.abs(w))
             if np.isfinite(result).all():
                 result[..., w < 0.0] = result[..., w < 0.0].conj()
                 return result

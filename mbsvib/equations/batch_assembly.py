@@ -73,20 +73,11 @@ def linearize_batch(
     SingularPoseError
         If a variant has another number of degrees of freedom, by index.
     """
-    for rotor in model.rotors:
-        raise ModelError(f"values: rotor '{rotor}' spins, which batches do not support yet; linearize the variants one "
-                         f"by one, with model.with_values.", element=rotor, field="values")  # fmt: skip
     variants = checked(model.parameters, values)
     plain = expanded(model)
     scene = scene_of(with_maxwell_nodes(plain), cut)
     nominal = single.assembled(plain, scene, independent, None if plain is model else copy(model), form=form)
-    if nominal.provenance.massless is not None:
-        what = nominal.provenance.massless
-        name = (what.condensed + what.first_order)[0]
-        raise ModelError(f"values: coordinate '{name}' moves no mass, which batches do not support yet; linearize the "
-                         f"variants one by one, with model.with_values.", element=name, field="values")  # fmt: skip
-    by_one = plain is not model or scene.springs.inertance is not None
-    if scene.loads is not None or scene.port.wrench_outputs or by_one:
+    if plain is not model or _adds_by_variant(model, scene, nominal):
         return one_by_one(model, nominal, variants, cut, batch)
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
@@ -104,6 +95,12 @@ def linearize_batch(
     if pieces[0]["closure"] is not None:
         closure = np.concatenate([piece["closure"] for piece in pieces])
     return batch(nominal, variants, closure, **arrays)
+
+
+def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool:
+    """Tell whether a mechanism has what is computed variant by variant: loads, spin, inerters, motions without mass."""
+    return bool(scene.loads is not None or scene.port.wrench_outputs or model.rotors
+                or scene.springs.inertance is not None or nominal.provenance.massless is not None)  # fmt: skip
 
 
 def _depth(key: str) -> int:
@@ -150,5 +147,6 @@ def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
         try:
             check_mass(mass[i], names)
         except ModelError as error:
-            raise ModelError(f"variant {first + i}: {error}", element=error.element) from error
+            raise ModelError(f"variant {first + i}: {error} All variants of a batch have the same motions without "
+                             f"mass, and the model as given has none.", element=error.element) from error  # fmt: skip
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from mbsvib.equations.batch_values import Values
 
 FACTORS = ("inertia_factor", "elastic_rows", "stiffness", "damping", "body_motion")
+# What equations without spin, follower loads and massless motions lack.
+PARTS = ("gyroscopic", "circulatory", "null_inertia")
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -30,7 +32,8 @@ class BatchEquations:
     inputs), ``Cq``, ``Cv``, ``Ca`` (n, outputs, m), ``D`` (n, outputs, inputs). They are read-only, and views of a
     single matrix where nothing varies. ``batch[i]`` are those of variant i, ``nominal`` those of the model as given;
     ``values`` holds what varies, and ``closure`` (n, joint coordinates, m) is B'' where the geometry of loops does;
-    ``own`` is what each variant came from where they were linearized one by one.
+    ``own`` is what each variant came from where they were linearized one by one. ``gyroscopic`` and ``circulatory``
+    (n, m, m) and ``null_inertia`` (n, m, massless) are None where no variant has them.
     """
 
     kind: ClassVar[str] = "batch"
@@ -53,10 +56,23 @@ class BatchEquations:
     row_owner: Index
     body_motion: Array
     own: tuple[Provenance, ...] | None = field(default=None, repr=False)
+    gyroscopic: Array | None = field(default=None, repr=False)
+    circulatory: Array | None = field(default=None, repr=False)
+    null_inertia: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for name in (*MATRICES, *FACTORS, "row_owner"):
+        for name in (*MATRICES, *FACTORS, "row_owner", *self._parts):
             getattr(self, name).setflags(write=False)
+
+    @property
+    def _parts(self) -> tuple[str, ...]:
+        """Names of the parts without symmetry or mass that some variant has."""
+        return tuple(name for name in PARTS if getattr(self, name) is not None)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether in all variants M, C and K are symmetric, and M is regular."""
+        return not self._parts
 
     @property
     def name(self) -> str:
@@ -145,6 +161,7 @@ class BatchEquations:
         used &= self.elastic_rows[k].any(axis=1)
         arrays = {name: getattr(self, name)[k] for name in (*MATRICES, "inertia_factor", "body_motion")}
         arrays |= {name: getattr(self, name)[k][used] for name in ("elastic_rows", "stiffness", "damping")}
+        arrays |= {name: getattr(self, name)[k] if getattr(self, name)[k].any() else None for name in self._parts}
         return replace(self.nominal, row_owner=self.row_owner[used], provenance=self._provenance(k), **arrays)
 
     def piece(self, start: int, stop: int) -> Self:
@@ -162,7 +179,7 @@ class BatchEquations:
         """
         if (start, stop) == (0, len(self)):
             return self
-        arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS)}
+        arrays = {name: getattr(self, name)[start:stop] for name in (*MATRICES, *FACTORS, *self._parts)}
         closure = None if self.closure is None else self.closure[start:stop]
         own = None if self.own is None else self.own[start:stop]
         return replace(self, values=self.values.slice(start, stop), closure=closure, own=own, **arrays)

@@ -219,7 +219,7 @@ def _alone(
             if doubt:
                 reduction = reduce(coordinates, cuts, phi, names, partial(arm, topology, position))
             check_mobility(topology, coordinates, cuts, reduction, position)
-            _check_freedom(reduction, nominal)
+            check_freedom(len(reduction.independent), len(nominal.independent))
         except ModelError as error:  # the coordinates, which this variant did not choose, depend on each other
             raise SingularPoseError(
                 f"variant {first + i}: the loops closed by {', '.join(cuts.joints)} tie the coordinates "
@@ -233,8 +233,19 @@ def _alone(
     return reduction.matrix
 
 
-def _check_freedom(reduction: Reduction, nominal: Reduction) -> None:
-    found, expected = len(reduction.independent), len(nominal.independent)
+def check_freedom(found: int, expected: int) -> None:
+    """Refuse a variant with another number of degrees of freedom than the pose as given.
+
+    Parameters
+    ----------
+    found, expected : int
+        Degrees of freedom that loops leave in the variant, and in the pose as given.
+
+    Raises
+    ------
+    SingularPoseError
+        If they differ.
+    """
     if found != expected:
         raise SingularPoseError(
             f"its loops leave {counted(found, 'degree')} of freedom, those of the pose as given {expected}. {HELP}"

@@ -1,6 +1,7 @@
-"""Batches whose variants are linearized one after the other: under loads, with beams, or with forces in joints.
+"""Batches whose variants are linearized one after the other: the form that takes every element.
 
-Rows that one variant has and another has not, such as those of geometric stiffness, are zero rows there.
+Rows that one variant has and another has not, such as those of geometric stiffness, are zero rows there; so are the
+gyroscopic and circulatory parts of matrices where a variant has none.
 """
 
 from __future__ import annotations
@@ -10,13 +11,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.equations.assembly import linearized
-from mbsvib.equations.batch_equations import FACTORS, BatchEquations
+from mbsvib.equations.batch_equations import FACTORS, PARTS, BatchEquations
+from mbsvib.equations.batch_loops import check_freedom
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import MbsvibError, ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
@@ -52,24 +55,14 @@ def one_by_one(
     Raises
     ------
     ModelError
-        If a load makes the stiffness unsymmetric, or the equations of a variant are refused, by its index.
+        If other motions than in the model as given move no mass, or a variant is refused by itself, by its index.
+    SingularPoseError
+        If a variant has another number of degrees of freedom, by its index.
     """
-    systems = []
-    for i in range(variants.count):
-        try:
-            variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
-            found: Equations = linearized(variant, nominal.coordinates, cut)
-        except MbsvibError as error:
-            error.args = (f"variant {i}: {error}", *error.args[1:])
-            raise
-        if found.circulatory is not None:
-            load = next(load.name for load in model.loads.values() if load.follower or any(load.torque))
-            raise ModelError(f"values: load '{load}' follows its body or is a torque, whose stiffness is not "
-                             f"symmetric, which batches do not support yet; linearize the variants one by one, with "
-                             f"model.with_values.", element=load, field="values")  # fmt: skip
-        systems.append(found)
+    systems = [_linearized(model, nominal, variants, cut, i) for i in range(variants.count)]
     arrays: dict[str, Any] = {key: np.array([getattr(each, key) for each in systems])
                               for key in (*MATRICES, *FACTORS) if key not in ROWS}  # fmt: skip
+    arrays |= {key: _stacked([getattr(each, key) for each in systems]) for key in PARTS}
     counts = [np.bincount(each.row_owner, minlength=1) for each in systems]
     width = max(map(len, counts))
     most = np.max([np.pad(count, (0, width - len(count))) for count in counts], axis=0)
@@ -83,3 +76,55 @@ def one_by_one(
     return batch(nominal, variants, None, elastic_rows=rows, stiffness=values, damping=damping,
                  row_owner=np.repeat(np.arange(width), most), own=tuple(each.provenance for each in systems),
                  **arrays)  # fmt: skip
+
+
+def _linearized(
+    model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, i: int
+) -> Equations:
+    """Equations of variant ``i`` in the coordinates of the pose as given."""
+    try:
+        variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
+        try:
+            system: Equations = linearized(variant, nominal.coordinates, cut)
+        except ModelError as error:
+            if error.field != "independent":
+                raise
+            _check_massless(linearized(variant, None, cut), nominal)  # more motions without mass, fewer coordinates
+            raise
+        _check_massless(system, nominal)
+        check_freedom(system.dof, nominal.dof)
+    except MbsvibError as error:
+        error.args = (f"variant {i}: {error}", *error.args[1:])
+        raise
+    return system
+
+
+def _check_massless(system: Equations, nominal: Equations) -> None:
+    """Refuse a variant in which other motions move no mass than in the model as given, by name."""
+    own, expected = _without_mass(system), _without_mass(nominal)
+    if sorted(own.values()) == sorted(expected.values()):
+        return  # of motions that move no mass together, either coordinate may stand for them
+    name = next(name for name in (*own, *expected) if own.get(name) != expected.get(name))
+    moves = "moves mass"
+    raise ModelError(
+        f"coordinate '{name}' {own.get(name, moves)}, in the model as given it {expected.get(name, moves)}. All "
+        f"variants of a batch have the same motions without mass; linearize this one by itself (model.with_values).",
+        element=name, field="values",
+    )  # fmt: skip
+
+
+def _without_mass(system: Equations) -> dict[str, str]:
+    """What motions without mass do, by coordinate."""
+    separation = system.provenance.massless
+    if separation is None:
+        return {}
+    return (dict.fromkeys(separation.condensed, "moves no mass and follows from statics")
+            | dict.fromkeys(separation.first_order, "moves no mass but dampers"))  # fmt: skip
+
+
+def _stacked(parts: list[Array | None]) -> Array | None:
+    """Matrices that some variants have and others lack, which are zero there; None where all lack them."""
+    shape = next((part.shape for part in parts if part is not None), None)
+    if shape is None:
+        return None
+    return np.array([np.zeros(shape) if part is None else part for part in parts])

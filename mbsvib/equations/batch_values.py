@@ -112,7 +112,7 @@ def checked(parameters: Parameters, values: Mapping[str, Any]) -> Values:
 
 
 def refused(parameters: Parameters, values: Mapping[str, Any]) -> Mask:
-    """Tell which variants have a value that a part refuses, or that batches do, so that the others can be taken.
+    """Tell which variants have a value that a part refuses, or a body without mass, so that the others can be taken.
 
     Parameters
     ----------
@@ -161,10 +161,7 @@ def _check_part(values: Values, name: str, whole: Mapping[str, Array]) -> None:
     """Send every variant of a part that may be refused through the checks of the part itself."""
     for i in np.flatnonzero(_suspects(values.parameters.parts[name], whole)).tolist():
         try:
-            part = values.part(name, i)
-            if isinstance(part, Body) and part.mass == 0.0:
-                raise ModelError("Massless bodies are not supported in a batch; linearize this variant by itself.",
-                                 element=name, field="mass")  # fmt: skip
+            values.part(name, i)
         except ModelError as error:
             of_part = [p for p in values.by_name if values.parameters.entry(p).part == name]
             blamed = [p for p in of_part if values.parameters.entry(p).field == error.field] or of_part

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,25 +31,44 @@ PIECE_BYTES = 2**20
 class BatchModes:
     """The modes of n variants, in each in ascending natural frequency; ``modes[i]`` are those of variant i.
 
-    ``eigenvalues`` and ``errors`` (n, 2m), ``shapes`` (n, m, m), ``classical`` (n,) and ``rigid`` (n,) are those of
-    ``Modes`` with an axis of variants in front. The modes of a number are not followed from variant to variant: where
-    two frequencies cross, they change places.
+    ``pairs`` and ``pair_errors`` (n, m, 2), ``shapes`` (n, m, m), ``classical`` (n,), ``rigid`` (n,) and
+    ``first_order`` (n, m), None where no variant has such modes, are those of ``Modes`` with an axis of variants in
+    front. The modes of a number are not followed from variant to variant: where two frequencies cross, they change
+    places. ``damped`` are the modes that were computed for all variants together, None where each was solved by itself.
     """
 
     batch: BatchEquations = field(repr=False)
-    eigenvalues: Complex
-    errors: Array
+    pairs: Complex
+    pair_errors: Array
     shapes: Array | Complex
     classical: tuple[str, ...]
     rigid: NDArray[np.intp]
-    damped: DampedBatch = field(repr=False)
+    damped: DampedBatch | None = field(repr=False)
     _alone: Mapping[int, Modes] = field(repr=False)
     form: type[Modes] = field(default=Modes, repr=False)
+    first_order: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def eigenvalues(self) -> Complex:
+        """Eigenvalues [1/s], shape (n, 2m), two for each mode; (n, 2m - massless) with modes of first order."""
+        return np.asarray(self._single(self.pairs))
+
+    @cached_property
+    def errors(self) -> Array:
+        """Estimated relative errors of the eigenvalues, shape (n, 2m)."""
+        return np.asarray(self._single(self.pair_errors))
+
+    def _single(self, pairs: Any) -> Any:
+        """Values (n, m, 2) one behind the other; those of modes of first order once."""
+        if self.first_order is None:
+            return pairs.reshape(len(pairs), -1)
+        keep = np.stack((np.ones_like(self.first_order), ~self.first_order), axis=2)
+        return pairs[keep].reshape(len(pairs), -1)
 
     @cached_property
     def natural(self) -> Array:
         """Natural angular frequencies [rad/s], shape (n, m): |lambda|, of a real pair the geometric mean."""
-        return np.sqrt(np.abs(self.eigenvalues[:, 0::2] * self.eigenvalues[:, 1::2]))
+        return np.sqrt(np.abs(self.pairs[..., 0] * self.pairs[..., 1]))
 
     @cached_property
     def frequencies(self) -> Array:
@@ -59,12 +78,12 @@ class BatchModes:
     @cached_property
     def damped_frequencies(self) -> Array:
         """Frequencies of the decaying oscillation [Hz], shape (n, m), 0 where nothing oscillates."""
-        return np.abs(self.eigenvalues[:, 0::2].imag) / (2.0 * np.pi)
+        return np.abs(self.pairs[..., 0].imag) / (2.0 * np.pi)
 
     @cached_property
     def damping_ratios(self) -> Array:
         """Damping ratios, shape (n, m), as of a single system's modes."""
-        first, second = self.eigenvalues[:, 0::2], self.eigenvalues[:, 1::2]
+        first, second = self.pairs[..., 0], self.pairs[..., 1]
         total, natural = 0.0 - (first + second).real, self.natural
         ratio = np.divide(total, 2.0 * natural, out=np.where(total > 0.0, np.inf, 0.0), where=natural > 0.0)
         return np.where((first * second).real < 0.0, -1.0, ratio)
@@ -78,10 +97,10 @@ class BatchModes:
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
         """Whether no mode of a variant is unstable, shape (n,)."""
-        return np.asarray(~growing(self.eigenvalues, self.errors).any(axis=1))
+        return np.asarray(~growing(self.pairs, self.pair_errors).any(axis=(1, 2)))
 
     def __len__(self) -> int:
-        return len(self.eigenvalues)
+        return len(self.pairs)
 
     def __iter__(self) -> Iterator[Modes]:
         return (self[i] for i in range(len(self)))
@@ -91,6 +110,7 @@ class BatchModes:
         if k in self._alone:
             return self._alone[k]
         batch = self.batch
+        assert self.damped is not None  # variants that were not solved together are all solved alone
         shapes = self.shapes[k].real if self.classical[k] else self.shapes[k]
         return self.form(batch.name, batch.coordinates, batch.bodies, self.eigenvalues[k], self.errors[k], shapes,
                          self.classical[k], int(self.rigid[k]), batch.body_motion[k], batch.inertia_factor[k],
@@ -119,6 +139,8 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
     BatchModes
         Eigenvalues, shapes and error estimates.
     """
+    if not batch.symmetric:
+        return _one_by_one(batch, rtol, form)
     size = max(1, PIECE_BYTES // (64 * max(1, batch.dof) ** 2))
     pieces = [batch.piece(start, min(start + size, len(batch))) for start in range(0, len(batch), size)]
     result = joined([damped_batch(piece, undamped_batch(piece, rtol), rtol) for piece in pieces])
@@ -129,18 +151,30 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
         largest = np.take_along_axis(together, np.abs(together).argmax(axis=1)[:, None], 1)
         turned = together * np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
         shapes = np.where(classical[:, None, None], result.shapes, turned)
-    eigenvalues, errors = result.pairs.reshape(len(batch), -1), result.errors.reshape(len(batch), -1)
     reasons, rigid = list(result.classical), np.zeros(len(batch), dtype=np.intp)
     alone: dict[int, Modes] = {}
     for i in np.flatnonzero(~result.settled).tolist():
         one = modes(batch[i], rtol, True, form)
         alone[i] = one
-        eigenvalues[i], errors[i], reasons[i], rigid[i] = one.eigenvalues, one.errors, one.classical, one.rigid
+        result.pairs[i], result.errors[i], reasons[i], rigid[i] = one.pairs, one.pair_errors, one.classical, one.rigid
         if np.iscomplexobj(one.shapes) and not np.iscomplexobj(shapes):
             shapes = shapes.astype(complex)
         shapes[i] = one.shapes
         modal = one.damped
-        assert isinstance(modal, Damped)  # batches refuse what has no symmetry
+        assert isinstance(modal, Damped)  # these variants are symmetric
         result.shapes[i], result.square[i] = modal.shapes, modal.square
         result.gamma[i] = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-    return BatchModes(batch, eigenvalues, errors, shapes, tuple(reasons), rigid, result, alone, form)
+    return BatchModes(batch, result.pairs, result.errors, shapes, tuple(reasons), rigid, result, alone, form)
+
+
+def _one_by_one(batch: BatchEquations, rtol: float, form: type[Modes]) -> BatchModes:
+    """Modes of variants without symmetry, or with massless motions, each solved by itself."""
+    alone = [modes(system, rtol, True, form) for system in batch]
+    first_order = np.array([np.zeros(len(one), dtype=bool) if one.first_order is None else one.first_order
+                            for one in alone])  # fmt: skip
+    return BatchModes(
+        batch, np.array([one.pairs for one in alone]), np.array([one.pair_errors for one in alone]),
+        np.array([one.shapes for one in alone]), tuple(one.classical for one in alone),
+        np.array([one.rigid for one in alone], dtype=np.intp), None, dict(enumerate(alone)), form,
+        first_order if first_order.any() else None,
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modes.batch import BatchModes, batch_modes
+from mbsvib.modes.batch import batch_modes
 from mbsvib.modes.result import RTOL, Modes
 from mbsvib.responses.basis import RESPONSE_RTOL
 from mbsvib.responses.modal_sum import CANCELLED, EPS
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.equations.batch_equations import BatchEquations
     from mbsvib.modes.batch import BatchModes
+    from mbsvib.modes.batch_damped import DampedBatch
 
 
 # Up to this many frequencies times degrees of freedom, a solution for each costs less than the sums over the modes of
@@ -67,14 +68,14 @@ class BatchBasis:
         return batch_modes(self.batch, RESPONSE_RTOL, self.form)
 
 
-def few_frequencies(batch: BatchEquations, modal: BatchModes, w: Array) -> Complex:
+def few_frequencies(batch: BatchEquations, damped: DampedBatch, w: Array) -> Complex:
     """Return the responses of all variants at a few frequencies, (n, outputs, inputs, k); not finite at poles.
 
     Parameters
     ----------
     batch : BatchEquations
         The variants.
-    modal : BatchModes
+    damped : DampedBatch
         Their modes, as accurate as responses want them.
     w : array, shape (k,)
         Angular frequencies [rad/s], none negative.
@@ -84,7 +85,6 @@ def few_frequencies(batch: BatchEquations, modal: BatchModes, w: Array) -> Compl
     array, shape (n, outputs, inputs, k)
         Complex responses.
     """
-    damped = modal.damped
     rates = [batch.Cq, batch.Cv, batch.Ca]
     order, output = np.nonzero([c.any(axis=(0, 2)) for c in rates])
     result: Complex = np.empty((len(batch), len(batch.outputs), len(batch.inputs), len(w)), dtype=complex)

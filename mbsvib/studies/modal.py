@@ -67,7 +67,7 @@ class Modal(Leaf):
 
     def in_batch(self, modes: BatchModes, which: list[int]) -> Array:
         """Return the numbers of some modes of all variants, (variants, modes)."""
-        one, other = modes.eigenvalues[:, 0::2][:, which], modes.eigenvalues[:, 1::2][:, which]
+        one, other = np.moveaxis(modes.pairs[:, which], 2, 0)
         natural = np.sqrt(np.abs(one * other))
         return self.rule(natural, (one + other).real, 0.0 * natural, 0.0 * natural)[0]
 

@@ -79,24 +79,6 @@ def test_without_loads_no_statics_are_done(monkeypatch):
     assert all((getattr(system, key) == getattr(other, key)).all() for key in ("M", "C", "K", "B"))
 
 
-def turning():
-    """Two rods in line on hinges, with a follower load along the second one."""
-    model = mv.Model("turning")
-    for name, first, at in (("one", "ground", 0.0), ("two", "one", 2.0)):
-        model.add_body(name, 2.0, (1, 1, 1), position=(0, at + 1.0, 0))
-        model.add_joint(f"{name}.hinge", "revolute", first, name, (0, at, 0), axis=(1, 0, 0))
-        model.add_bushing(f"{name}.k", first, name, (0, at, 0), (0, 0, 0, 10.0, 0, 0))
-    model.add_load("turn", "two", force=(0, -1.0, 0), position=(0, 4.0, 0), follower=True)
-    return model
-
-
-def test_where_loads_are_not_supported_they_are_refused_by_name():
-    model = loaded()
-    assert len(model.linearize(values={"up.stiffness": [1.0, 2.0]})) == 2
-    with pytest.raises(mv.ModelError, match=r"load 'turn' follows its body .*batches do not support"):
-        turning().linearize(values={"turn.force.y": [1.0, 2.0]})
-
-
 def test_gears_carry_what_pendulums_weigh():
     """Two arms at 45 degrees hold each other through a gear: V'' = -m g d (sin a + r^2 sin b ...) in closed form."""
     m, d, g, angle = 2.0, 0.5, 10.0, 0.7

@@ -131,15 +131,6 @@ def test_rigid_body_modes_stay_exactly_zero():
     assert_allclose(omega[1] ** 2, 0.21 * (1 / 1.1 + 1 / 2.3), rtol=1e-14)
 
 
-def test_batches_refuse_by_name():
-    model = along_z({"node": 0.0, "b": 1.0}, {"k1": ("ground", "node", 1, 0), "k2": ("node", "b", 2, 0)})
-    with pytest.raises(mv.ModelError, match=r"'node\.rail\.z' moves no mass.*one by one"):
-        model.linearize(values={"k1.stiffness": [1.0, 2.0]})
-    model = along_z({"b": 1.0}, {"k1": ("ground", "b", 1, 0)})
-    with pytest.raises(mv.ModelError, match=r"variant 1.*Massless bodies"):
-        model.linearize(values={"b.mass": [1.0, 0.0]})
-
-
 def test_a_massless_body_that_nothing_holds_is_named():
     model = mv.Model("loose")
     model.add_body("a", 1.0, (1, 1, 1))

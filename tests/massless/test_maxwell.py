@@ -172,8 +172,6 @@ def test_names_and_directions():
 def test_what_is_not_supported_is_refused_by_name():
     with pytest.raises(mv.ModelError, match=r"'leg' is massless or has a massless node.*method='dense'"):
         isolator().linearize(method="sparse")
-    with pytest.raises(mv.ModelError, match=r"'leg\.z' moves no mass, which batches do not support"):
-        isolator().linearize(values={"m.mass": [1.0, 2.0]})
 
 
 def test_six_directions_by_a_massless_body_between_two_bushings():
