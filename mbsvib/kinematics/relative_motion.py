@@ -190,18 +190,40 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
+    if max(array.ndim for array in (position, coordinates.linear, coordinates.angular, coordinates.point)) > 2:
+        return _body_motion_of_variants(coordinates, position)
     sign = coordinates.path[:-1, None].astype(float)
-    linear = coordinates.linear.swapaxes(0, -2)[..., None, :, :]
-    angular = coordinates.angular.take(CYCLE, axis=0).swapaxes(0, -2)[..., None, :, :]
-    point = coordinates.point.take(CYCLE, axis=0).swapaxes(0, -2)[..., None, :, :]
-    arm = position.take(CYCLE, axis=-1)[..., None] - point
-    moved = angular[..., 1:4, :] * arm[..., 2:, :]
-    moved -= angular[..., 2:, :] * arm[..., 1:4, :]
-    moved = moved + linear
-    result = np.empty((*moved.shape[:-2], 6, sign.shape[2]))
-    np.multiply(moved, sign, out=result[..., :3, :])
-    np.multiply(angular[..., :3, :], sign, out=result[..., 3:, :])
+    angular, point = coordinates.angular.take(CYCLE, axis=0), coordinates.point.take(CYCLE, axis=0)
+    arm = position.take(CYCLE, axis=1)[..., None] - point
+    moved = angular[1:4] * arm[:, 2:]
+    moved -= angular[2:] * arm[:, 1:4]
+    moved += coordinates.linear
+    result = np.empty((len(moved), 6, sign.shape[2]))
+    np.multiply(moved, sign, out=result[:, :3])
+    np.multiply(angular[:3], sign, out=result[:, 3:])
     return result
+
+
+def _body_motion_of_variants(coordinates: Twists, position: Array) -> Array:
+    """Displacements of the bodies in all variants: only coordinates on the path from ground move a body."""
+    body, column = coordinates.path[:-1].nonzero()
+    sign = coordinates.path[body, column].astype(float)[:, None]
+    centre = np.moveaxis(position, (-1, -2), (0, 1))
+    linear, angular, point = (array[..., None] if array.ndim == 2 else array.swapaxes(1, 2) for array in (
+        coordinates.linear, coordinates.angular, coordinates.point))  # fmt: skip
+    turns = angular.take(column, axis=1) * sign
+    arm = (centre if centre.ndim == 3 else centre[..., None]).take(body, axis=1) - point.take(column, axis=1)
+    arm, wide = arm.take(CYCLE, axis=0), turns.take(CYCLE, axis=0)
+    moved = wide[1:4] * arm[2:]
+    moved -= wide[2:] * arm[1:4]
+    moved = moved + linear.take(column, axis=1) * sign
+    *_, variants = np.broadcast_shapes(moved.shape, turns.shape)
+    bodies, n = len(coordinates.path) - 1, coordinates.path.shape[1]
+    result = np.zeros((variants, bodies * 6 * n))
+    at = (6 * body + np.arange(3)[:, None]) * n + column
+    result[:, at.reshape(-1)] = moved.reshape(3 * len(body), moved.shape[2]).T
+    result[:, at.reshape(-1) + 3 * n] = turns.reshape(3 * len(body), turns.shape[2]).T
+    return result.reshape(variants, bodies, 6, n)
 
 
 def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
@@ -228,20 +250,55 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     width = max(1, sign.shape[1])
     row = flat // width
     column = flat - width * row
-    moment, point, force = rows.moment.take(row, axis=-1), rows.point.take(row, axis=-1), rows.force.take(row, axis=-1)
-    linear, angular = coordinates.linear.take(column, axis=-1), coordinates.angular.take(column, axis=-1)
-    start = coordinates.point.take(column, axis=-1)
-    if moment.ndim + point.ndim + force.ndim + start.ndim + linear.ndim + angular.ndim > 12:
-        moment, point, force, start, linear, angular = _lifted([moment, point, force, start, linear, angular])
+    signs = sign.reshape(-1).take(flat)
+    vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
+    if max(array.ndim for array in vectors) > 2:
+        value = _of_variants(vectors, row, column)
+        value *= signs[:, None]
+        return Triplets(row, column, value.T, sign.shape)
+    force, moment, point = (array.take(row, axis=1) for array in (rows.force, rows.moment, rows.point))
+    linear, angular = coordinates.linear.take(column, axis=1), coordinates.angular.take(column, axis=1)
+    start = coordinates.point.take(column, axis=1)
     arm, wide = (point - start).take(CYCLE, axis=0), force.take(CYCLE, axis=0)
     turned = arm[1:4] * wide[2:]
     turned -= arm[2:] * wide[1:4]
-    turned = turned + moment
+    turned += moment
     turned *= angular
     turned += force * linear
-    value = (turned[0] + turned[1] + turned[2]) * sign.reshape(-1).take(flat)
+    value = (turned[0] + turned[1] + turned[2]) * signs
     clear_rounding(value, force, moment, linear, angular, point, start)
     return Triplets(row, column, value, sign.shape)
+
+
+def _of_variants(vectors: tuple[Array, ...], row: Index, column: Index) -> Array:
+    """Entries (n, variants) of relative motion, w . m + f . v + (p_r - p_k) . (f x w).
+
+    Only the last term varies with points, and is there only where a force turns about an axis: variants come last, so
+    that each entry is one contiguous vector, and one number where nothing of it varies.
+    """
+    force, moment, linear, angular, point, start = (
+        array[..., None] if array.ndim == 2 else array.swapaxes(1, 2) for array in vectors)  # fmt: skip
+    variants = max(array.shape[2] for array in (force, moment, linear, angular, point, start))
+    entry_force, entry_angular = force.take(row, axis=1), angular.take(column, axis=1)
+    straight = entry_force * linear.take(column, axis=1) + moment.take(row, axis=1) * entry_angular
+    turned, wide = entry_force.take(CYCLE, axis=0), entry_angular.take(CYCLE, axis=0)
+    lever = turned[1:4] * wide[2:] - turned[2:] * wide[1:4]
+    varies = np.asarray(lever.any(axis=(0, 2)))
+    used, others = varies.nonzero()[0], (~varies).nonzero()[0]
+    points, starts = point.take(row.take(used), axis=1), start.take(column.take(used), axis=1)
+    moved = (points - starts) * lever.take(used, axis=1)
+    moved = moved + straight.take(used, axis=1)
+    turning, fixed = moved[0] + moved[1] + moved[2], straight.take(others, axis=1).sum(axis=0)
+    far = (np.abs(array).max(axis=2, initial=0.0)[..., None] for array in (point, start))
+    for value, at, ends in (
+        (turning, used, (points, starts)),
+        (fixed, others, [array.take(of.take(others), axis=1) for array, of in zip(far, (row, column), strict=True)]),
+    ):
+        clear_rounding(value, *(array.take(of.take(at), axis=1) for array, of in (
+            (force, row), (moment, row), (linear, column), (angular, column))), *ends)  # fmt: skip
+    result: Array = np.empty((len(row), variants))
+    result[others], result[used] = fixed, turning
+    return result
 
 
 def clear_rounding(value: Array, *vectors: Array) -> None:
@@ -251,27 +308,24 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
 
     Parameters
     ----------
-    value : array, shape (..., entries)
+    value : array, shape (entries,) or (entries, variants)
         f . v + w . ((p_r - p_k) x f + m), changed in place.
-    *vectors : array, shape (3, ..., entries)
+    *vectors : array, shape (3, entries), or (3, entries, variants) and (3, entries, 1)
         f, m, v, w, p_r and p_k of each.
     """
     size = np.abs(value)
     small = size < LARGEST
     if np.count_nonzero(small) + np.count_nonzero(value) == value.size:  # what is small is zero
         return
-    if value.ndim > 1:
-        force, moment, linear, angular, point, start = (np.maximum.reduce(np.abs(array)) for array in vectors)
-        value[size <= ROUNDING * (((point + start) * force + moment) * angular + force * linear)] = 0.0
-        return
-    at = small.nonzero()[0]
-    force, moment, linear, angular, point, start = np.abs(np.array(vectors).take(at, axis=2)).max(axis=1)
-    noise = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
-    value[at[size.take(at) <= noise]] = 0.0
+    at = (small if value.ndim == 1 else (small & (value != 0.0)).any(axis=1)).nonzero()[0]
+    noise = _noise(*(array.take(at, axis=1) for array in vectors))
+    some = value.take(at, axis=0)
+    some[np.abs(some) <= noise] = 0.0
+    value[at] = some
 
 
-def _lifted(arrays: list[Array]) -> list[Array]:
-    """Vectors (3, n), some of them (3, variants, n), all with an axis of variants; the first gets its whole length."""
-    first, *others = (array if array.ndim == 3 else array[:, None] for array in arrays)
-    variants = max(array.shape[1] for array in others)
-    return [np.repeat(first, variants, axis=1) if first.shape[1] < variants else first, *others]
+def _noise(*vectors: Array) -> Array:
+    """Rounding of entries made of f, m, v, w, p_r and p_k, vectors (3, entries) or (3, entries, variants)."""
+    force, moment, linear, angular, point, start = (np.abs(array).max(axis=0) for array in vectors)
+    noise: Array = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
+    return noise
