@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.common.memory import MANY, keep_freed_memory
 from mbsvib.elements import Body
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=BatchEquations)
 
-# Pieces of a batch whose largest array has this many numbers stay in the second-level cache.
-PIECE = 2**16
+# Pieces of a batch whose largest array has this many numbers stay in a cache, and take more time than calls do.
+PIECE = 2**18
 # Pivots of a scaled mass matrix below this are looked at by the check of single systems, whose limit is lower.
 SUSPECT_MASS = 1e-12
 
@@ -73,6 +74,7 @@ def linearize_batch(
     SingularPoseError
         If a variant has another number of degrees of freedom, by index.
     """
+    keep_freed_memory(MANY)
     variants = checked(model.parameters, values)
     plain = expanded(model)
     scene = scene_of(with_maxwell_nodes(plain), cut)
@@ -136,11 +138,9 @@ def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:
     if mass.ndim == 2 or not names:
         return
     diagonal = np.einsum("vii->vi", mass)
-    safe = np.where(diagonal > 0.0, diagonal, 1.0)
-    scale = 1.0 / np.sqrt(safe)
     try:
-        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass * scale[:, :, None] * scale[:, None])) ** 2
-        suspects = np.flatnonzero((pivots.min(axis=1) < SUSPECT_MASS) | (diagonal <= 0.0).any(axis=1))
+        pivots = np.einsum("vii->vi", np.linalg.cholesky(mass)) ** 2  # those of a unit diagonal, times the diagonal
+        suspects = np.flatnonzero((pivots < SUSPECT_MASS * diagonal).any(axis=1))
     except np.linalg.LinAlgError:
         suspects = np.arange(len(mass))
     for i in suspects.tolist():

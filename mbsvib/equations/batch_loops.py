@@ -2,8 +2,9 @@
 
 The rows and columns that a pivoted QR chose in the pose as given are kept, so that all variants have the same minimal
 coordinates: in each group of loops Phi = [A R; P Q] with A square, and B'' is -A^-1 R where the redundant rows (P, Q)
-hold by themselves. |A^-1| tells how far A is from singular, and what (P, Q) leave whether they are redundant still;
-where either is in doubt the variant goes through the rank decision that a single pose goes through.
+hold by themselves. |A^-1| tells how far A is from singular: with A0 of the pose as given, and d = |1 - A0^-1 A| < 1,
+it is |A0^-1| / (1 - d) at most. What (P, Q) leave tells whether they are redundant still. Where either is in doubt the
+variant goes through the rank decision that a single pose goes through.
 """
 
 from __future__ import annotations
@@ -47,15 +48,25 @@ HELP = (
 
 
 @dataclass(frozen=True, slots=True)
-class Pivots:
-    """The choice of the pose as given: its ``reduction``, and of each group of loops the ``dependent`` and the
-    ``other`` columns and how far the chosen block is from singular (``health``).
+class Block:
+    """The choice of the pose as given in a group of loops: the columns ``dependent`` (r,) and ``others``, the ``rows``,
+    those of A first, ``inverse`` (r, r) of A as given, and how far A is from singular (``health``).
     """
 
+    group: LoopGroup
+    dependent: Index
+    others: Index
+    rows: Index
+    inverse: Array
+    health: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pivots:
+    """The choice of the pose as given: its ``reduction``, and a block of each group of loops."""
+
     reduction: Reduction
-    dependent: tuple[Index, ...]
-    others: tuple[Index, ...]
-    health: tuple[float, ...]
+    blocks: tuple[Block, ...]
 
 
 def pivots(scene: Scene, nominal: Reduction) -> Pivots:
@@ -74,17 +85,20 @@ def pivots(scene: Scene, nominal: Reduction) -> Pivots:
         Columns of each group of loops.
     """
     if scene.cuts is None or not nominal.groups:
-        return Pivots(nominal, (), (), ())
+        return Pivots(nominal, ())
     phi = scene.closure(scene.relative())[None]
     kept = np.zeros(phi.shape[-1], dtype=bool)
     kept[nominal.independent] = True
-    dependent = tuple(group.columns[~kept[group.columns]] for group in nominal.groups)
-    others = tuple(group.columns[kept[group.columns]] for group in nominal.groups)
-    health = tuple(
-        float(_solved(scene.coordinates, scene.cuts, phi, group, d, o)[1][0])
-        for group, d, o in zip(nominal.groups, dependent, others, strict=True)
-    )
-    return Pivots(nominal, dependent, others, health)
+    blocks = []
+    for group in nominal.groups:
+        dependent, others = group.columns[~kept[group.columns]], group.columns[kept[group.columns]]
+        redundant = np.array([scene.cuts.names[row] in group.redundant for row in group.rows], dtype=bool)
+        rows = np.concatenate((group.rows[~redundant], group.rows[redundant]))
+        block = Block(group, dependent, others, rows, np.zeros((0, 0)), 0.0)
+        a = _scaled(scene.coordinates, scene.cuts, phi, block)[:, : len(dependent), : len(dependent)]
+        inverse, health = _inverted(a)
+        blocks.append(replace(block, inverse=inverse[0], health=float(health[0])))
+    return Pivots(nominal, tuple(blocks))
 
 
 def reduce_batch(scene: Scene, values: Values, phi: Array, chosen: Pivots, first: int) -> Reduction:
@@ -123,14 +137,12 @@ def reduce_batch(scene: Scene, values: Values, phi: Array, chosen: Pivots, first
     result = np.zeros((variants, n, m))
     result[:, nominal.independent, np.arange(m)] = 1.0
     doubt = np.zeros(variants, dtype=bool)
-    for group, dependent, others, given in zip(
-        nominal.groups, chosen.dependent, chosen.others, chosen.health, strict=True
-    ):
-        block, health, left = _solved(scene.coordinates, cuts, phi, group, dependent, others)
-        result[:, dependent[:, None], place[others]] = block
-        doubt |= (health < WELL_ABOVE * NEAR_SINGULAR) & (health < AS_GIVEN * given)
-        if group.redundant:
-            doubt |= left > WELL_BELOW * RANK_FACTOR * _noise(scene.coordinates, cuts, group)
+    for block in chosen.blocks:
+        found, left, near = _solved(scene.coordinates, cuts, phi, block)
+        result[:, block.dependent[:, None], place[block.others]] = found
+        doubt |= near
+        if len(block.rows) > len(block.dependent):
+            doubt |= left > WELL_BELOW * RANK_FACTOR * _noise(scene.coordinates, cuts, block.group)
     reduction = replace(nominal, matrix=result)
     jumps = _may_jump(scene, values, chosen, reduction)
     for i in np.flatnonzero(doubt | jumps).tolist():
@@ -143,7 +155,7 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
     assert scene.cuts is not None
     assert reduction.matrix is not None
     result = np.zeros(len(reduction.matrix), dtype=bool)
-    if reduction.matrix.shape[2] and any(group.redundant for group in reduction.groups):
+    if reduction.matrix.shape[2] and any(len(block.rows) > len(block.dependent) for block in chosen.blocks):
         crossing = []
         for row, *axes in _crossed(scene.topology, scene.cuts):
             whole = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
@@ -152,45 +164,65 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
             crossing.append((row, axes[0], axes[1]))
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
                             _rods(scene.topology, scene.coordinates, scene.cuts, values.fields))  # fmt: skip
-        for group, dependent, others in zip(reduction.groups, chosen.dependent, chosen.others, strict=True):
-            if group.redundant:
-                left = _solved(scene.coordinates, scene.cuts, nearby, group, dependent, others)[2]
+        for block in chosen.blocks:
+            if len(block.rows) > len(block.dependent):
+                left = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
                 result |= ~(left <= WELL_BELOW * LIMIT)
     return result
 
 
-def _solved(
-    coordinates: Twists, cuts: Cuts, phi: Array, group: LoopGroup, dependent: Index, others: Index
-) -> tuple[Array, Array, Array]:
-    """Block of B'', distance of A from singular (over its size where that is more than one), and what the redundant
-    rows leave.
-    """
-    needed = np.array([cuts.names[row] not in group.redundant for row in group.rows], dtype=bool)
-    row_scale = cuts.row_scale(group.length)[..., group.rows, None]
-    column_scale = np.where(coordinates.turns, 1.0, group.length)
-    columns = np.concatenate((dependent, others)).astype(np.intp)
-    scaled = phi[:, group.rows[:, None], columns] * (row_scale * column_scale[columns])
-    r = len(dependent)
-    a, right = scaled[:, needed, :r], scaled[:, needed, r:]
-    both = np.concatenate((right, np.broadcast_to(np.eye(r), a.shape)), axis=2)
+def _scaled(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> Array:
+    """Phi of a group of loops, rows of A first, dependent columns first, (variants, rows, columns) without units."""
+    length, columns = block.group.length, np.concatenate((block.dependent, block.others))
+    result: Array = phi.reshape(len(phi), -1).take(block.rows[:, None] * phi.shape[2] + columns, axis=1)
+    result *= cuts.row_scale(length)[..., block.rows, None]
+    result *= np.where(coordinates.turns[columns], 1.0, length)
+    return result
+
+
+def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[Array, Array, Mask]:
+    """Part of B'', what the redundant rows leave, and where A is nearer to singular than can be told without pivots."""
+    scaled, r = _scaled(coordinates, cuts, phi, block), len(block.dependent)
+    a, right = scaled[:, :r, :r], scaled[:, :r, r:]
+    size = np.maximum(1.0, _size(a))  # rows are of the size of one: the whole of A may be rounding
+    apart = _size(np.eye(r) - block.inverse @ a)
+    health = np.maximum(0.0, 1.0 - apart) / (size * max(float(_size(block.inverse)), 1e-300))
+    near = _near(health, block)
+    if near.any():
+        near[near] = _near(_inverted(a[near])[1], block)
     try:
-        solution = np.linalg.solve(a, both)
+        found = np.linalg.solve(a, right)
     except np.linalg.LinAlgError:
         singular = np.linalg.slogdet(a)[0] == 0.0
-        solution = np.linalg.solve(np.where(singular[:, None, None], np.eye(r), a), both)
-        solution[singular] = np.nan
-    block, inverse = solution[:, :, : len(others)], solution[:, :, len(others) :]
-    size, growth = np.sqrt(np.einsum("vij,vij->v", a, a)), np.sqrt(np.einsum("vij,vij->v", inverse, inverse))
-    # rows are of the size of one: the whole of A may be rounding
-    health = np.divide(1.0, np.maximum(1.0, size) * growth, out=np.ones_like(size),
-                       where=np.isfinite(growth) & (growth > 0.0))  # fmt: skip
-    lost = ~np.isfinite(growth)
-    health[lost], block[lost] = 0.0, 0.0
+        found = np.linalg.solve(np.where(singular[:, None, None], np.eye(r), a), right)
+        found[singular] = 0.0
     left = np.zeros(len(phi))
-    if not needed.all() and len(others):
-        rest = scaled[:, ~needed, r:] - scaled[:, ~needed, :r] @ block
+    if len(block.rows) > r and len(block.others):
+        rest = scaled[:, r:, r:] - scaled[:, r:, :r] @ found
         left = np.abs(rest).max(axis=(1, 2))
-    return block * -(column_scale[dependent, None] / column_scale[others]), health, left
+    scale = np.where(coordinates.turns, 1.0, block.group.length)
+    found *= -(scale[block.dependent, None] / scale[block.others])
+    return found, left, near
+
+
+def _near(health: Array, block: Block) -> Mask:
+    return (health < WELL_ABOVE * NEAR_SINGULAR) & (health < AS_GIVEN * block.health)
+
+
+def _inverted(a: Array) -> tuple[Array, Array]:
+    """A^-1 (variants, r, r), and how far A is from singular over its size where that is more than one, 0 if it is."""
+    unit = np.eye(a.shape[-1])
+    singular = np.linalg.slogdet(a)[0] == 0.0
+    inverse = np.linalg.inv(np.where(singular[:, None, None], unit, a))
+    growth = np.maximum(1.0, _size(a)) * _size(inverse)
+    health = np.divide(1.0, growth, out=np.ones_like(growth), where=growth > 0.0)
+    return inverse, np.where(singular, 0.0, health)
+
+
+def _size(a: Array) -> Array:
+    """Frobenius norms of matrices (..., r, c)."""
+    flat = a.reshape(*a.shape[:-2], -1)
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", flat, flat)))
 
 
 def _noise(coordinates: Twists, cuts: Cuts, group: LoopGroup) -> Array:
