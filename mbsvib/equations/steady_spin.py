@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Body, Bushing, Spring
+from mbsvib.elements.inerter import Inerter
 from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import exponential
 
@@ -183,7 +184,7 @@ def _check_spring(
     along = together(model, spins, *pair)
     refuse = f"rotor '{who}': '{spring.name}', which acts on the spinning body '{spinning}', "
     if not isinstance(spring, (Spring, Bushing)):
-        what = "a Maxwell element" if isinstance(spring, Maxwell) else "an inerter"
+        what = "an inerter" if isinstance(spring, Inerter) else "a Maxwell element"
         raise ModelError(f"{refuse}is {what}, which is not supported on a spinning body.",
                          element=who, field="body")  # fmt: skip
     points = {spring.first: spring.start, spring.second: spring.end} if isinstance(spring, Spring) else dict.fromkeys(
