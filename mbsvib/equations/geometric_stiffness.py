@@ -11,6 +11,9 @@ opposite on the first body a, arms r from the centres of mass, and (d, delta) wh
 3. Line springs and rods of tension F and length L add F / (2 L) times the square of what their ends move across them.
 
 The rows and their weights are the same for dense and for sparse equations.
+
+Source: second derivatives of the Lagrangian V + lambda . phi in coordinates of the exponential map, for which see
+Geradin & Cardona, Flexible Multibody Dynamics (2001).
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 With N the motions, N^T (K q - B u) = 0 holds at all times, so that X = (N^T K N)^-1 N^T K takes them out of what
 others do: the coordinates z keep name and meaning (T is the identity on them), and the rows of every spring act on T z.
 M S and C S are zero, which is why no derivative of u comes in.
+
+Source: Guyan, AIAA J. 3 (1965) 380, where exact: no mass and no damper acts on what is condensed.
 """
 
 from __future__ import annotations

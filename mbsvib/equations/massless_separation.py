@@ -1,4 +1,7 @@
-"""The equations of motion where some motions move no mass: condensed, or told apart as first-order states."""
+"""The equations of motion where some motions move no mass: condensed, or told apart as first-order states.
+
+Source: Campbell, Singular Systems of Differential Equations (1980), for the parts of a singular pencil.
+"""
 
 from __future__ import annotations
 

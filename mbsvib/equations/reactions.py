@@ -8,6 +8,8 @@ act there too. With Phi the locked rows of the cut joints and B' the motion of t
 in the coordinates that depend on the loops. Where constraints are redundant many lambda hold the bodies; of all the
 wrenches in joints that they bring those of least norm are taken (``self_stress``). The second-order terms are the same
 with all of them.
+
+Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 6.6.
 """
 
 from __future__ import annotations

@@ -9,6 +9,8 @@ moments about the joint's own point. L is the root mean square distance of these
 of loops that have joints or couplers in common. All joints of loops that can carry a force count, cut or not, so that
 the result is the same in all frames and for any choice of tree, order and coordinates. Joints that give way
 elastically, all with the same stiffness k along and k L^2 about what they lock, share forces in this way.
+
+Source: Pellegrino & Calladine, Int. J. Solids Struct. 22 (1986) 409, for states of self-stress.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 The torque of a body with the angular momentum h is d/dt (I theta' + h + theta x h) = I theta'' - [h]x theta'. A damper
 between two bodies that spin together at W sees the rate of their relative displacement d in axes that turn with them,
 d' - W x d, and so adds -C_d [W]x to K: rotating, or internal, damping.
+
+Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices and rotating damping.
 """
 
 from __future__ import annotations

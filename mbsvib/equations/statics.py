@@ -1,4 +1,7 @@
-"""Statics: does the given pose balance, and what do the joints carry?"""
+"""Statics: does the given pose balance, and what do the joints carry?
+
+Source: principle of virtual work; Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), chapter 6.
+"""
 
 from __future__ import annotations
 

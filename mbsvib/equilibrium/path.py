@@ -3,6 +3,9 @@
 A mechanism whose springs hold it follows its loads: they are applied in steps, and each step is taken only if Newton's
 method contracts and the tangent K + K_g stays positive. Where it does not, the branch ends and the mechanism would snap
 through. A mechanism that hangs goes downhill: steps |K + K_g|^-1 r of limited length, which become Newton steps.
+
+Source: Crisfield, Non-linear Finite Element Analysis of Solids and Structures (1991), chapter 9, for steps along a
+load; Dauphin et al., Advances in Neural Information Processing Systems 27 (2014), for steps with |K + K_g|.
 """
 
 from __future__ import annotations

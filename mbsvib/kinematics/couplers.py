@@ -2,6 +2,8 @@
 
 The coordinate of a joint in the tree is a column. That of a cut joint is what its two bodies do relative to each
 other, a row by the path rule.
+
+Source: Haug, Computer Aided Kinematics and Dynamics of Mechanical Systems (1989), section 3.4, for gears and racks.
 """
 
 from __future__ import annotations

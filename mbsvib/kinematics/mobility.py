@@ -2,6 +2,8 @@
 
 Redundant constraints are legal where they stay redundant, as in planar loops. Where they are redundant in this pose
 only (a four-bar stretched flat), the count of degrees of freedom jumps and no linear equations describe the motion.
+
+Source: Connelly & Whiteley, SIAM J. Discrete Math. 9 (1996) 453, for constraints to second order.
 """
 
 from __future__ import annotations

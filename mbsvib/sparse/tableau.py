@@ -2,6 +2,8 @@
 
 One pattern serves every s. Lengths are scaled by the typical link and forces by the typical stiffness, both by powers
 of two, so that no digit changes and the threshold of pivoting compares like with like.
+
+Source: Orlandea, Chace & Calahan, J. Eng. Ind. 99 (1977) 773, for sparse tableaus of mechanisms.
 """
 
 from __future__ import annotations
