@@ -12,8 +12,8 @@ x^T K y = V_xy + sum of H over all forces. A parameter p changes it directly, by
 
 One solution for z a pair of motions, and one factorization of K, give the derivatives to all parameters.
 
-Source: implicit function theorem on the Lagrangian; Haftka & Gurdal, Elements of Structural Optimization (1992), chapter
-7, for direct and adjoint derivatives.
+Source: implicit function theorem on the Lagrangian; Haftka & Gurdal, Elements of Structural Optimization (1992),
+chapter 7, for direct and adjoint derivatives.
 """
 
 from __future__ import annotations
