@@ -3,6 +3,7 @@
 The table in the documentation is held to what these scenes find.
 """
 
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.plots._scene import of_system
+from mbsvib.report.data import collect
 from tests.hunt import checks, features
 from tests.hunt.answers import compare_responses, response_of
 from tests.hunt.generate import draft_of, example
@@ -98,8 +101,15 @@ def equilibrium(subject):
         raise checks.Skip("there is none") from error
 
 
+def report(subject):
+    """All numbers of a report are finite or left out, and its picture has all bodies."""
+    facts = collect(subject.system)
+    json.dumps(facts, allow_nan=False)
+    assert of_system(subject.system.name, subject.system.provenance).bodies == subject.system.bodies
+
+
 ENGINES = {"Sparse responses": sparse_responses, "Sparse modes": sparse_modes, "Batches": checks.batch,
-           "Moved": moved, "Equilibrium": equilibrium}  # fmt: skip
+           "Moved": moved, "Equilibrium": equilibrium, "Files": checks.saved, "Report": report}  # fmt: skip
 
 
 def table():
