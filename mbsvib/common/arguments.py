@@ -131,36 +131,35 @@ def orientation(value: Any, who: str, field: str = "orientation") -> Matrix3:
             raise refuse(who, field, value, expected, hint)
         return exponential(turn)
     rows = square(items, 3, who, field, expected)
-    (a, b, c), (d, e, f), (g, h, i) = rows
-    off = max(
-        abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0), abs(c * c + f * f + i * i - 1.0),
-        abs(a * b + d * e + g * h), abs(a * c + d * f + g * i), abs(b * c + e * f + h * i),
-    )  # fmt: skip
+    off = _skewness(rows)  # type: ignore[arg-type]
     if off > ROTATION_TOLERANCE:
         hint = f"Its columns are off by {off:.1e} from being orthonormal (limit {ROTATION_TOLERANCE:g})."
         raise refuse(who, field, value, expected, hint)
+    (a, b, c), (d, e, f), (g, h, i) = rows
     if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0.0:
         raise refuse(who, field, value, expected, "This one is left-handed: negate one column.")
     return rows  # type: ignore[return-value]
 
 
+def _skewness(axes: Matrix3) -> float:
+    """Return by how much products of columns are off those of orthonormal ones."""
+    (a, b, c), (d, e, f), (g, h, i) = axes
+    return max(
+        abs(a * a + d * d + g * g - 1.0), abs(b * b + e * e + h * h - 1.0), abs(c * c + f * f + i * i - 1.0),
+        abs(a * b + d * e + g * h), abs(a * c + d * f + g * i), abs(b * c + e * f + h * i),
+    )  # fmt: skip
+
+
 def orthonormal(axes: Matrix3) -> Matrix3:
     """Return right-handed axes that were given to some digits as orthonormal ones; the third keeps its direction."""
-    if axes is IDENTITY:
+    if axes is IDENTITY or _skewness(axes) <= ROUNDED:
         return axes
     x, y, z = zip(*axes, strict=True)
-    pairs = ((x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (x, z, 0.0), (y, z, 0.0))
-    if max([abs(_dot(a, b) - product) for a, b, product in pairs]) <= ROUNDED:
-        return axes
     z = _unit(z)
-    along = _dot(x, z)
+    along = x[0] * z[0] + x[1] * z[1] + x[2] * z[2]
     x = _unit((x[0] - along * z[0], x[1] - along * z[1], x[2] - along * z[2]))
     y = (z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0])
     return ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
-
-
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _unit(a: Vector) -> Vector:

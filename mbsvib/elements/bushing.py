@@ -132,7 +132,7 @@ def _check_turn(bushing: Bushing, rho: Array) -> None:
 
 
 def _acts(value: Six | Matrix6) -> bool:
-    return any(any(row) if isinstance(row, tuple) else row for row in value)
+    return any(map(any, value)) if isinstance(value[0], tuple) else any(value)
 
 
 def coefficients(value: Any, who: str, field: str) -> Six | Matrix6:

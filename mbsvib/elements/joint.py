@@ -181,20 +181,19 @@ def make(
     elif pitch is not None:
         raise ModelError(f"{who}: pitch is for screw joints; a {kind} joint has none.",
                          element=who, field="pitch")  # fmt: skip
+    if axes is not check.IDENTITY:
+        freedom, locked = _in_world(axes, freedom, locked)
     return Joint(name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
-                 free, end, axes, in_world(axes, freedom), in_world(axes, locked),
-                 position if end is None else end, successive)  # fmt: skip
+                 free, end, axes, freedom, locked, position if end is None else end, successive)  # fmt: skip
 
 
-def in_world(axes: Matrix3, directions: Named) -> Named:
+def _in_world(axes: Matrix3, *directions: Named) -> list[Named]:
     """Turn six-vectors from the axes Q into world axes."""
-    if axes is check.IDENTITY:
-        return directions
     (a, b, c), (d, e, f), (g, h, i) = axes
     columns = ((a, d, g, 0.0, 0.0, 0.0), (b, e, h, 0.0, 0.0, 0.0), (c, f, i, 0.0, 0.0, 0.0),
                (0.0, 0.0, 0.0, a, d, g), (0.0, 0.0, 0.0, b, e, h), (0.0, 0.0, 0.0, c, f, i))  # fmt: skip
-    return tuple([(name, columns[_PLACE[name]] if six is UNIT6[_PLACE[name]] else _turned(axes, six))
-                  for name, six in directions])  # fmt: skip
+    return [tuple([(name, columns[_PLACE[name]] if six is UNIT6[_PLACE[name]] else _turned(axes, six))
+                   for name, six in group]) for group in directions]  # fmt: skip
 
 
 def _turned(axes: Matrix3, six: Six) -> Six:

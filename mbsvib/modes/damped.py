@@ -23,9 +23,7 @@ from mbsvib.modes.strong_damping import forces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
 
 EPS = float(np.finfo(float).eps)
@@ -38,10 +36,18 @@ IN_DOUBT = "in doubt"
 COMMUTES = "damping commutes with mass and stiffness"
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
+# The square of a step this small is less than rounding.
+SQUARED = 1e-9
+# Less than any number that is not 0 but for underflow: what divides by it becomes large, not infinite.
+TINY = 1e-290
 # Columns of work space with which LAPACK's eigenvalues go block by block.
 WORK = 64
 # Of the accuracy asked for, this share may be in doubt; errors of the undamped modes need some of it too.
 MARGIN = 0.25
+
+
+# Eigenvalues, vectors, slopes and bounds of their errors.
+_Found = tuple["Complex", "Complex", "Complex", "Array"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,19 +130,19 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
         return NO_DAMPER, np.zeros(system.dof)
     if proportional(system):
         return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
-    used = c.nonzero()[0]
-    c = c.take(used)
-    half = system.elastic_rows.take(used, axis=0).dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
-    gamma = half.T.dot(half * np.sign(c)[:, None] if np.count_nonzero(c < 0.0) else half)
-    size = np.einsum("ij,ij->j", half, half)
+    half = system.elastic_rows.dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
+    pushes = np.count_nonzero(c < 0.0)
+    gamma = half.T.dot(half * np.sign(c)[:, None] if pushes else half)
+    size = np.einsum("ij,ij->j", half, half) if pushes else gamma.diagonal()
     limit = np.sqrt(size[:, None] * size)
-    np.fill_diagonal(limit, np.inf)
+    limit.reshape(-1)[:: len(limit) + 1] = np.inf
     amount = np.abs(gamma)
-    if np.count_nonzero(amount <= CLASSICAL * limit) == gamma.size:
-        return COMMUTES, gamma.diagonal().copy()
-    if basis.mixed > CLEAN and np.count_nonzero(amount <= PLAIN * basis.mixed * limit) == gamma.size:
+    in_doubt = PLAIN * basis.mixed if basis.mixed > CLEAN else 0.0
+    if np.count_nonzero(amount > max(CLASSICAL, in_doubt) * limit):
+        return "", gamma
+    if in_doubt and np.count_nonzero(amount > CLASSICAL * limit):
         return IN_DOUBT, gamma
-    return "", gamma
+    return COMMUTES, gamma.diagonal().copy()
 
 
 def proportional(system: Equations) -> bool:
@@ -230,14 +236,14 @@ def _dampers(system: Equations, shapes: Array) -> Array | None:
 
 def _coupled(
     system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
-) -> tuple[Complex, Complex, Complex, Array] | None:
+) -> _Found | None:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2);
     None where they are in doubt in a basis that mixes.
 
     Until they are paired, eigenvalues with Im > 0 come first, and stand for their conjugates too.
     """
     basis, forms, free = parts
-    m, r = len(basis.square), basis.rigid
+    r = basis.rigid
     values, y = _energy_eigenvalues(basis, forms.matrices[1], free)
     values, y, slope, bound, doubt = _rayleigh(values, y, forms, basis)
     doubtful = float(doubt.max(initial=0.0)) > MARGIN * rtol
@@ -246,21 +252,31 @@ def _coupled(
     if doubtful:
         found = values, y, slope, bound
         values, y, slope, bound = _doubtful(system, shapes, parts, (found, doubt), MARGIN * rtol)
-    turning = _turning(values)
-    which = np.stack(_pair(values, y, free, r), axis=1)
-    values, y, slope, bound = (_both(part, turning, 1) for part in (values, y, slope, bound))  # -1 stands for none
-    either = values.take(which)
-    which = which.take(np.abs(either[:, 0] * either[:, 1]).argsort(kind="stable"), axis=0)
-    pairs, slopes = np.zeros((2, m, 2), dtype=complex)
-    vectors, errors = np.zeros((m, m, 2), dtype=complex), np.zeros((m, 2))
-    vectors[np.arange(free), np.arange(free)] = 1.0
-    pairs[free:], slopes[free:], errors[free:] = values.take(which), slope.take(which), bound.take(which)
-    vectors[:, free:] = y.take(which, axis=1)
-    # a rigid-body mode that dampers brake stays where it comes to rest: an eigenvalue 0 with a rigid shape
-    at = np.arange(free, r)
-    vectors[at, at, 0] = 1.0
-    slopes[at, 0] = forms.matrices[1, at, at]
-    return pairs, vectors, slopes, errors
+    which = _pair(values, y, free, r)
+    pairs = np.where(which < 0, 0.0, values.take(which))
+    order = np.abs(pairs[:, 0] * pairs[:, 1]).argsort(kind="stable")
+    which, pairs = which.take(order, axis=0), pairs.take(order, axis=0)
+    found = pairs, y.take(which, axis=1), slope.take(which), bound.take(which)
+    turns = np.where(which[:, 0] == which[:, 1], -1.0, 1.0)
+    for part in found[:3]:
+        part.imag[..., 1] *= turns
+    return _with_rigid(found, forms.matrices[1], free, r) if r else found
+
+
+def _with_rigid(found: _Found, gamma: Array, free: int, rigid: int) -> _Found:
+    """Put the rigid-body modes that no damper touches in front, and shapes of those that dampers brake where they come
+    to rest: at an eigenvalue 0.
+    """
+    pairs, vectors, slopes, errors = found
+    at = np.arange(free, rigid)
+    rest = at - free  # they come first
+    vectors[:, rest, 0], errors[rest, 0] = 0.0, 0.0
+    vectors[at, rest, 0] = 1.0
+    slopes[rest, 0] = gamma[at, at]
+    ahead, none = np.zeros((len(vectors), free, 2)), np.zeros((free, 2))
+    ahead[np.arange(free), np.arange(free)] = 1.0
+    return (np.concatenate((none, pairs)), np.concatenate((ahead, vectors), axis=1), np.concatenate((none, slopes)),
+            np.concatenate((none, errors)))  # fmt: skip
 
 
 def _turning(values: Complex) -> int:
@@ -268,9 +284,9 @@ def _turning(values: Complex) -> int:
     return int(np.count_nonzero(values.imag))
 
 
-def _both(half: Any, turning: int, zeros: int = 0) -> Any:
-    """Put the conjugates of the first ones (..., n) behind all, and zeros behind these."""
-    return np.concatenate((half, half[..., :turning].conj(), np.zeros((*half.shape[:-1], zeros))), axis=-1)
+def _both(half: Any, turning: int) -> Any:
+    """Put the conjugates of the first ones (..., n) behind all."""
+    return np.concatenate((half, half[..., :turning].conj()), axis=-1)
 
 
 def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Complex, Complex]:
@@ -292,8 +308,8 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     order = np.concatenate((upper, creeping))
     values, y = np.empty(len(order), dtype=complex), np.zeros((m, len(order)), dtype=complex)
     values.real, values.imag = real.take(order), imag.take(order)
-    # none is 0: rounding left nothing of a slow motion
-    values[values == 0.0] = -EPS * np.abs(values).max(initial=0.0)
+    if np.count_nonzero(values) < len(values):  # none is 0: rounding left nothing of a slow motion
+        values[values == 0.0] = -EPS * np.abs(values).max()
     parts = vectors[flexible:]
     y.real[free:], y.imag[free:, :turning] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
     y *= 1.0 / _lengths(y)
@@ -311,32 +327,31 @@ def _rayleigh(
     a, b, c = np.einsum("ij,kij->kj", y, moved)
     improved = values
     for _ in range(2):  # the second step squares what the first leaves
-        slope = 2.0 * improved * a + b
-        wrong, none = improved * (improved * a + b) + c, np.zeros(len(a), dtype=complex)
-        step = np.divide(wrong, slope, out=none, where=slope != 0.0)
-        small = np.abs(step) <= CORRECTION * np.abs(improved)
+        slope, none = 2.0 * improved * a + b, np.zeros(len(a), dtype=complex)
+        step = np.divide(improved * (improved * a + b) + c, slope, out=none, where=slope != 0.0)
+        amount, speed = np.abs(step), np.abs(improved)
+        small = amount <= CORRECTION * speed
         improved = np.where(small, improved - step, improved)
+        if np.count_nonzero(amount > SQUARED * speed) == 0:
+            break
     if turning and improved.imag[:turning].min() <= 0.0:  # conjugates that are about to meet
         small[:turning] &= improved.imag[:turning] > 0.0
         improved = np.where(small, improved, values)
-    size, speed = np.square(np.abs(y)), np.abs(improved)
     # what is left is of second order: the residual r through the resolvent, the sum of y y^T / (slope (l - l_k))
     residual = improved * (improved * inertia + damping) + elastic
     every, exact_slope = _both(y, turning), 2.0 * improved * a + b
     share = every.T.dot(residual)
-    seen = np.abs(share)
-    slope = np.abs(exact_slope)
     distance = _both(exact_slope, turning)[:, None] * (improved - _both(improved, turning)[:, None])
-    np.fill_diagonal(distance[: len(values)], np.inf)
-    apart = np.abs(distance)
-    doubt = np.divide(seen, apart, out=np.ones(seen.shape), where=apart > seen)
-    doubt = np.einsum("ij,ij->j", seen, doubt)
+    distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
+    seen, apart, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
+    doubt = np.add.reduce(seen * (seen / np.maximum(np.maximum(apart, seen), TINY)))
     # rounding of the three quadratic forms; errors of the frequencies tell how far the factors can be trusted
-    lengths = np.sqrt(size)
-    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", lengths, forms.spread.dot(lengths))
-    mendable = _relative(doubt, slope * speed, np.where(small, 0.0, 1.0))
-    doubt += _trust(speed, size, basis)
-    bound = _relative(doubt, slope * speed, np.where(small, 0.0, np.abs(step) / speed))
+    doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread.dot(size))
+    weight = np.maximum(np.abs(exact_slope) * speed, TINY)
+    mendable, bound = np.minimum(np.array((doubt, doubt + _trust(speed, size, basis))) / weight, 1.0)
+    if np.count_nonzero(small) < len(small):
+        mendable[~small] = 1.0
+        bound[~small] = np.maximum(bound, np.minimum(amount / speed, 1.0))[~small]
     mixing = np.divide(share, distance, out=np.zeros(share.shape, dtype=complex), where=seen < CORRECTION * apart)
     y = y - every.dot(mixing)
     if basis.rigid:
@@ -352,19 +367,11 @@ def _lengths(y: Complex) -> Array:
     return np.asarray(np.sqrt(np.add.reduce(np.square(np.abs(y)))))
 
 
-def _trust(speed: Array, power: Array, basis: Undamped) -> Array:
-    """What errors of the undamped modes do to the quadratics: |values| (n,), squares of vectors (m, n)."""
+def _trust(speed: Array, size: Array, basis: Undamped) -> Array:
+    """What errors of the undamped modes do to the quadratics of |values| (n,) and |vectors| (m, n)."""
     trust = 2.0 * (basis.errors + EPS)
-    moving, held = np.array((trust, trust * np.abs(basis.square))).dot(power)
+    moving, held = np.array((trust, trust * np.abs(basis.square))).dot(size * size)
     return np.asarray(speed * speed * moving + held)
-
-
-def _relative(doubt: Array, slope: Array, least: Array) -> Array:
-    bound = np.divide(doubt, slope, out=np.ones_like(slope), where=slope > 0.0)
-    return np.minimum(np.maximum(bound, least), 1.0)
-
-
-_Found = tuple["Complex", "Complex", "Complex", "Array"]
 
 
 def _doubtful(
@@ -410,7 +417,7 @@ def _with_forces(
     motion = np.zeros_like(y)
     motion[free:] = shapes
     size = np.abs(slopes * new)
-    trust = _trust(np.abs(new), np.square(np.abs(motion)), basis)
+    trust = _trust(np.abs(new), np.abs(motion), basis)
     errors += np.divide(trust, size, out=np.zeros_like(size), where=size > 0.0)
     better = errors < bound
     values[better], y[:, better], slope[better], bound[better] = (
@@ -427,21 +434,20 @@ def _with_forces(
     return values[order], y[:, order], slope[order], bound[order]
 
 
-def _pair(values: Complex, y: Complex, free: int, rigid: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pair the eigenvalues: those with Im > 0, which come first, with their conjugates, which are to come behind all, a
-    real one with 0 (-1) for each braked rigid mode, other real ones by shape.
+def _pair(values: Complex, y: Complex, free: int, rigid: int) -> Index:
+    """Pair the eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they stand for their
+    conjugates; 0 (-1) with a real one for each braked rigid mode; other real ones by shape.
     """
     turning = _turning(values)
-    upper, real = np.arange(turning), list(range(turning, len(values)))
+    upper, real = np.arange(turning).repeat(2).reshape(-1, 2), list(range(turning, len(values)))
     if not real:
-        return upper, upper + turning
-    share = _lengths(y[free:rigid, real])
+        return upper
+    share = _lengths(y[free:rigid, real]) if rigid > free else np.zeros(0)
     braked = [real[i] for i in np.argsort(-share, kind="stable")[: rigid - free].tolist()]
     left = sorted(set(real) - set(braked), key=lambda i: (abs(values[i]), i))
-    pairs = [(-1, i) for i in braked]
-    pairs += zip(upper.tolist(), range(len(values), len(values) + turning), strict=True)
+    pairs = [(-1, i) for i in braked] + upper.tolist()
     while left:
         slow = left.pop(0)
         mac = np.abs(y[:, left].real.T @ y[:, slow].real)
         pairs.append((slow, left.pop(int(np.argmax(mac)))))
-    return np.array([p for p, _ in pairs], dtype=np.intp), np.array([q for _, q in pairs], dtype=np.intp)
+    return np.array(pairs, dtype=np.intp)

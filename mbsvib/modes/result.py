@@ -339,7 +339,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
         result = damped(system, basis, rtol) or result
     shapes = result.shapes if result.vectors is None else result.shapes @ result.vectors[:, :, 0]
     if result.vectors is not None:
-        largest = shapes[np.argmax(np.abs(shapes), axis=0), np.arange(system.dof)]
+        largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(system.dof)]
         shapes = shapes * (np.abs(largest) / largest)
     return form(system.name, system.coordinates, system.bodies, result.pairs.reshape(-1), result.errors.reshape(-1),
                  shapes, result.classical, basis.rigid, system.body_motion, system.inertia_factor, result,

@@ -382,6 +382,4 @@ def test_what_moves_most_where_nothing_has_mass():
 def test_eigenvalues_pair_with_conjugates_and_with_real_ones_of_their_shape():
     values = np.array([-1.0 + 2.0j, -5.0, -6.0, -50.0, -60.0])
     shapes = np.array([[1.0, 0.0, 0.1, 0.1, 0.0], [0.0, 1.0, 0.0, 0.1, 1.0], [0.0, 0.1, 1.0, 1.0, 0.1]], dtype=complex)
-    first, second = _pair(values, shapes, 0, 0)
-    assert first.tolist() == [0, 1, 2]
-    assert second.tolist() == [5, 4, 3]  # the conjugate of the first comes behind all
+    assert _pair(values, shapes, 0, 0).tolist() == [[0, 0], [1, 4], [2, 3]]  # the first stands for its conjugate too
