@@ -104,7 +104,7 @@ def assembled(
     phi = scene.closure(relative)
     reduction = reduce(coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
     planar = check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
-    kept = reduction.independent.tolist()
+    kept, turns = reduction.independent.tolist(), coordinates.turns.take(reduction.independent).tolist()
     names = tuple([coordinates.names[i] for i in kept])
     found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
     separation = statics = None
@@ -134,12 +134,12 @@ def assembled(
 
         parts = given(parts)
         found, stays, separation = separate(scene, reduction, found, names, model, independent)
-        names, kept = tuple([names[i] for i in stays]), [kept[i] for i in stays]
+        names, turns = tuple([names[i] for i in stays]), [turns[i] for i in stays]
     if model.pieces is not None:
         parts = model.pieces.declared(parts)
     return form(
         name=model.name, coordinates=names,
-        coordinate_units=tuple(["rad" if turn else "m" for turn in coordinates.turns[kept].tolist()]),
+        coordinate_units=tuple(["rad" if turn else "m" for turn in turns]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
         output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
         provenance=Provenance(

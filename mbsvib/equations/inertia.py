@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 # Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
 MASSLESS = 1e-14
-_TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
+_TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,8 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
 def roots(inertia: Array) -> Array:
     """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
     try:
-        return np.asarray(np.linalg.cholesky(inertia[:, _TENSOR].reshape(-1, 3, 3)).transpose(0, 2, 1), dtype=float)
+        root: Array = np.linalg.cholesky(inertia.take(_TENSOR, axis=1).reshape(-1, 3, 3))
+        return root.transpose(0, 2, 1)
     except np.linalg.LinAlgError:
         # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
         values, vectors = np.linalg.eigh(inertia[..., _TENSOR].reshape(*inertia.shape[:-1], 3, 3))
@@ -99,18 +100,19 @@ def check_mass(mass: Array, names: tuple[str, ...]) -> None:
     if not names:
         return
     diagonal = mass.diagonal()
-    lowest = int(diagonal.argmin())
-    if diagonal[lowest] > 0.0:
-        factor, failed = lapack.dpotrf(mass.T)
-        if failed:
-            scale = 1.0 / np.sqrt(diagonal)
-            pivots = np.linalg.eigvalsh(mass * scale[:, None] * scale)
-        else:
-            pivots = factor.diagonal() ** 2 / diagonal
+    factor, failed = lapack.dpotrf(mass.T, clean=0)
+    if not failed:
+        pivots = np.square(factor.diagonal()) / diagonal
         lowest = int(pivots.argmin())
         if pivots[lowest] > MASSLESS:
             return
-        lowest = failed - 1 if failed else lowest
+    else:
+        lowest = int(diagonal.argmin())
+        if diagonal[lowest] > 0.0:
+            scale = 1.0 / np.sqrt(diagonal)
+            if np.linalg.eigvalsh(mass * scale[:, None] * scale)[0] > MASSLESS:
+                return
+            lowest = failed - 1
     raise ModelError(
         f"coordinate '{names[lowest]}': the mass matrix is singular, this motion (alone or with others) moves no mass "
         f"but for rounding. Give the bodies it moves an inertia about its axis, or make what is tiny exactly zero: "

@@ -140,10 +140,10 @@ class SelfStress:
 
 def warn(model: str, undetermined: Sequence[Undetermined]) -> None:
     """Warn of outputs that redundant constraints leave open, in the name of whoever called ``linearize``."""
-    from mbsvib.common.tables import listed
-
     for forces in undetermined:
         if forces.outputs:
+            from mbsvib.common.tables import listed
+
             warnings.warn(
                 f"model '{model}' does not determine the outputs {listed(forces.outputs)}: constraints of the joints "
                 f"{listed(forces.joints)} are redundant. Of all forces that hold the bodies those of least norm are "

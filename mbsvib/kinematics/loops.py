@@ -273,9 +273,9 @@ def _solve(
     if candidate is not None and held is not None:
         dependent, others = candidate[dependent], np.concatenate((candidate[others], held))
     # dtrtrs would wait for a second thread, however small the loop
-    block = blas.dtrsm(1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
+    block = blas.dtrsm(-1.0, qr[:rank, :rank], right) if rank and len(others) else np.zeros((rank, len(others)))
     block[np.abs(block) <= noise / kept] = 0.0  # what joints do not move by but for rounding would hold free motions
-    block *= -scale.take(dependent)[:, None] / scale.take(others)
+    block *= np.divide.outer(scale.take(dependent), scale.take(others))
     return group, columns.take(dependent), columns.take(others), block
 
 
@@ -303,7 +303,8 @@ def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple
     """
     if not points.size:  # a coupler of coordinates that other joints hold still
         return 1.0, EPS * count
-    low, high = np.minimum.reduce(points, axis=1).tolist(), np.maximum.reduce(points, axis=1).tolist()
+    axes = points.tolist()
+    low, high = list(map(min, axes)), list(map(max, axes))
     length, distance = max(map(sub, high, low)), max(*high, -min(low), arm)
     if length <= RANK_FACTOR * EPS * count * distance:  # lever arms, which are shorter, are rounding
         length = pitch or 1.0

@@ -109,18 +109,16 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
     """
     joints = topology.joints
     names: list[str] = []
-    six: list[tuple[float, ...]] = []
-    point: list[tuple[float, float, float]] = []
+    twist: list[tuple[float, ...]] = []
     turns: list[bool] = []
     place: dict[int, slice] = {}
     for branch in sorted([b for b in topology.branches if b.joint != FLOATS], key=attrgetter("joint")):
         joint = joints[branch.joint]
         at = joint.point or bodies[branch.body].position
         start = len(names)
-        for direction, twist in joint.freedom:
+        for direction, six in joint.freedom:
             names.append(f"{joint.name}.{direction}")
-            six.append(twist)
-            point.append(at)
+            twist.append(six + at)
             turns.append(direction[0] == "r")
         place[branch.joint] = slice(start, len(names))
     path = np.zeros((len(bodies) + 1, len(names) + 6 * len(topology.floating)), dtype=np.int8)
@@ -129,15 +127,14 @@ def twists(topology: Topology, bodies: list[Body]) -> Twists:
             body = bodies[branch.body]
             start = len(names)
             names += [f"{body.name}.{direction}" for direction, _ in _FREE]
-            six += [twist for _, twist in _FREE]
-            point += [body.position] * 6
+            twist += [six + body.position for _, six in _FREE]
             turns += [False] * 3 + [True] * 3
             path[branch.body, start : start + 6] = 1
         else:
             path[branch.body] = path[branch.parent]
             path[branch.body, place[branch.joint]] = branch.sign
-    both = columns(six, 6)
-    return Twists(tuple(names), both[:3], both[3:], columns(point, 3), path, np.array(turns, dtype=bool),
+    entries = columns(twist, 9)
+    return Twists(tuple(names), entries[:3], entries[3:6], entries[6:], path, np.array(turns, dtype=bool),
                   largest_pitch(joints))  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from mbsvib.common.expected import names
 from mbsvib.errors import ModelError, nearest
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 FLOATS = -1  # stands for the free joint on which a floating body hangs
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
+class Branch(NamedTuple):
     """A body of the tree, the body and the joint it hangs on, and the joint's sign along the path from ground."""
 
     body: int
@@ -96,7 +95,7 @@ def _spanned(model: Mechanism, excluded: tuple[str, ...] = ()) -> Topology:
     if excluded:
         _check_nothing_hangs(model, bodies, _edges(joints, number, set()), floating, sorted(excluded))
     used = {branch.joint for branch in branches}
-    left = tuple(k for k in range(len(joints)) if k not in used)
+    left = tuple([k for k in range(len(joints)) if k not in used])
     return Topology(bodies, joints, tuple(branches), left, tuple(floating))
 
 
