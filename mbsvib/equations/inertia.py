@@ -73,7 +73,7 @@ def spatial_inertia(bodies: Sequence[Body]) -> SpatialInertia:
 def roots(inertia: Array) -> Array:
     """Return F with F^T F = the tensors given by their entries (n, 6), upper triangular, shape (n, 3, 3)."""
     try:
-        root: Array = np.linalg.cholesky(inertia.take(_TENSOR, axis=1).reshape(-1, 3, 3))
+        root = np.linalg.cholesky(inertia.take(_TENSOR, axis=1).reshape(-1, 3, 3)).astype(float, copy=False)
         return root.transpose(0, 2, 1)
     except np.linalg.LinAlgError:
         # a body without extent in some direction: what rounding leaves of its smallest moment may be negative
