@@ -35,7 +35,7 @@ RTOL = 1e-13
 CONVERGED, ACCURATE = 1e-9, 1e-13
 ROUNDS = 12
 # Directions that are new by less than this share of their length are left out: what is left of them has lost digits.
-NEW = 1e-10
+NEW, STILL_NEW = 1e-10, 0.1
 # P(s) measures what is left at a real s this much above |lambda|, where it is no eigenvalue of a stable system.
 ABOVE = 1.3
 
@@ -89,7 +89,7 @@ def parts(z: NDArray[np.inexact]) -> Array:
 
 
 def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
-    """Return a basis with what is new in some motions, orthonormal in energy.
+    """Return a basis with what is new in some motions, orthonormal in kinetic energy, basis^T M basis = 1.
 
     Parameters
     ----------
@@ -100,25 +100,29 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
     more : array, shape (size, k)
         More of them.
     speed : float
-        What inertia counts at [rad/s].
+        A frequency [rad/s] at which what is new is made a motion again that joints allow, of which rounding leaves
+        little where that is a small part.
 
     Returns
     -------
     array, shape (size, n + new)
         The motions.
     """
-    old = quadratic.energy(basis, speed)
-    old, upper = np.linalg.qr(old)
-    length = np.linalg.norm(quadratic.energy(more, speed), axis=0)
+    w = quadratic.w
+    old = w @ basis
+    length = np.linalg.norm(w @ more, axis=0)
     more = more[:, length > 0.0] / length[length > 0.0]
-    for _ in range(2):
-        rows = quadratic.energy(more, speed)
-        share = old.T @ rows
-        more = more - basis @ np.linalg.solve(upper, share)
-        rows = rows - old @ share
+    factor = quadratic.system.tableau.factor(s=ABOVE * speed)
+    for new in (NEW, STILL_NEW):
+        for _ in range(2):
+            rows = w @ more
+            share = old.T @ rows
+            more, rows = more - basis @ share, rows - old @ share
         _, singular, right = np.linalg.svd(rows, full_matrices=False)
-        kept = singular > NEW
+        kept = singular > new
         more = more @ (right[kept].T / singular[kept])
+        if new == NEW:
+            more = quadratic.solve(factor, quadratic.force(ABOVE * speed, more))
     return np.concatenate((basis, more), axis=1)
 
 

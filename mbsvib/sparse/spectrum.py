@@ -17,12 +17,12 @@ from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.converged import RTOL, converged, joined, parts
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.layout import kinematics
-from mbsvib.sparse.operator import operator
+from mbsvib.sparse.operator import BRAKED, operator
 from mbsvib.sparse.quadratic import Quadratic
 from mbsvib.sparse.reduction import reduced
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
@@ -43,7 +43,7 @@ STEPS, ABOVE = 16, 10.0
 # A frequency further than this above all eigenvalues comes down to the last of them.
 BEYOND = 1.2
 # Eigenvalues this small beside the shift may be 0.
-ZERO = 1e-7
+ZERO = 1e-5
 # Shifts near the imaginary axis are off it by this share, to the side of growing motions, where few eigenvalues are.
 ASIDE = 1e-5
 # The first disc is this much larger than a ring is wide; those beside it are this share of the distance from the
@@ -53,6 +53,10 @@ FIRST, CLEAR, WIDER = 2.5, 0.7, 1.2
 WIDE = 0.5
 # Share of a disc on the real axis within a ring that is searched: lightly damped modes are at its rim.
 WITHIN = 0.9
+# Pairs of eigenvalues 0 come out as large as this beside the largest.
+NOISE = 1e-8
+# Eigenvalues with a smaller share of imaginary part may be real.
+REAL = 1e-6
 # Residual of eigenvalues that are known roughly, and rounds of finding where they are.
 ROUGH, ROUNDS = 0.1, 40
 # Eigenvalues equally near are taken with each other up to this share of their distance.
@@ -117,13 +121,14 @@ class Search:
         rigid = rigid_motions(self.quadratic, self.count)
         wanted = 2 * (self.count + GUARDS)
         while wanted < system.dof:
-            discs = [each.grown(wanted) for each in discs]
-            if min(len(each.values) for each in discs) < self.count:
+            discs[0] = discs[0].grown(wanted)
+            if len(discs[0].values) < self.count:
                 return None
-            answer = self._solved(rigid, discs)
-            if discs[0].reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
-                return answer
-            wanted += max(8, wanted // 2)
+            if discs[0].reach >= (1.0 + TIES) * (self.centre + self._nearest(discs[0], rigid.shape[1]) + sigma):
+                answer = self._solved(rigid, [discs[0], *(each.grown(wanted) for each in discs[1:])])
+                if discs[0].reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
+                    return answer
+            wanted += max(4, wanted // 3)
         return None
 
     def ring(self) -> Answer | None:
@@ -132,25 +137,22 @@ class Search:
         sigma, wanted = centre * (1j + ASIDE), self.count + GUARDS
         system, factor = self.quadratic.system, self.quadratic.system.tableau.factor(s=sigma)
         discs = [disc(self.quadratic, sigma, transposed, factor) for transposed in self._sides]
-        nothing = np.zeros((system.layout.size, 0))
         while True:
-            discs = [each.grown(wanted) for each in discs]
-            if wanted > system.dof or min(len(each.values) for each in discs) < self.count:
+            discs[0] = discs[0].grown(wanted)
+            if wanted > system.dof or len(discs[0].values) < self.count:
                 return None
-            answer = self._solved(nothing, discs)
-            width = self._distance(answer) - (self.centre - centre)
-            if width > WIDE * centre:
-                return self.lowest()
+            width = self._nearest(discs[0], 0) - (self.centre - centre)
             least = width if self.quadratic.conservative else FIRST * width
             if discs[0].reach >= (1.0 + TIES) * least + ASIDE * centre:
                 break
-            wanted += max(4, wanted // 2)
-        if self.quadratic.conservative:
-            return answer
-        more: list[Disc] = []
-        for side in (1.0,) if self.quadratic.stable else (1.0, -1.0):
-            more += self._arc(centre, width, side, discs[0])
-        return self._solved(nothing, discs, more)
+            wanted += max(4, wanted // 3)
+        if width > WIDE * centre:
+            return self.lowest()
+        discs = [discs[0], *(each.grown(wanted) for each in discs[1:])]
+        if not self.quadratic.conservative:
+            for side in (1.0,) if self.quadratic.stable else (1.0, -1.0):
+                discs += self._arc(centre, width, side, discs[0])
+        return self._solved(rigid_motions(self.quadratic, self.count), discs)
 
     def _arc(self, centre: float, width: float, side: float, first: Disc) -> list[Disc]:
         """Discs that cover a quarter of a ring from the first one at the imaginary axis to the real axis, to the left
@@ -174,16 +176,21 @@ class Search:
         """Whether left vectors are to be searched for as well."""
         return (False,) if self.quadratic.symmetric or self.quadratic.conservative else (False, True)
 
-    def _solved(self, rigid: Array, discs: list[Disc], more: Iterable[Disc] = ()) -> Answer:
+    def _solved(self, rigid: Array, discs: list[Disc]) -> Answer:
         basis = rigid
-        every = (*discs, *more)
-        for each in every:
+        for each in discs:
             basis = joined(self.quadratic, basis, parts(each.motions()), abs(each.shifted.sigma))
 
         def apart(values: Complex) -> Array:
-            return np.asarray(np.max([each.apart(values) for each in every], axis=0))
+            return np.asarray(np.max([each.apart(values) for each in discs], axis=0))
 
         return converged(self.quadratic, basis, rigid.shape[1], self.choose, apart, self.form)
+
+    def _nearest(self, first: Disc, rigid: int) -> float:
+        """Distance of the last mode wanted, or more: every conjugate pair is a mode of its own, and a rigid motion."""
+        turns = np.abs(first.values[first.values.imag > REAL * np.abs(first.values)])
+        distance = np.sort(np.abs(np.append(turns, np.zeros(rigid)) - self.centre))
+        return float(distance[self.count - 1]) if len(distance) >= self.count else np.inf
 
     def _distance(self, answer: Answer) -> float:
         """Distance of the last mode chosen."""
@@ -198,9 +205,9 @@ def _covered(centre: float, width: float, reach: float) -> float:
 
 def rigid_motions(quadratic: Quadratic, count: int) -> Array:
     """Return the motions that meet no spring (size, r), where springs alone decide which these are."""
-    if quadratic.system.circulatory is not None or (quadratic.system.stiffness < 0.0).any():
+    if (quadratic.system.stiffness < 0.0).any():
         return np.zeros((quadratic.system.layout.size, 0))
-    return operator(quadratic.system, None, count).rigid
+    return operator(quadratic.system, None, max(count, BRAKED)).rigid
 
 
 def lowest_speed(quadratic: Quadratic) -> float:
@@ -208,9 +215,10 @@ def lowest_speed(quadratic: Quadratic) -> float:
     system = quadratic.system
     square = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     speed = np.sqrt(square / (float(system.inertia_factor.power(2).sum()) or 1.0)) or 1.0
+    least = NOISE * speed
     for _ in range(ROUNDS):
         size = _nearest_to(quadratic, speed)
-        size = size[size > ZERO * speed]
+        size = size[size > max(ZERO * speed, least)]
         if not len(size) or size.min() >= speed / ABOVE:
             return float(min(speed, size.min(initial=speed)))
         speed = float(size.min())
