@@ -130,6 +130,10 @@ class Disc:
         """Return motions (size, n) that span the eigenvectors."""
         return self.shifted.motions(self.basis)
 
+    def left(self) -> Disc:
+        """Return the empty disc of the left eigenvectors."""
+        return Disc(replace(self.shifted, transposed=True), self.values[:0], self.basis[:, :0], 0.0)
+
     def apart(self, values: Complex) -> Array:
         """Return how far eigenvalues are at least from those that are not among these."""
         return np.asarray(np.maximum(self.reach - np.abs(values - self.shifted.sigma), 0.0))
@@ -188,7 +192,7 @@ class Disc:
         return arnoldi(lambda state: without(shifted.apply(state)), start, enough, (dimension, limit))
 
 
-def disc(quadratic: Quadratic, sigma: complex, transposed: bool = False, factor: Factor | None = None) -> Disc:
+def disc(quadratic: Quadratic, sigma: complex, speed: float | None = None) -> Disc:
     """Return the empty disc around a shift.
 
     Parameters
@@ -197,17 +201,14 @@ def disc(quadratic: Quadratic, sigma: complex, transposed: bool = False, factor:
         P(s).
     sigma : complex
         The shift [1/s], real or not; not 0.
-    transposed : bool
-        Whether left eigenvectors are wanted.
-    factor : Factor, optional
-        The factored P(sigma), if it is there.
+    speed : float, optional
+        Size of the eigenvalues wanted [1/s], or more; default: that of the shift.
 
     Returns
     -------
     Disc
         Without eigenvalues; ``grown`` finds some.
     """
-    if factor is None:
-        factor = quadratic.system.tableau.factor(s=sigma)
-    shifted = Shifted(quadratic, sigma, abs(sigma), factor, transposed)
+    factor = quadratic.system.tableau.factor(s=sigma)
+    shifted = Shifted(quadratic, sigma, abs(sigma) if speed is None else speed, factor)
     return Disc(shifted, np.zeros(0, dtype=complex), np.zeros((shifted.size, 0), dtype=factor.matrix.dtype), 0.0)

@@ -38,6 +38,8 @@ GUARDS = 2
 WHOLE, EACH = 40, 6
 # The shift for the lowest modes, as a share of the lowest frequency that is not 0.
 SHIFT = 0.1
+# Eigenvalues wanted are no more than this above that shift, roughly.
+FAST = 100.0
 # Steps that tell the lowest frequency up to a factor, from a shift no more than so much above it.
 STEPS, ABOVE = 16, 10.0
 # A frequency further than this above all eigenvalues comes down to the last of them.
@@ -116,17 +118,16 @@ class Search:
     def lowest(self) -> Answer | None:
         """Return modes out of a disc around 0; None where it would have to hold all of them."""
         sigma = SHIFT * lowest_speed(self.quadratic)
-        system, factor = self.quadratic.system, self.quadratic.system.tableau.factor(s=sigma)
-        discs = [disc(self.quadratic, sigma, transposed, factor) for transposed in self._sides]
+        first = disc(self.quadratic, sigma, FAST * sigma)
         rigid = rigid_motions(self.quadratic, self.count)
         wanted = 2 * (self.count + GUARDS)
-        while wanted < system.dof:
-            discs[0] = discs[0].grown(wanted)
-            if len(discs[0].values) < self.count:
+        while wanted < self.quadratic.system.dof:
+            first = first.grown(wanted)
+            if len(first.values) < self.count:
                 return None
-            if discs[0].reach >= (1.0 + TIES) * (self.centre + self._nearest(discs[0], rigid.shape[1]) + sigma):
-                answer = self._solved(rigid, [discs[0], *(each.grown(wanted) for each in discs[1:])])
-                if discs[0].reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
+            if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1]) + sigma):
+                answer = self._solved(rigid, [first, *self._left(first, wanted)])
+                if first.reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
                     return answer
             wanted += max(4, wanted // 3)
         return None
@@ -135,23 +136,22 @@ class Search:
         """Return modes out of a ring; None where it would have to hold all of them."""
         centre = min(self.centre, highest_speed(self.quadratic, self.centre))
         sigma, wanted = centre * (1j + ASIDE), self.count + GUARDS
-        system, factor = self.quadratic.system, self.quadratic.system.tableau.factor(s=sigma)
-        discs = [disc(self.quadratic, sigma, transposed, factor) for transposed in self._sides]
+        first = disc(self.quadratic, sigma)
         while True:
-            discs[0] = discs[0].grown(wanted)
-            if wanted > system.dof or len(discs[0].values) < self.count:
+            first = first.grown(wanted)
+            if wanted > self.quadratic.system.dof or len(first.values) < self.count:
                 return None
-            width = self._nearest(discs[0], 0) - (self.centre - centre)
+            width = self._nearest(first, 0) - (self.centre - centre)
             least = width if self.quadratic.conservative else FIRST * width
-            if discs[0].reach >= (1.0 + TIES) * least + ASIDE * centre:
+            if first.reach >= (1.0 + TIES) * least + ASIDE * centre:
                 break
             wanted += max(4, wanted // 3)
         if width > WIDE * centre:
             return self.lowest()
-        discs = [discs[0], *(each.grown(wanted) for each in discs[1:])]
+        discs = [first, *self._left(first, wanted)]
         if not self.quadratic.conservative:
             for side in (1.0,) if self.quadratic.stable else (1.0, -1.0):
-                discs += self._arc(centre, width, side, discs[0])
+                discs += self._arc(centre, width, side, first)
         return self._solved(rigid_motions(self.quadratic, self.count), discs)
 
     def _arc(self, centre: float, width: float, side: float, first: Disc) -> list[Disc]:
@@ -171,10 +171,11 @@ class Search:
             angle += covered
         return result
 
-    @property
-    def _sides(self) -> tuple[bool, ...]:
-        """Whether left vectors are to be searched for as well."""
-        return (False,) if self.quadratic.symmetric or self.quadratic.conservative else (False, True)
+    def _left(self, first: Disc, wanted: int) -> list[Disc]:
+        """The disc of left eigenvectors, where these are not the right ones or their conjugates."""
+        if self.quadratic.symmetric or self.quadratic.conservative:
+            return []
+        return [first.left().grown(wanted)]
 
     def _solved(self, rigid: Array, discs: list[Disc]) -> Answer:
         basis = rigid
