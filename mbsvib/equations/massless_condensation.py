@@ -107,7 +107,7 @@ def _check_held(
     """Refuse motions without mass and damper that no spring feels either."""
     parts = [found["elastic_rows"][found["stiffness"] != 0.0]]
     if found.get("circulatory") is not None:
-        parts.append(found["circulatory"])
+        parts.append(found.get("circulatory_rows", found["circulatory"]))
     loose = unfelt(parts, null, unit)[0]
     if loose.shape[1]:
         moves = np.abs(found["body_motion"] @ loose[:, 0]).max(axis=1)

@@ -23,7 +23,10 @@ from mbsvib.linalg.qr import pivoted_qr
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.massless_null_motion import Scale
     from mbsvib.equations.scene import Scene
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.mechanism import Mechanism
@@ -87,7 +90,6 @@ def separate(
         If it is in doubt which motions move mass.
     """
     everything = np.arange(len(names))
-    outputs, inputs = list(model.outputs), list(model.inputs)
     if not names:
         return found, everything, None
     scale = scale_of(scene.coordinates, scene.position, reduction.independent)
@@ -102,34 +104,74 @@ def separate(
         check_mass(found["M"], names)
         return found, everything, None
     null = cleaned(null, scale.unit, RANK_FACTOR * scale.noise)
-    if most * RANK_GAP > least and most > 0.0:
+    check_gap(null[:, 0], scale.unit, names, least, most)
+    pins = np.array([name in (independent or ()) for name in names])
+    ports = list(model.outputs), list(model.inputs)
+    found, kept, gone, slow, transform = resolved(null, found, size, scale, names, scene.topology.bodies, ports, pins)
+    return found, kept, Separation(gone, slow, least, most, transform)
+
+
+def check_gap(motion: Array, unit: Array, names: tuple[str, ...], kept: float, dropped: float) -> None:
+    """Refuse a motion of which it is in doubt whether it moves mass, by the pivots of W that were kept and dropped."""
+    if dropped * RANK_GAP > kept and dropped > 0.0:
         raise SingularPoseError(
-            f"coordinate '{_largest(null[:, 0], scale.unit, names)}': it is in doubt whether this motion moves mass "
-            f"(pivots {least:.1e} and {most:.1e}). Make tiny masses zero, or give them their size."
+            f"coordinate '{_largest(motion, unit, names)}': it is in doubt whether this motion moves mass "
+            f"(pivots {kept:.1e} and {dropped:.1e}). Make tiny masses zero, or give them their size."
         )
+
+
+def resolved(
+    null: Array, found: dict[str, Any], size: Array, scale: Scale, names: tuple[str, ...], bodies: tuple[str, ...],
+    ports: tuple[Sequence[str], Sequence[str]], pins: NDArray[np.bool_],
+) -> tuple[dict[str, Any], Index, tuple[str, ...], tuple[str, ...], Array | None]:  # fmt: skip
+    """Return the equations of motion with motions that move no mass condensed or told apart.
+
+    Parameters
+    ----------
+    null : array, shape (m, k)
+        The motions.
+    found : dict of str to array
+        The matrices and factors, by the names that a system has for them.
+    size : array, shape (m,)
+        What each coordinate could move at most [sqrt kg m per unit].
+    scale : Scale
+        What counts as large.
+    names : tuple of str
+        Names of the coordinates.
+    bodies : tuple of str
+        Names of the bodies, for refusals.
+    ports : tuple of sequences of str
+        Names of the outputs and of the inputs.
+    pins : array, shape (m,)
+        Coordinates that the user wants to keep.
+
+    Returns
+    -------
+    tuple
+        The matrices and factors; the numbers of the coordinates that stay; names of those that follow from statics and
+        of those with one first-order state; what leads back to all coordinates, None where nothing is condensed.
+    """
     static, damped = unfelt(_damping_parts(found), null, scale.unit)
     condensation = None
     if static.shape[1]:
         static = cleaned(static, scale.unit, RANK_FACTOR * scale.noise)
-        pins = np.array([name in (independent or ()) for name in names])
-        condensation = condense(static, found, scale.unit, names, pins, scene.topology.bodies)
-        _check_proper(condensation.response, found, outputs, inputs, ("Cv", "Ca"))
+        condensation = condense(static, found, scale.unit, names, pins, bodies)
+        _check_proper(condensation.response, found, *ports, ("Cv", "Ca"))
         found = _condensed(found, condensation)
         # what follows a coordinate moves with it
         length = condensation.transform / scale.unit[:, None] * scale.unit[condensation.kept]
         moves = np.where(np.abs(length) > RANK_FACTOR * scale.noise, np.abs(condensation.transform), 0.0)
         size = size @ moves
-    kept = everything if condensation is None else condensation.kept
+    kept = np.arange(len(names)) if condensation is None else condensation.kept
     left = tuple(names[i] for i in kept)
     slow: tuple[str, ...] = ()
     if len(damped):
         found, slow = _first_order(found, size, len(damped), scale.unit[kept], left, scale.noise)
-        _check_first_order(found, outputs, inputs)
+        _check_first_order(found, *ports)
     else:
         check_mass(found["M"], left)
     gone = () if condensation is None else tuple(names[i] for i in condensation.dependent)
-    transform = None if condensation is None else condensation.transform
-    return found, kept, Separation(gone, slow, least, most, transform)
+    return found, kept, gone, slow, None if condensation is None else condensation.transform
 
 
 def _regular(mass: Array, size: Array) -> bool:
@@ -147,7 +189,7 @@ def _largest(motion: Array, unit: Array, names: tuple[str, ...]) -> str:
 def _damping_parts(found: Mapping[str, Any]) -> list[Array]:
     parts = [found["elastic_rows"][found["damping"] != 0.0]]
     if found.get("gyroscopic") is not None:
-        parts.append(found["gyroscopic"])
+        parts.append(found.get("gyroscopic_rows", found["gyroscopic"]))
     return parts
 
 

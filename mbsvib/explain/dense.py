@@ -12,6 +12,7 @@ from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Dropped, Equations
+    from mbsvib.equations.massless_separation import Separation
     from mbsvib.responses.basis import Basis
 
 _ENOUGH = {
@@ -145,15 +146,18 @@ def _unsymmetric(system: Equations) -> list[str]:
 
 def _massless(system: Equations) -> list[str]:
     found = system.provenance.massless
-    if found is None:
-        return []
+    return [] if found is None else separated(found, 2 * system.dof - system.massless)
+
+
+def separated(found: Separation, states: int) -> list[str]:
+    """Return what became of motions without mass, a line each, where the system has so many ``states``."""
     lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; of the mass rows, "
              f"smallest pivot kept {found.kept:.1e}, largest dropped {found.dropped:.1e}"]  # fmt: skip
     if found.condensed:
         lines.append(f"  condensed statically, as no damper acts on them: {listed(found.condensed)}")
     if found.first_order:
         lines.append(f"  without mass but damped, one first-order state each: {listed(found.first_order)}; "
-                     f"{2 * system.dof - system.massless} states in all")  # fmt: skip
+                     f"{states} states in all")  # fmt: skip
     return lines
 
 

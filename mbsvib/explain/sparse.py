@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements import ForceOutput
 from mbsvib.errors import counted
-from mbsvib.explain.dense import dropped
+from mbsvib.explain.dense import dropped, separated
 
 if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
@@ -51,7 +51,10 @@ def explain(system: SparseEquations) -> str:
         count = int(np.count_nonzero(system.row_owner >= len(system.springs)))
         of = "of geometric stiffness from gravity, loads, preloads and forces in joints"
         lines += ["loads", f"  in balance; {counted(count, 'row')} {of}"]
-    lines += ["loops", *_loops(system), "tableau", *_tableau(system), *_forces(system), "skipped", *_skipped(system)]
+    lines += ["loops", *_loops(system)]
+    if system.separation is not None:
+        lines += ["coordinates", *separated(system.separation, 2 * system.dof - system.massless)]
+    lines += ["tableau", *_tableau(system), *_forces(system), "skipped", *_skipped(system)]
     return "\n".join(lines)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import spatial_inertia
+from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.ports import ports
 from mbsvib.equations.spin_terms import spin_contribution
 from mbsvib.equations.wrenches import is_loaded
@@ -20,6 +21,8 @@ from mbsvib.sparse.couplers import coupled
 from mbsvib.sparse.cuts import short_span
 from mbsvib.sparse.equations import SparseEquations
 from mbsvib.sparse.layout import kinematics, layout
+from mbsvib.sparse.massless import separation
+from mbsvib.sparse.massless_motions import massless_motions
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.self_stress import regions
@@ -80,8 +83,9 @@ def linearized(
     SingularPoseError
         If the number of degrees of freedom is not defined in this pose.
     """
-    topology = short_span(model, cut)
-    bodies = list(model.bodies.values())
+    nodes = with_maxwell_nodes(model)
+    topology = short_span(nodes, cut)
+    bodies = list(nodes.bodies.values())
     number = {name: i for i, name in enumerate(topology.bodies)}
     number |= dict.fromkeys(("ground", *gone), len(bodies))
     structure = tree(topology, bodies)
@@ -109,7 +113,7 @@ def linearized(
     if is_loaded(model):
         from mbsvib.sparse.loads import geometric
 
-        found = geometric(model, topology, structure, place, closure, number, springs,
+        found = geometric(nodes, topology, structure, place, closure, number, springs,
                           dict.fromkeys(shared_by.values()))  # fmt: skip
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
@@ -127,9 +131,9 @@ def linearized(
         raise ModelError(f"linearize: output '{name}' is a force, which method='sparse' does not support beside "
                          f"rotors, follower loads and torques yet; use method='dense'.", element=name,
                          field="method")  # fmt: skip
-    loop_rows = closure.over_unknowns(structure, place)
+    loop_rows, moving = closure.over_unknowns(structure, place), kinematics(structure, place)
     tableau = build(
-        structure, place, kinematics(structure, place), rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
+        structure, place, moving, rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
         closure.slides, _ordering(closure), circulatory, gyroscopic,
     )  # fmt: skip
     check_mobility(structure, closure, place, tableau)
@@ -145,6 +149,14 @@ def linearized(
         undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
         through = through + straight
+    separated = at_once = None
+    light = massless_motions(structure, place, inertia, shared, moving, factor, loop_rows)
+    if light is not None:
+        separated, at_once = separation(
+            light, structure, place, topology.bodies, (rows, k, c), (circulatory, gyroscopic), inputs, outputs,
+            (tuple(model.outputs), tuple(model.inputs)),
+        )  # fmt: skip
+        through = through + at_once
     return form(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
@@ -153,7 +165,7 @@ def linearized(
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
         model=copy(model), loading=loading, undetermined=undetermined, circulatory=circulatory,
-        gyroscopic=gyroscopic,
+        gyroscopic=gyroscopic, separation=separated, at_once=at_once,
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Dropped
+    from mbsvib.equations.massless_separation import Separation
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -33,6 +34,9 @@ class SparseEquations:
     ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
     redundant constraints leave open of the forces in joints that are outputs. ``circulatory`` and ``gyroscopic``
     (unknowns, unknowns) are the antisymmetric parts of K and C that follower loads, torques and rotors add, or None.
+    ``separation`` tells what became of motions without mass, None where there is none. They stay among the unknowns;
+    ``at_once`` (outputs, inputs) is the part of ``D`` that those of them which follow from statics make, so that a
+    response is that of the unknowns and ``D - at_once``.
     """
 
     kind: ClassVar[str] = "sparse system"
@@ -65,11 +69,22 @@ class SparseEquations:
     undetermined: tuple[Undetermined, ...] = ()
     circulatory: csr_matrix | None = None
     gyroscopic: csr_matrix | None = None
+    separation: Separation | None = None
+    at_once: Array | None = None
 
     @property
     def dof(self) -> int:
-        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops."""
-        return len(self.joint_coordinates) - len(self.layout.multiplier)
+        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops and what is static.
+
+        Motions that feel neither mass nor damper follow from statics: they are none.
+        """
+        static = 0 if self.separation is None else len(self.separation.condensed)
+        return len(self.joint_coordinates) - len(self.layout.multiplier) - static
+
+    @property
+    def massless(self) -> int:
+        """Number of motions without mass that dampers resist: each has one first-order state in place of two."""
+        return 0 if self.separation is None else len(self.separation.first_order)
 
     @property
     def tree(self) -> tuple[str, ...]:

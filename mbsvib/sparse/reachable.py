@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.elements import Maxwell
 from mbsvib.elements.ports import BaseMotion, ForceOutput
 from mbsvib.equations.controllable_part import chosen
 from mbsvib.equations.equations import Dropped
@@ -114,6 +115,9 @@ def _without(model: Mechanism, gone: set[str], inputs: set[str], outputs: set[st
     couplers = {name: coupler for name, coupler in model.couplers.items()
                 if all(term.rpartition(".")[0] in joints for term, _ in coupler.terms)}  # fmt: skip
     loads = {name: load for name, load in model.loads.items() if load.body not in gone}
+    # a spring to a body that is gone does nothing, but a Maxwell element would keep its node
+    springs = {name: spring for name, spring in model.springs.items()
+               if not (isinstance(spring, Maxwell) and {spring.first, spring.second} & gone)}  # fmt: skip
 
     def placed(part: Any) -> Any:
         if isinstance(part, (BaseMotion, ForceOutput)) or part.position is not None:
@@ -123,4 +127,5 @@ def _without(model: Mechanism, gone: set[str], inputs: set[str], outputs: set[st
 
     kept = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
     seen = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
-    return model.with_parts(bodies=bodies, joints=joints, couplers=couplers, loads=loads, inputs=kept, outputs=seen)
+    return model.with_parts(bodies=bodies, joints=joints, springs=springs, couplers=couplers, loads=loads, inputs=kept,
+                            outputs=seen)  # fmt: skip

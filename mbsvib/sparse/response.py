@@ -69,6 +69,7 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
     right = forces(system.layout, system.input_rows)
     damped = bool(system.damping.any()) or system.gyroscopic is not None
     displacement, velocity, acceleration = system.output_rows
+    through = _through(system)
     result = np.zeros((len(system.outputs), len(system.inputs), len(w)), dtype=complex)
     for i, frequency in enumerate(w.tolist()):
         s = 1j * frequency
@@ -79,7 +80,7 @@ def frequency_response(system: SparseEquations, omega: ArrayLike) -> Complex:
                 f"frequency_response: omega[{i}] = {frequency:g} rad/s is a pole of the system ({what}), where the "
                 f"response is infinite; leave this frequency out, or give the mechanism damping."
             )
-        result[:, :, i] = displacement @ answer + s * (velocity @ answer) + s * s * (acceleration @ answer) + system.D
+        result[:, :, i] = displacement @ answer + s * (velocity @ answer) + s * s * (acceleration @ answer) + through
     return result
 
 
@@ -107,7 +108,12 @@ def static_compliance(system: SparseEquations) -> Array:
             f"static_compliance: the stiffness of '{system.name}' is singular, a motion of the mechanism meets no "
             f"spring; modes(k) shows these rigid-body modes."
         )
-    return np.asarray(system.output_rows[0] @ answer + system.D, dtype=float)
+    return np.asarray(system.output_rows[0] @ answer + _through(system), dtype=float)
+
+
+def _through(system: SparseEquations) -> Array:
+    """What passes beside the unknowns: they have all of what massless motions do at once."""
+    return system.D if system.at_once is None else system.D - system.at_once
 
 
 def _answer(system: SparseEquations, right: Array, s: complex, damped: bool) -> NDArray[Any] | None:

@@ -169,11 +169,6 @@ def test_names_and_directions():
         model.add_force_output("g", "leg", "x")
 
 
-def test_what_is_not_supported_is_refused_by_name():
-    with pytest.raises(mv.ModelError, match=r"'leg' is massless or has a massless node.*method='dense'"):
-        isolator().linearize(method="sparse")
-
-
 def test_six_directions_by_a_massless_body_between_two_bushings():
     """What a spring-damper in series in six directions takes: a node that is free, and two bushings."""
     k0, k1, c = np.arange(1.0, 7.0), np.arange(6.0, 0.0, -1.0), np.array([1.0, 2.0, 3.0, 0.5, 0.7, 0.9])

@@ -1,0 +1,265 @@
+"""Motions of many bodies that move no mass: found part by part, with what moves mass standing still.
+
+A body whose inertia resists every motion stands still in such a motion, and so does one that hangs on a still body and
+whose inertia resists every motion of its joint. What is left falls into small parts, mostly one light body each; in
+each part a pivoted QR decides, as that of the dense path does. Motions are columns over the unknowns, scaled so that
+no point of the part moves by more than about one metre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from mbsvib.equations.massless_null_motion import EPS, RANK_FACTOR, cleaned, null_space, own_coordinates
+from mbsvib.equations.massless_separation import check_gap
+from mbsvib.equations.unresisted_motion import CANCELLED
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+    from scipy.sparse import csc_matrix, csr_matrix
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.inertia import SpatialInertia
+    from mbsvib.kinematics.shared_rows import Shared
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+
+    Mask = NDArray[np.bool_]
+
+# Singular values of inertia rows, scaled to the size of one, above this are certainly not zero.
+CERTAIN = 1e-6
+TINY = float(np.finfo(float).tiny)
+
+
+@dataclass(frozen=True, slots=True)
+class Motions:
+    """``shapes`` (size, n) of the motions over the unknowns, the coordinate ``own`` (n,) of each, the bodies ``light``
+    (bodies,) that they may move; the smallest pivot ``kept`` and the largest ``dropped`` of the inertia rows.
+    """
+
+    shapes: csc_matrix
+    own: Index
+    light: Mask
+    kept: float
+    dropped: float
+
+
+def massless_motions(
+    tree: Tree, place: Layout, inertia: SpatialInertia, shared: Shared | None, kinematics: csr_matrix,
+    factor: csr_matrix, loops: csr_matrix,
+) -> Motions | None:  # fmt: skip
+    """Return the motions that joints and loops allow and that move no mass.
+
+    x - X x_parent - T q = 0,  W x = 0,  Phi (x, q) = 0
+
+    Parameters
+    ----------
+    tree : Tree
+        The spanning tree.
+    place : Layout
+        Where the unknowns are.
+    inertia : SpatialInertia
+        Square roots of the bodies' inertia.
+    shared : Shared or None
+        Mass that more than one body carries.
+    kinematics : csr_matrix, shape (size, size)
+        The equations of kinematics.
+    factor : csr_matrix, shape (inertia rows, size)
+        W of M = W^T W.
+    loops : csr_matrix, shape (multipliers, size)
+        Independent locked rows.
+
+    Returns
+    -------
+    Motions or None
+        None where every motion moves mass.
+
+    Raises
+    ------
+    SingularPoseError
+        If it is in doubt which motions move mass.
+    """
+    if inertia.whole:
+        return None
+    light = ~_still(tree, inertia, shared)
+    if not light.any():
+        return None
+    return _by_parts(tree, place, light, kinematics, factor, loops)
+
+
+def _still(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
+    """Bodies that stand still, beyond doubt, where no mass moves."""
+    n = len(tree.parent)
+    still = _carrying(tree, shared)
+    heavy = np.flatnonzero(inertia.linear > 0.0)
+    still[heavy[_smallest(inertia.angular[heavy]) > CERTAIN]] = True
+    rest = np.flatnonzero(~still)
+    if not len(rest):
+        return still
+    rows = np.zeros((len(rest), 6, 6))
+    rows[:, [0, 1, 2], [0, 1, 2]] = inertia.linear[rest, None]
+    rows[:, 3:, 3:] = inertia.angular[rest]
+    # what inertia does not resist in a joint: columns of W T, of the size that they could have at most
+    joint = np.zeros((n, 6, 6))
+    nth = np.arange(len(tree.carried)) - tree.first[tree.carried]
+    joint[tree.carried, :, nth] = tree.motion
+    moved, most = rows @ joint[rest], (np.abs(rows) @ np.abs(joint[rest])).max(axis=1, keepdims=True)
+    moved = np.divide(moved, most, out=np.zeros_like(moved), where=most > 0.0)
+    beyond = np.arange(6) >= tree.count[rest, None]
+    moved = np.concatenate((moved, np.eye(6) * beyond[:, None]), axis=1)  # columns that the joint does not have
+    held = np.zeros(n, dtype=bool)
+    held[rest] = np.linalg.svd(moved, compute_uv=False)[:, -1] > CERTAIN
+    resting, parent = [*still.tolist(), True], tree.parent.tolist()
+    for body in tree.outward.tolist():
+        resting[body] = resting[body] or bool(held[body] and resting[parent[body]])
+    return np.array(resting[:n], dtype=bool)
+
+
+def _smallest(rows: Array) -> Array:
+    """The smallest singular value (n,) of square matrices (n, k, k) whose rows are brought to unit length."""
+    size = np.sqrt((rows**2).sum(axis=2, keepdims=True))
+    unit = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
+    return np.asarray(np.linalg.svd(unit, compute_uv=False)[:, -1])
+
+
+def _carrying(tree: Tree, shared: Shared | None) -> Mask:
+    """Nodes of beams and superelements whose shared mass resists every motion of theirs."""
+    n = len(tree.parent)
+    result = np.zeros(n + 1, dtype=bool)
+    if shared is None or shared.mass is None:
+        return result[:n]
+    rows = shared.mass.rows
+    moves = np.concatenate((tree.moves, np.zeros((1, 6), dtype=bool)))
+    for index, matrices in shared.mass.blocks:
+        body, free = rows.second[index], moves[rows.second[index], index % 6]
+        grounded = (rows.first[index] == n).all(axis=1)
+        known: dict[tuple[bytes, bytes], bool] = {}
+        for nodes, matrix, used, sure in zip(body, matrices, free, grounded.tolist(), strict=True):
+            key = (matrix.tobytes(), used.tobytes())
+            if key not in known:
+                part = matrix[:, used]
+                part = part / np.maximum(np.abs(part).max(axis=0, initial=0.0), TINY)
+                known[key] = int(np.count_nonzero(np.linalg.svd(part, compute_uv=False) > CERTAIN)) == part.shape[1]
+            result[nodes[used]] |= sure and known[key]
+    return result[:n]
+    rows = shared.mass.rows
+    moves = np.concatenate((tree.moves, np.zeros((1, 6), dtype=bool)))
+    for index, matrices in shared.mass.blocks:
+        body, free = rows.second[index], moves[rows.second[index], index % 6]
+        part = np.where(free[:, None, :], matrices, 0.0)
+        size = np.abs(part).max(axis=1, keepdims=True, initial=0.0)
+        part = np.divide(part, size, out=np.zeros_like(part), where=size > 0.0)
+        values = np.linalg.svd(part, compute_uv=False)
+        rank = np.count_nonzero(values > CERTAIN, axis=1)
+        sure = (rank == free.sum(axis=1)) & (rows.first[index] == n).all(axis=1)
+        result[body[sure].reshape(-1)] = True
+    return result[:n]
+
+
+def _by_parts(
+    tree: Tree, place: Layout, light: Mask, kinematics: csr_matrix, factor: csr_matrix, loops: csr_matrix
+) -> Motions | None:
+    """The motions of light bodies, part by part; the unknowns are their displacements and all coordinates at them."""
+    from scipy.sparse import csc_matrix, vstack
+
+    near = light | np.concatenate((light, [False]))[tree.parent]
+    inward = np.argsort(tree.depth[:-1], kind="stable")
+    moving, held = (place.displacement[inward[mask[inward]]] for mask in (light, near & ~light))
+    moving, held = moving[moving >= 0], held[held >= 0]
+    coordinate = np.flatnonzero(near[tree.carried])
+    column = np.concatenate((moving, place.coordinate[coordinate]))
+    rows = vstack((kinematics[moving], kinematics[held], factor, loops)).tocsr()
+    turns = np.zeros(place.size, dtype=bool)
+    turns[place.displacement[:, 3:][place.displacement[:, 3:] >= 0]] = True
+    turns[place.coordinate[tree.turns]] = True
+    size = np.stack([np.asarray(abs(rows) @ kind.astype(float)) for kind in (~turns, turns)])
+    entries = rows.tocsc()[:, column].tocoo()
+    body = np.zeros(place.size, dtype=np.intp)
+    body[place.displacement[place.displacement >= 0]] = np.nonzero(place.displacement >= 0)[0]
+    body[place.coordinate] = tree.carried
+    points = tree.position[body[column]]
+    points[len(moving) :] = tree.point[:, coordinate].T
+    shapes: list[tuple[Index, Index, Array]] = []
+    own: list[Index] = []
+    kept, dropped, count, length = 1.0, 0.0, 0, tree.length
+    for row, columns, block in _connected(entries.row, entries.col, entries.data, rows.shape[0], len(column)):
+        ahead = int(np.searchsorted(columns, len(moving)))
+        part = _Part(block, ahead, size[:, row], turns[column[columns]], points[columns], length)
+        numbers = coordinate[columns[ahead:] - len(moving)]
+        motions, least, most, first = part.null(tuple([tree.names[k] for k in numbers.tolist()]))
+        kept, dropped = min(kept, least), max(dropped, most)
+        at, which = np.nonzero(motions)
+        shapes.append((column[columns[at]], count + which, motions[at, which]))
+        own.append(numbers[first])
+        count += motions.shape[1]
+    if not count:
+        return None
+    unknown, number, value = (np.concatenate([shape[i] for shape in shapes]) for i in range(3))
+    matrix = csc_matrix((value, (unknown, number)), shape=(place.size, count))
+    return Motions(matrix, np.concatenate(own), light, kept, dropped)
+
+
+def _connected(
+    row: Index, column: Index, value: Array, rows: int, columns: int
+) -> Iterator[tuple[Index, Index, Array]]:
+    """Rows, columns (ascending) and dense block of each part of a sparse matrix that has nothing to do with others."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    graph = csr_matrix((np.ones(len(row), dtype=bool), (row, rows + column)), shape=(rows + columns, rows + columns))
+    count, label = connected_components(graph, directed=False)
+    ranges = []
+    for part in (label[row], label[:rows], label[rows:]):
+        order = np.argsort(part, kind="stable")
+        ranges.append((order, np.searchsorted(part[order], np.arange(count + 1))))
+    for k in np.unique(label[rows:]).tolist():
+        entry, mine, own = (order[begin[k] : begin[k + 1]] for order, begin in ranges)
+        block = np.zeros((len(mine), len(own)))
+        block[np.searchsorted(mine, row[entry]), np.searchsorted(own, column[entry])] = value[entry]
+        yield mine, own, block
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """One part: the equations ``block`` (rows, unknowns), of which the first ``ahead`` are those of the displacements,
+    the ``size`` (2, rows) of each row's terms in translations and rotations, which unknowns are ``turns``, their
+    ``points`` [m] and the typical ``length`` [m] of the scene.
+    """
+
+    block: Array
+    ahead: int
+    size: Array
+    turns: Mask
+    points: Array
+    length: float
+
+    def null(self, names: tuple[str, ...]) -> tuple[Array, float, float, Index]:
+        """Return the motions (unknowns, n), the pivots kept and dropped, and the own coordinate of each motion."""
+        ahead, n = self.ahead, len(names)
+        follows = solve_triangular(self.block[:ahead, :ahead], -self.block[:ahead, ahead:], lower=True,
+                                   unit_diagonal=True, check_finite=False)  # fmt: skip
+        length = float(np.ptp(self.points, axis=0).max()) or self.length
+        unit = np.where(self.turns, 1.0 / length, 1.0)
+        noise = RANK_FACTOR * EPS * max(1, n) * max(1.0, float(np.abs(self.points).max()) / length)
+        null, least, most = np.eye(n), 1.0, 0.0
+        if len(self.block) > ahead:
+            rest = self.block[ahead:]
+            rows = rest[:, :ahead] @ follows + rest[:, ahead:]
+            terms = np.abs(rest[:, :ahead]) @ np.abs(follows) + np.abs(rest[:, ahead:])
+            rows[np.abs(rows) <= CANCELLED * terms] = 0.0
+            scale = 1.0 / (self.size[0, ahead:] + self.size[1, ahead:] / length)
+            largest = (terms * scale[:, None]).max(axis=0)
+            null, least, most = null_space(rows * scale[:, None], largest, noise)
+        own = own_coordinates(null)[0]
+        null = cleaned(null, unit[ahead:], noise)
+        if null.shape[1]:
+            check_gap(null[:, 0], unit[ahead:], names, least, most)
+        moved = follows @ null
+        moved[np.abs(moved) <= noise * unit[:ahead, None]] = 0.0
+        return np.concatenate((moved, null)), least, most, own
