@@ -64,6 +64,10 @@ class UndeterminedForceWarning(UserWarning):
     """Outputs that are joint forces which the model does not determine, because constraints are redundant."""
 
 
+class LargeDisplacementWarning(UserWarning):
+    """Beams or superelements that bend further than the linear theory of small displacements holds."""
+
+
 class LeftOutWarning(UserWarning):
     """Elements of a file that was read for which a model has no place, and that it does without."""
 

@@ -33,6 +33,7 @@ class FlexibleMechanism(Mechanism):
         axis: ArrayLike | None = None, length: float | None = None, nodes: ArrayLike | None = None,
         elements: int | None = None, shear: bool = False,
         y_axis: ArrayLike | None = None, alpha: float = 0.0, beta: float = 0.0, damping_ratio: float = 0.0,
+        displacements: ArrayLike | None = None,
     ) -> Beam:  # fmt: skip
         """Add a beam: straight elements that stretch, twist and bend in two planes, with consistent mass.
 
@@ -61,12 +62,17 @@ class FlexibleMechanism(Mechanism):
             How many elements; default: 8.
         shear : bool
             False: Euler-Bernoulli. True: Timoshenko, with shear deformation and rotary inertia.
-        y_axis : array-like, shape (3,), optional
-            Direction towards which the section's y axis points; default: horizontal, of a vertical beam world y.
+        y_axis : array-like, shape (3,) or (elements, 3), optional
+            Direction towards which the section's y axis points, of all elements or of each; default: horizontal, of a
+            vertical beam world y.
         alpha, beta : float
             Rayleigh damping, C = alpha M + beta K of the beam [1/s, s].
         damping_ratio : float
             Damping ratio of every elastic mode of the beam left to itself, C = sum of 2 zeta omega M phi phi^T M.
+        displacements : array-like, shape (nodes, 6), optional
+            How far its nodes and their rotation vectors are [m, rad], world axes, from where they would be without
+            forces in the frame of the body that carries it: ground if that holds an end, else body a, b or the first
+            node. ``equilibrium`` states it; default: the beam as described has its shape without forces.
 
         Returns
         -------
@@ -82,12 +88,13 @@ class FlexibleMechanism(Mechanism):
         first = None if a is None else self._body_name(a, "beam", name, "a")
         second = None if b is None else self._body_name(b, "beam", name, "b")
         part = _beam.make(name, first, second, section, material, start, end, axis, length, nodes, elements, shear,
-                          y_axis, alpha, beta, damping_ratio)  # fmt: skip
+                          y_axis, alpha, beta, damping_ratio, displacements)  # fmt: skip
         return self._compose(part)
 
     def add_superelement(
         self, name: str, M: ArrayLike, C: ArrayLike | None, K: ArrayLike, nodes: Mapping[str, ArrayLike],
         bodies: Mapping[str, str] | None = None, orientation: ArrayLike | None = None, grounded: bool = False,
+        displacements: ArrayLike | None = None,
     ) -> Superelement:  # fmt: skip
         """Add a reduced finite element model by its matrices, such as one after Craig and Bampton.
 
@@ -113,6 +120,9 @@ class FlexibleMechanism(Mechanism):
             The axes in which all nodes move, as columns, or a rotation vector [rad]; default: world axes.
         grounded : bool
             True: the model is held by the ground within. False: K must let its nodes move as a rigid body.
+        displacements : array-like, shape (n,), optional
+            How far its coordinates are from where they would be without forces, in the frame of the node that carries
+            it: one on the ground, else one that a body holds, else the first one. ``equilibrium`` states it.
 
         Returns
         -------
@@ -128,7 +138,8 @@ class FlexibleMechanism(Mechanism):
         holds = {}
         for node, body in (bodies or {}).items():
             holds[node] = self._body_name(body, "superelement", name, "bodies")
-        part = _superelement.make(name, M, C, K, nodes, holds, orientation, grounded)
+        part = _superelement.make(name, M, C, K, nodes, holds, orientation, grounded,
+                                   displacements)  # fmt: skip
         return self._compose(part)
 
     def _compose(self, part: P) -> P:

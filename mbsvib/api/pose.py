@@ -110,7 +110,7 @@ class Posed(Mechanism):
         if not preload:
             found = equilibrium(self, snap, cut)
         else:
-            from mbsvib.equilibrium.flexible_parts import held_as, stiffened
+            from mbsvib.equilibrium.articulation import held_as, stiffened
             from mbsvib.equilibrium.preloads import preloaded
 
             found = held_as(self, equilibrium(preloaded(stiffened(self), preload), snap, cut))

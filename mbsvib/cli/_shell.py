@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 from mbsvib.common import tables
 from mbsvib.errors import (
     AccuracyWarning,
+    LargeDisplacementWarning,
     LeftOutWarning,
     MbsvibError,
     NearSingularWarning,
@@ -43,7 +44,8 @@ class Group(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run a command; an error that mbsvib raises on purpose ends it with a message and a status."""
         with warnings.catch_warnings():
-            for category in (NearSingularWarning, AccuracyWarning, LeftOutWarning, UndeterminedForceWarning):
+            for category in (NearSingularWarning, AccuracyWarning, LargeDisplacementWarning, LeftOutWarning,
+                             UndeterminedForceWarning):  # fmt: skip
                 warnings.simplefilter("always", category)
             warnings.showwarning = _show_warning
             try:

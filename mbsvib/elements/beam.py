@@ -17,9 +17,13 @@ from mbsvib.elements.material import Material
 from mbsvib.elements.part import Composed, ParameterField, derived, point
 from mbsvib.elements.sections import Properties, Shape
 from mbsvib.errors import ModelError, counted
+from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.bushing import Six
 
 ELEMENTS = 8
 # sine of the angle between a beam and the direction that says where its y axis is
@@ -35,8 +39,10 @@ class Beam(Composed):
     """A beam from ``start`` to ``end`` or along ``nodes`` [m, world axes], its ends held by bodies ``a`` and ``b``
     (None: free).
 
-    ``points`` are the nodes that follow from this, ``y_axis`` says where the section's y axis points; ``alpha`` [1/s]
-    and ``beta`` [s] are Rayleigh's damping, ``damping_ratio`` that of every mode of the free beam.
+    ``points`` are the nodes that follow from this, ``y_axis`` says where the section's y axis points, of all elements
+    or of each; ``alpha`` [1/s] and ``beta`` [s] are Rayleigh's damping, ``damping_ratio`` that of every mode of the
+    free beam. ``displacements`` (nodes, 6) [m, rad], world axes, are how far its nodes are from where the beam without
+    forces has them in the frame of the body that carries it, ``root``.
     """
 
     a: str | None
@@ -50,10 +56,11 @@ class Beam(Composed):
     nodes: tuple[Vector, ...] | None = None
     elements: int | None = None
     shear: bool = False
-    y_axis: Vector | None = None
+    y_axis: Vector | tuple[Vector, ...] | None = None
     alpha: float = 0.0
     beta: float = 0.0
     damping_ratio: float = 0.0
+    displacements: tuple[Six, ...] | None = None
     points: tuple[Vector, ...] = derived(())
 
     def words(self) -> dict[str, Any]:
@@ -61,7 +68,7 @@ class Beam(Composed):
         said = {"name": self.name, "a": self.a, "b": self.b, "section": _sections.words_of(self.section),
                 "material": self.material.words()}  # fmt: skip
         rest = ("start", "end", "axis", "length", "nodes", "elements", "shear", "y_axis", "alpha", "beta",
-                "damping_ratio")  # fmt: skip
+                "damping_ratio", "displacements")  # fmt: skip
         return said | {word: value for word in rest if (value := getattr(self, word)) not in (None, False, 0.0)}
 
     def parameter_fields(self) -> Iterator[ParameterField]:
@@ -131,19 +138,72 @@ class Beam(Composed):
         made = counted(len(self.element_names), f"{kind} element")
         return f"beam '{self.name}': {made}, {counted(len(self.node_names), 'node')} of its own"
 
+    @property
+    def root(self) -> str:
+        """Name of the body that carries it: ground if that holds an end, else a body that does, else its first node."""
+        held = [body for body in (self.a, self.b) if body is not None]
+        return "ground" if "ground" in held else next(iter(held), self.node(0))
+
     def frames(self) -> list[tuple[float, Matrix3]]:
         """Return length and axes (columns, x along the element) of all elements."""
-        who, points = f"beam '{self.name}'", self.points
+        who, points, towards = f"beam '{self.name}'", self.points, self.y_axis
+        if towards is not None and isinstance(towards[0], tuple):
+            return [_frame(p, q, y, who) for (p, q), y in zip(pairwise(points), towards, strict=True)]
         if self.nodes is not None:
-            return [_frame(p, q, self.y_axis, who) for p, q in pairwise(points)]
-        length, axes = _frame(points[0], points[-1], self.y_axis, who)
+            return [_frame(p, q, towards, who) for p, q in pairwise(points)]
+        length, axes = _frame(points[0], points[-1], towards, who)
         return [(length / (len(points) - 1), axes)] * (len(points) - 1)
+
+    def without_forces(self) -> Beam:
+        """Return the beam as it is without forces, in the frame of the body that carries it in this pose."""
+        if self.displacements is None:
+            return self
+        six = np.array(self.displacements)
+        turn = exponential(-0.5 * (six[1:, 3:] + six[:-1, 3:]))
+        return self.through(np.array(self.points) - six[:, :3], np.einsum("eij,ej->ei", turn, self.y_axes()))
+
+    def y_axes(self) -> Array:
+        """Return where the y axis of each element is to point (elements, 3); it is what is across the element of it."""
+        if self.y_axis is None:
+            return np.array([np.array(axes)[:, 1] for _, axes in self.frames()])
+        return np.tile(self.y_axis, (len(self.points) - 1, 1)) if isinstance(self.y_axis[0], float) else \
+            np.array(self.y_axis)  # fmt: skip
+
+    def lengths(self) -> list[float]:
+        """Return the lengths of its elements without forces [m], which tell their mass."""
+        return [length for length, _ in self.without_forces().frames()]
+
+    def through(self, points: Array, y_axes: Array, displacements: Array | None = None) -> Beam:
+        """Return the same beam through other nodes.
+
+        Parameters
+        ----------
+        points : array, shape (nodes, 3)
+            Its nodes [m].
+        y_axes : array, shape (elements, 3)
+            Where the y axis of each element points.
+        displacements : array, shape (nodes, 6), optional
+            How far these nodes are from where they would be without forces [m, rad].
+
+        Returns
+        -------
+        Beam
+            The beam, unchecked.
+        """
+        nodes = _tuples(points)
+        return replace(self, start=None, end=None, axis=None, length=None, elements=None, nodes=nodes, points=nodes,
+                       y_axis=_tuples(y_axes), displacements=None if displacements is None else _tuples(displacements),
+                       )  # fmt: skip
+
+
+def _tuples(array: Array) -> tuple[Any, ...]:
+    return tuple([tuple(row) for row in array.tolist()])
 
 
 def make(
     name: str, a: str | None, b: str | None, section: Any, material: Any, start: Any = None, end: Any = None,
     axis: Any = None, length: Any = None, nodes: Any = None, elements: Any = None, shear: Any = False,
-    y_axis: Any = None, alpha: Any = 0.0, beta: Any = 0.0, damping_ratio: Any = 0.0,
+    y_axis: Any = None, alpha: Any = 0.0, beta: Any = 0.0, damping_ratio: Any = 0.0, displacements: Any = None,
 ) -> Beam:  # fmt: skip
     """Check the values of a beam and build it."""
     who = f"beam '{name}'"
@@ -156,19 +216,39 @@ def make(
                          f"rectangle), or use a tube, circle or rectangle.", element=who, field="section")  # fmt: skip
     rayleigh = _damping(who, "alpha", alpha), _damping(who, "beta", beta)
     ratio = _damping(who, "damping_ratio", damping_ratio)
-    given = None if y_axis is None else check.axis(y_axis, who, "y_axis")
     if axis is not None or length is not None:
         axis, length, far = _reached(who, start, end, axis, length)
         ends, between, points, count = _points(who, start, far, nodes, elements)
         ends = ends[0], None
     else:
         ends, between, points, count = _points(who, start, end, nodes, elements)
-    beam = Beam(name, a, b, shape, stuff, *ends, axis, length, between, count, shear, given, *rayleigh, ratio, points)
+    towards = None if y_axis is None else _y_axis(who, y_axis, len(points) - 1)
+    bent = None if displacements is None else _displacements(who, displacements, len(points))
+    beam = Beam(name, a, b, shape, stuff, *ends, axis, length, between, count, shear, towards, *rayleigh, ratio, bent,
+                points)  # fmt: skip
     beam.frames()
     if a is not None and a == b and len(points) == 2:
         raise ModelError(f"{who}: both ends are on '{a}' and nothing between them can move; give it more elements, "
                          f"or another body (None: a free end).", element=who, field="b")  # fmt: skip
     return beam
+
+
+def _y_axis(who: str, value: Any, elements: int) -> Any:
+    """One direction, or one for each element."""
+    items = list(value) if hasattr(value, "__iter__") else []
+    if not items or not hasattr(items[0], "__len__"):
+        return check.axis(value, who, "y_axis")
+    if len(items) != elements:
+        raise check.refuse(who, "y_axis", value, f"a direction, or one for each of the {elements} elements")
+    return tuple([check.axis(item, who, "y_axis") for item in items])
+
+
+def _displacements(who: str, value: Any, nodes: int) -> tuple[Six, ...]:
+    expected = f"x y z [m] and rx ry rz [rad] of each of the {nodes} nodes"
+    items = check.listed(value, who, "displacements", expected)
+    if len(items) != nodes:
+        raise check.refuse(who, "displacements", value, expected)
+    return tuple([check.numbers(item, (6,), who, "displacements", expected) for item in items])
 
 
 def _damping(who: str, word: str, value: Any) -> float:

@@ -6,6 +6,7 @@ The coordinates are then the deformations of the elements: each spring feels one
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from mbsvib.elements import bushing as _bushing
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.body import Body
+from mbsvib.elements.elastic_part import ElasticPart
 from mbsvib.elements.shared_rows import Node, Piece, PlainParts
 
 if TYPE_CHECKING:
@@ -57,11 +59,33 @@ def masses(beam: Beam) -> list[Piece]:
     """Return the mass rows of all elements, in world axes."""
     rows: dict[float, Array] = {}
     result = []
-    for i, (length, axes) in enumerate(beam.frames()):
+    for i, ((length, axes), before) in enumerate(zip(beam.frames(), beam.lengths(), strict=True)):
         if length not in rows:
             rows[length] = element.mass_rows(length, beam.properties, beam.material, beam.shear)
-        result.append(Piece(beam.name, (_node(beam, i), _node(beam, i + 1)), turned(rows[length], axes)))
+        # what bends keeps its mass
+        own = rows[length] if before == length else rows[length] * sqrt(before / length)
+        result.append(Piece(beam.name, (_node(beam, i), _node(beam, i + 1)), turned(own, axes)))
     return result
+
+
+def elastic_part(beam: Beam) -> ElasticPart:
+    """Return a beam as what is linear in the frame of the body that carries it, over displacements of its nodes."""
+    rest, root = beam.without_forces(), beam.root
+    seen = [i for i in range(len(beam.points)) if beam.node(i) != root]
+    rows = np.zeros((6 * (len(beam.points) - 1), 6 * len(beam.points)))
+    values: list[float] = []
+    for i, (length, axes) in enumerate(rest.frames()):
+        local, at = np.kron(np.eye(2), np.array(axes).T), np.array(middle(rest, i))
+        for j, sign in ((i, -1.0), (i + 1, 1.0)):
+            rows[6 * i : 6 * i + 6, 6 * j : 6 * j + 6] = sign * local @ _carried(at - np.array(rest.points[j]))
+        values += element.stiffness(length, beam.properties, beam.material, beam.shear)
+    state = np.zeros((len(beam.points), 6)) if beam.displacements is None else np.array(beam.displacements)
+    columns = [6 * i + j for i in seen for j in range(6)]
+    return ElasticPart(
+        beam.name, root, tuple([f"{beam.name}.{i}" for i in seen]),
+        tuple([(beam.node(i), beam.points[i]) for i in seen]), (), beam.points[0], rows[:, columns], np.array(values),
+        state[seen].reshape(-1),
+    )  # fmt: skip
 
 
 def dampers(beam: Beam) -> list[Piece]:

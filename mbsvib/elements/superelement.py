@@ -32,6 +32,8 @@ class Superelement(Composed):
 
     ``nodes`` pairs names with points [m, world axes], ``bodies`` those nodes that a body holds with this body. Nodes
     move in the axes ``orientation``. ``factors`` pairs values and rows of M, K and C; ``rank`` counts the first two.
+    ``displacements`` (n,) are how far its coordinates are, in these axes, from where the model without forces has them
+    in the frame of the node ``root`` that carries it, or of the ground within.
     """
 
     M: Matrix
@@ -41,6 +43,7 @@ class Superelement(Composed):
     bodies: tuple[tuple[str, str], ...] = ()
     orientation: Matrix3 = check.IDENTITY
     grounded: bool = False
+    displacements: tuple[float, ...] | None = None
     factors: Any = derived()
     rank: tuple[int, int] = derived((0, 0))
 
@@ -51,7 +54,22 @@ class Superelement(Composed):
             said["bodies"] = dict(self.bodies)
         if self.orientation is not check.IDENTITY:
             said["orientation"] = self.orientation
+        if self.displacements is not None:
+            said["displacements"] = self.displacements
         return said | ({"grounded": True} if self.grounded else {})
+
+    @property
+    def root(self) -> int | None:
+        """Number of the node that carries it: one on the ground, else one that a body holds, else the first one.
+
+        None if the ground within carries it.
+        """
+        return None if self.grounded else _root([name for name, _ in self.nodes], dict(self.bodies))
+
+    @property
+    def points_without_forces(self) -> list[Vector]:
+        """Where its nodes are without forces [m], in the frame that carries it in this pose."""
+        return _without_forces(self.nodes, self.orientation, self.displacements)
 
     @property
     def internal(self) -> int:
@@ -108,7 +126,7 @@ class Superelement(Composed):
 
 def make(
     name: str, mass: Any, damping: Any, stiffness: Any, nodes: Any, bodies: Mapping[str, str], orientation: Any,
-    grounded: Any,
+    grounded: Any, displacements: Any = None,
 ) -> Superelement:  # fmt: skip
     """Check the values of a superelement and build it."""
     who = f"superelement '{name}'"
@@ -125,16 +143,33 @@ def make(
     k = _matrix(who, "K", stiffness, len(m))
     c = None if damping is None else _matrix(who, "C", damping, len(m))
     axes = check.orientation(orientation, who)
-    rigid = rigid_motions(np.array([point for _, point in places]), np.array(axes), len(m))
+    expected = f"{len(m)} numbers, one for each coordinate of M"
+    bent = None if displacements is None else check.numbers(displacements, (len(m),), who, "displacements", expected)
+    rigid = rigid_motions(np.array(_without_forces(places, axes, bent)), np.array(axes), len(m))
     if not grounded:
         _check_rigid(who, k, rigid)
-    first = 0 if grounded else 6
+    root = None if grounded else _root(list(dict(places)), bodies)
+    relative = np.setdiff1d(np.arange(len(m)), [] if root is None else np.arange(6 * root, 6 * root + 6))
     loose = c is not None and not (grounded or _strained(c, rigid).max() > RIGID)
-    rows_m, rows_k = factor(who, "M", m), factor(who, "K", k[first:, first:])
-    rows_c = None if c is None else factor(who, "C", c[6:, 6:] if loose else c)
+    rows_m, rows_k = factor(who, "M", m), factor(who, "K", k[np.ix_(relative, relative)])
+    rows_c = None if c is None else factor(who, "C", c[np.ix_(relative, relative)] if loose else c)
     return Superelement(name, _entries(m), _entries(k), places, None if c is None else _entries(c),
-                        tuple(bodies.items()), axes, grounded, (rows_m, rows_k, rows_c),
+                        tuple(bodies.items()), axes, grounded, bent, (rows_m, rows_k, rows_c),
                         (len(rows_m[0]), len(rows_k[0])))  # fmt: skip
+
+
+def _without_forces(
+    nodes: tuple[tuple[str, Vector], ...], axes: Matrix3, displacements: tuple[float, ...] | None
+) -> list[Vector]:  # fmt: skip
+    points = np.array([point for _, point in nodes])
+    if displacements is not None:
+        points -= np.array(displacements[: 6 * len(nodes)]).reshape(-1, 6)[:, :3] @ np.array(axes).T
+    return [(x, y, z) for x, y, z in points.tolist()]
+
+
+def _root(nodes: list[str], bodies: Mapping[str, str]) -> int:
+    ground = [i for i, name in enumerate(nodes) if bodies.get(name) == "ground"]
+    return next(iter([*ground, *[i for i, name in enumerate(nodes) if name in bodies]]), 0)
 
 
 def _entries(matrix: Array) -> Matrix:

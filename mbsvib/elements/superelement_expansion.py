@@ -6,6 +6,7 @@ Stiffness sees displacements relative to the first node only, so that rigid-body
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,11 +14,17 @@ import numpy as np
 from mbsvib.common.arguments import UNIT6
 from mbsvib.elements import joint as _joint
 from mbsvib.elements.body import Body
+from mbsvib.elements.elastic_part import ElasticPart, on_carriers, stiffness_rows, turning_rows
 from mbsvib.elements.joint import Joint
+from mbsvib.elements.load import NONE, Load
 from mbsvib.elements.shared_rows import Node, Piece, PlainParts
+from mbsvib.elements.superelement import RIGID, rigid_motions
+from mbsvib.errors import ModelError
+from mbsvib.linalg.rotations import axial, skew
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arguments import Vector
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.superelement import Superelement
 
 _NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -61,36 +68,130 @@ def links(part: Superelement) -> list[tuple[str, Joint]]:
 def masses(part: Superelement) -> list[Piece]:
     """Return the rows W of M = W^T W."""
     values, rows = part.factors[0]
-    return [Piece(part.name, _nodes(part, 0), _on_nodes(part, rows * np.sqrt(values)[:, None], 0))]
+    nodes = Layout.of(part, None)
+    return [Piece(part.name, nodes.seen(part), nodes.rows(rows * np.sqrt(values)[:, None]))]
 
 
 def elastic(part: Superelement) -> list[Piece]:
     """Return the rows of K, and those of C where there is one."""
     result = []
-    _, (k, rows), damping = part.factors
-    first = len(part.M) - rows.shape[1]
+    _, (k, _), damping = part.factors
     if len(k):
-        result.append(Piece(part.name, _nodes(part, first), _on_nodes(part, rows, first), stiffness=k))
+        result.append(stiffness_rows(elastic_part(part)))
     if damping is not None and len(damping[0]):
         c, rows = damping
-        first = len(part.M) - rows.shape[1]
-        result.append(Piece(part.name, _nodes(part, first), _on_nodes(part, rows, first), damping=c))
+        nodes = Layout.of(part, None if rows.shape[1] == len(part.M) else part.root)
+        result.append(Piece(part.name, nodes.seen(part), nodes.rows(rows), damping=c))
     return result
 
 
-def _nodes(part: Superelement, first: int) -> tuple[Node, ...]:
-    """The nodes that rows from coordinate ``first`` on see: all, or the others relative to the first one."""
-    origin = part.nodes[0][1]
-    against = "ground" if first == 0 else part.body_of(0)
-    seen = [Node(part.body_of(i), point, against=against) for i, (_, point) in enumerate(part.nodes) if 6 * i >= first]
-    return (*seen, *(Node(name, origin, rides=False) for name in part.carriers))
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Coordinates of a superelement, all or without those of the node ``root`` against which they are measured.
+
+    ``nodes`` are numbers of nodes, ``coordinates`` numbers of coordinates; ``internal`` of them come last.
+    """
+
+    nodes: tuple[int, ...]
+    coordinates: Index
+    internal: int
+    axes: Array
+    root: int | None
+
+    @classmethod
+    def of(cls, part: Superelement, root: int | None) -> Layout:
+        """Return the coordinates of a superelement but for those of one node."""
+        count = len(part.nodes)
+        nodes = tuple([i for i in range(count) if i != root])
+        interface = [6 * i + j for i in nodes for j in range(6)]
+        coordinates = np.array([*interface, *range(6 * count, len(part.M))], dtype=np.intp)
+        return cls(nodes, coordinates, part.internal, np.array(part.orientation), root)
+
+    def world(self, rows: Array) -> Array:
+        """Return rows (..., n) on coordinates in the axes of the part as rows on the same in world axes."""
+        end = 6 * len(self.nodes)
+        turned = (rows[..., :end].reshape(-1, 3) @ self.axes.T).reshape(*rows.shape[:-1], end)
+        return np.concatenate((turned, rows[..., end:]), axis=-1)
+
+    def seen(self, part: Superelement) -> tuple[Node, ...]:
+        """Return the nodes, and the bodies that carry internal coordinates."""
+        against = "ground" if self.root is None else part.body_of(self.root)
+        origin = part.nodes[0][1]
+        return (*[Node(part.body_of(i), part.nodes[i][1], against=against) for i in self.nodes],
+                *[Node(name, origin, rides=False) for name in part.carriers])  # fmt: skip
+
+    def rows(self, rows: Array) -> Array:
+        """Return rows on coordinates as rows on six displacements in world axes of each node and carrier."""
+        return on_carriers(self.world(rows), self.internal)
 
 
-def _on_nodes(part: Superelement, rows: Array, first: int) -> Array:
-    """Rows on coordinates from ``first`` on, as rows on six displacements in world axes of each node and carrier."""
-    interface = 6 * len(part.nodes) - first
-    world = (rows[:, :interface].reshape(-1, 3) @ np.array(part.orientation).T).reshape(len(rows), interface)
-    carried = np.zeros((len(rows), len(part.carriers), 6))
-    for j in range(part.internal):
-        carried[:, j // 3, j % 3] = rows[:, interface + j]
-    return np.concatenate((world, carried.reshape(len(rows), 6 * len(part.carriers))), axis=1)
+def elastic_part(part: Superelement, gravity: Vector | None = None) -> ElasticPart:
+    """Return a superelement as what is linear in the frame of the body that carries it.
+
+    Parameters
+    ----------
+    part : Superelement
+        The superelement.
+    gravity : tuple of 3 floats, optional
+        Acceleration of free fall [m/s^2].
+
+    Returns
+    -------
+    ElasticPart
+        Its stiffness, state and weight.
+
+    Raises
+    ------
+    ModelError
+        If gravity acts and the matrices do not tell how.
+    """
+    layout = Layout.of(part, part.root)
+    values, rows = part.factors[1]
+    six = layout.seen(part)
+    root, point = ("ground", part.nodes[0][1]) if part.root is None else (part.body_of(part.root),
+                                                                       part.nodes[part.root][1])  # fmt: skip
+    state = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
+    result = ElasticPart(
+        part.name, root, tuple([f"{part.name}.{part.nodes[i][0]}" for i in layout.nodes]),
+        tuple([(node.body, node.point) for node in six[: len(layout.nodes)]]), part.carriers, part.nodes[0][1],
+        layout.world(rows), values, layout.world(state[layout.coordinates]),
+    )  # fmt: skip
+    return result if gravity is None or not any(gravity) else _weighed(part, result, layout, point, gravity)
+
+
+def _weighed(part: Superelement, elastic: ElasticPart, layout: Layout, point: Vector, gravity: Vector) -> ElasticPart:
+    """The same under gravity g, V = -g . (m p + A (s0 + G x)) with the frame A at p, first moments s0 and G = R^T M.
+
+    R are the nodes' translations, which move the whole model; x are its coordinates in its frame.
+    """
+    mass, points = np.array(part.M), np.array(part.points_without_forces)
+    translations = rigid_motions(points, layout.axes, len(mass))
+    if part.grounded:
+        raise ModelError(
+            f"superelement '{part.name}': its mass does not tell how gravity acts on a model that is held by the "
+            f"ground within (grounded=True); leave gravity out, or give the model with its feet as nodes on the "
+            f"ground.", element=part.name, field="grounded",
+        )  # fmt: skip
+    moments = translations[:, :3].T @ mass
+    total, first = moments @ translations[:, :3], moments @ translations[:, 3:]
+    weight = float(total.trace()) / 3.0
+    size = np.abs(first).max(initial=0.0)
+    if np.abs(total - weight * np.eye(3)).max() > RIGID * abs(weight) or np.abs(first + first.T).max() > RIGID * size:
+        raise ModelError(
+            f"superelement '{part.name}': its mass for translations along its axes is {total.diagonal().tolist()} kg, "
+            f"so M does not tell how gravity acts; expected the same along all three and none across. Reduce the "
+            f"model with nodes that move it as a rigid body, or leave gravity out.", element=part.name, field="M",
+        )  # fmt: skip
+    g, along = np.array(gravity), layout.axes @ moments[:, layout.coordinates]
+    # first moment about the node that carries the part: u = theta x r, so that M_tr = -[s]x
+    arm = layout.axes @ axial(-first) - weight * (np.array(point) - points[0])
+    moved = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
+    arm += along @ moved[layout.coordinates]
+    force = layout.world(moments[:, layout.coordinates].T @ layout.axes.T @ g)
+    if elastic.root == "ground":
+        return replace(elastic, force=force)
+    centre = np.array(point) + arm / weight if weight else np.array(point)
+    load = Load(f"{part.name}.weight", elastic.root, tuple((weight * g).tolist()), NONE, tuple(centre.tolist()))
+    across = skew(g) @ layout.world(along)
+    return replace(elastic, force=force, loads=(load,) if weight else (),
+                   extra=turning_rows(elastic, point, across))  # fmt: skip

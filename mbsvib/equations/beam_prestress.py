@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ import numpy as np
 from mbsvib.elements import Bushing
 from mbsvib.elements import beam_element as element
 from mbsvib.elements import load as _load
-from mbsvib.elements.beam_expansion import middle, turned
+from mbsvib.elements.beam_expansion import elastic_part, middle, turned
 from mbsvib.elements.shared_rows import Node, Piece
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Load
     from mbsvib.elements.beam import Beam
+    from mbsvib.elements.elastic_part import ElasticPart
     from mbsvib.mechanism.mechanism import Mechanism
 
 
@@ -58,7 +60,7 @@ def weights(beam: Beam, gravity: Vector) -> list[Load]:
     """
     line = beam.material.rho * beam.properties.A
     mass = np.zeros(len(beam.points))
-    for i, (length, _) in enumerate(beam.frames()):
+    for i, length in enumerate(beam.lengths()):
         mass[i : i + 2] += 0.5 * line * length
     return [
         _load.make(f"{beam.name}.weight{i}", beam.node(i), [m * g for g in gravity], _load.NONE, point, False)
@@ -66,20 +68,28 @@ def weights(beam: Beam, gravity: Vector) -> list[Load]:
     ]  # fmt: skip
 
 
-def carried(model: Mechanism, beams: Sequence[Beam]) -> dict[str, Bushing]:
-    """Return the elements of loaded beams with what they carry as preload.
+def carried(
+    model: Mechanism, beams: Sequence[Beam], reduced: Sequence[ElasticPart] = ()
+) -> tuple[dict[str, Bushing], list[Array]]:
+    """Return the elements of loaded beams with what they carry as preload, and the forces in superelements.
+
+    Where displacements are known, their forces are taken, and statics are met by the least energy on top.
 
     Parameters
     ----------
     model : Mechanism
-        The mechanism in plain parts, its elements without preload.
+        The mechanism in plain parts, without forces in elements and superelements but those of weights.
     beams : sequence of Beam
         Its beams.
+    reduced : sequence of ElasticPart
+        Its superelements.
 
     Returns
     -------
     dict of str to Bushing
         The elements by name, in the order of the beams.
+    list of array
+        Forces in the rows of each superelement.
     """
     from mbsvib.equations.loaded import load
     from mbsvib.equations.matrices import matrices
@@ -96,19 +106,50 @@ def carried(model: Mechanism, beams: Sequence[Beam]) -> dict[str, Bushing]:
     place = {name: i for i, name in enumerate(names)}
     which = [(row, place[view.elements[owner].name]) for row, owner in enumerate(view.springs.owner.tolist())
              if view.elements[owner].name in place]  # fmt: skip
-    rows = np.array([row for row, _ in which])
-    direction = view.springs.unit[rows].argmax(axis=1)
-    felt, root = found["elastic_rows"][rows], np.sqrt(found["stiffness"][rows])
-    apart = relative.dense(view.locked, view.locked + len(view.springs.owner))[rows]
-    residual = load(view, relative, reduction, found, model.name, checked=False).residual
+    springs = np.array([row for row, _ in which], dtype=np.intp)
+    element = np.array([i for _, i in which], dtype=np.intp)
+    direction = view.springs.unit[springs].argmax(axis=1)
+    apart = relative.dense(view.locked, relative.shape[0])
+    opened = [apart[springs]]
+    felt, root = [found["elastic_rows"][springs]], [np.sqrt(found["stiffness"][springs])]
+    known = [_deformations(beams)[element, direction] * -found["stiffness"][springs]]
+    elastic = None if view.shared is None else view.shared.elastic
+    if elastic is not None:
+        every = elastic.composite.of(apart[len(apart) - len(elastic.composite.rows.first) :])
+        for part in reduced:
+            own = np.array([owner == part.owner for owner in elastic.owner]) & (elastic.stiffness != 0.0)
+            opened.append(every[own])
+            felt.append(reduction.apply_exactly(every[own]))
+            root.append(np.sqrt(elastic.stiffness[own]))
+            known.append(part.row_forces)
+    rows, before = np.concatenate(felt), np.concatenate(known)
+    residual = np.zeros(rows.shape[1])
+    if view.loads is not None:
+        residual = load(view, relative, reduction, found, model.name, checked=False).residual
+    forces = before + spread(rows, np.concatenate(opened), np.concatenate(root), -residual - before @ rows)
     preload = np.zeros((len(names), 6))
-    preload[[i for _, i in which], direction] = spread(felt, apart, root, -residual)
+    preload[element, direction] = forces[: len(springs)]
     result = {}
     for name, six in zip(names, preload.tolist(), strict=True):
         spring = model.springs[name]
         if isinstance(spring, Bushing):
             result[name] = replace(spring, preload=tuple(six)) if any(six) else spring
-    return result
+    ends = np.cumsum([len(part) for part in felt])
+    along = [forces[start:end] for start, end in pairwise(ends)] or [np.zeros(0) for _ in reduced]
+    return result, along
+
+
+def _deformations(beams: Sequence[Beam]) -> Array:
+    """Deformations (elements, 6) that displacements of loaded beams tell, in the axes of the elements."""
+    result = []
+    for beam in beams:
+        count = len(beam.element_names)
+        if beam.displacements is None:
+            result.append(np.zeros((count, 6)))
+        else:
+            part = elastic_part(beam)
+            result.append((part.rows @ part.state).reshape(count, 6))
+    return np.concatenate(result) if result else np.zeros((0, 6))
 
 
 def spread(rows: Array, apart: Array, root: Array, needed: Array) -> Array:

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.shared_rows import Piece, Pieces
-from mbsvib.errors import ModelError
 from mbsvib.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.elastic_part import ElasticPart
 
 EXPANSIONS = {family.part: family.plain for family in FAMILIES if family.plain is not None}
 _MADE = ("bodies", "joints", "springs", "outputs")
@@ -31,7 +38,7 @@ def expanded(model: M) -> M:
     Raises
     ------
     ModelError
-        If a superelement stands in a model under load.
+        If gravity acts on a superelement whose mass does not tell how.
     """
     parts = [part for group in (model.composed, model.springs, model.outputs) for part in group.values()
              if type(part) in EXPANSIONS]  # fmt: skip
@@ -54,22 +61,42 @@ def expanded(model: M) -> M:
     nodes = frozenset(groups["bodies"]) - frozenset(model.bodies)
     pieces = Pieces(tuple(mass), tuple(elastic), nodes, owners, frozenset(made))
     result = model.with_parts(**groups, composed={}, pieces=pieces)
-    return _prestressed(result, model) if model.composed and is_loaded(result) else result
+    bent = any(beam.displacements is not None for beam in model.beams.values()) or any(
+        part.displacements is not None for part in model.superelements.values())  # fmt: skip
+    return _prestressed(result, model) if bent or (model.composed and is_loaded(result)) else result
 
 
 def _prestressed(plain: M, model: M) -> M:
-    """Return the plain mechanism with what the elements of beams carry in the loaded pose."""
+    """Return the plain mechanism with what beams and superelements carry in the loaded pose."""
+    from mbsvib.elements.elastic_part import rotation_rows
+    from mbsvib.elements.superelement_expansion import elastic_part
     from mbsvib.equations.beam_prestress import bent_lines, carried, weights
 
-    for name in model.superelements:
-        raise ModelError(f"superelement '{name}': a model under load does not support superelements yet; leave the "
-                         f"load out, or model it by beams.", element=name)  # fmt: skip
     beams = tuple(model.beams.values())
+    reduced = tuple([elastic_part(part, model.gravity) for part in model.superelements.values()])
+    loads: dict[str, Any] = dict(plain.loads)
     if plain.gravity is not None:
-        weight = {load.name: load for beam in beams for load in weights(beam, plain.gravity)}
-        plain = plain.with_parts(loads=dict(plain.loads) | weight)
-    carrying = carried(plain, beams)
+        loads |= {load.name: load for beam in beams for load in weights(beam, plain.gravity)}
+        loads |= {load.name: load for part in reduced for load in part.loads}
+    plain = plain.with_parts(loads=loads)
+    carrying, forces = carried(_pulled(plain, [(part, np.zeros(len(part.values))) for part in reduced]), beams, reduced)
     assert plain.pieces is not None
     bent = [piece for beam in beams for piece in bent_lines(beam, carrying)]
+    for part, rows in zip(reduced, forces, strict=True):
+        bent += [*part.extra, *rotation_rows(part, part.forces(rows))]
     pieces = replace(plain.pieces, elastic=(*plain.pieces.elastic, *bent))
+    plain = _pulled(plain, list(zip(reduced, forces, strict=True)))
     return plain.with_parts(springs=dict(plain.springs) | carrying, pieces=pieces)
+
+
+def _pulled(plain: M, parts: Sequence[tuple[ElasticPart, Array]]) -> M:
+    """Return a mechanism with what superelements do to their nodes, by the forces in their rows."""
+    from mbsvib.elements.elastic_part import wrenches
+
+    springs: dict[str, Any] = dict(plain.springs)
+    loads: dict[str, Any] = dict(plain.loads)
+    for part, rows in parts:
+        bushings, pulls = wrenches(part, rows)
+        springs |= {spring.name: spring for spring in bushings}
+        loads |= {load.name: load for load in pulls}
+    return plain.with_parts(loads=loads, springs=springs)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.expansion import expanded
 from mbsvib.equations.matrices import matrices
 from mbsvib.equations.scene import scene
+from mbsvib.equilibrium.articulation import elastic_scale, plain
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.errors import NearSingularWarning
 from mbsvib.kinematics.loops import EPS, reduce
@@ -33,8 +33,8 @@ class Balance:
 
     ``residual`` (m,) is what is left over, ``acting`` (m,) the size of what should cancel [N, N m] and ``size`` (m,)
     the same, or that of the least that positions can tell; ``tangent`` (m, m) is -d(residual)/dz, exact where the
-    residual is zero. ``scale`` (m,) makes coordinates alike: 1 rad, or the size of the mechanism. ``names`` are the
-    coordinates' and ``reduction`` leads to those of all joints.
+    residual is zero. ``scale`` (m,) makes coordinates alike: 1 rad, or the size of the mechanism, less along what is
+    stiff within a beam or superelement. ``names`` are the coordinates' and ``reduction`` leads to those of all joints.
     """
 
     reduction: Reduction
@@ -79,8 +79,8 @@ def balance(at: Stance) -> Balance:
     Balance
         Residual and tangent.
     """
-    model = at.described if at.pose.as_described else carried(at.described, at.pose)
-    numbers = scene(expanded(model), at.cut)
+    model = plain(at.described if at.pose.as_described else carried(at.described, at.pose))
+    numbers = scene(model, at.cut)
     relative = numbers.relative()
     locked, coordinates = numbers.locked, numbers.coordinates
     with warnings.catch_warnings():  # a pose on the way, not the one that is asked for
@@ -95,7 +95,8 @@ def balance(at: Stance) -> Balance:
 
         statics = load(numbers, relative, reduction, found, model.name, checked=False)
         residual, acting = statics.residual, statics.size
-    scale = at.scale[kept]
-    size = np.maximum(acting, EPS / RESOLVED * (np.abs(found["K"]) @ scale))
-    return Balance(reduction, tuple([coordinates.names[k] for k in kept.tolist()]), residual, acting, size,
-                   found["K"], scale)  # fmt: skip
+    names = tuple([coordinates.names[k] for k in kept.tolist()])
+    lengths = at.scale[kept]
+    size = np.maximum(acting, EPS / RESOLVED * (np.abs(found["K"]) @ lengths))
+    scale = lengths * elastic_scale(at.described, names, found["K"].diagonal() * lengths**2)
+    return Balance(reduction, names, residual, acting, size, found["K"], scale)

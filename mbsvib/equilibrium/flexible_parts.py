@@ -1,92 +1,41 @@
-"""Beams and superelements on their way to another pose: they go along as they are, as rigid bodies would."""
+"""Beams and superelements on their way to another pose: they bend, or go along as rigid bodies would.
+
+In the frame of the body that carries them they are linear: ``elements.elastic_part`` says what they do there.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from mbsvib.elements import body as _body
-from mbsvib.elements import joint as _joint
+from mbsvib.common import arguments as check
 from mbsvib.elements.beam import Beam
-from mbsvib.equations.beam_prestress import weights
-from mbsvib.errors import ModelError
-from mbsvib.mechanism.mechanism import GROUND, Mechanism
-from mbsvib.mechanism.rebuilding import changed
+from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rotations import exponential, logarithm
+from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Part
     from mbsvib.elements.superelement import Superelement
     from mbsvib.equilibrium.pose import Pose
-    from mbsvib.equilibrium.report import Equilibrium
+    from mbsvib.mechanism.mechanism import Mechanism
 
-M = TypeVar("M", bound=Mechanism)
+    Flexible = Beam | Superelement
 
-# Axes of elements count as carried along when they are off by no more than so much rounding.
-SAME = 1e-12
-
-
-def stiffened(model: M) -> M:
-    """Return the same mechanism with fixed joints in place of beams and superelements, their nodes among its bodies.
-
-    The weight of beams is that of loads on the nodes, as linearize has it; inputs and outputs, which may refer to
-    elements of beams, are left out.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The same model if nothing in it bends.
-    """
-    if not model.composed:
-        return model
-    bodies, joints, loads = dict(model.bodies), dict(model.joints), dict(model.loads)
-    flexible = cast("list[Beam | Superelement]", list(model.composed.values()))
-    for part in flexible:
-        for node, point in part.node_names.items():
-            bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
-    for part in flexible:
-        if isinstance(part, Beam) and model.gravity is not None and any(model.gravity):
-            loads |= {load.name: load for load in weights(part, model.gravity)}
-        places = held(part)
-        root = root_of(part)
-        for k, (body, point) in enumerate(places.items()):
-            if body != root:
-                name = f"{part.name} holds {k}"
-                joints[name] = _joint.make(name, "fixed", root, body, point, None, None, None, None, None)
-    return model.with_parts(bodies=bodies, composed={}, joints=joints, loads=loads, inputs={}, outputs={})
+# Displacements of nodes against the body that carries a part are rounding up to this share of its distance from the
+# origin, or this angle [rad].
+ROUNDING = 64.0 * EPS
 
 
-def held_as(model: M, found: Equilibrium[M]) -> Equilibrium[M]:
-    """Return what holds a mechanism, found for the stiffened one.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    found : Equilibrium
-        What preloads hold the stiffened one.
-
-    Returns
-    -------
-    Equilibrium
-        The same for the mechanism itself.
-    """
-    if not model.composed:
-        return found
-
-    changes = {name: {word: value for word, value in part.words().items() if word in ("preload", "free_length")}
-               for name, part in found.model.springs.items()}  # fmt: skip
-    return replace(found, model=changed(model, changes))
+def flexible(model: Mechanism) -> list[Flexible]:
+    """Return the beams and superelements of a mechanism."""
+    return cast("list[Flexible]", list(model.composed.values()))
 
 
-def held(part: Beam | Superelement) -> dict[str, Any]:
+def held(part: Flexible) -> dict[str, Any]:
     """Return the bodies that a beam or superelement holds together, nodes and ground included, and a point of each.
 
     Parameters
@@ -105,25 +54,15 @@ def held(part: Beam | Superelement) -> dict[str, Any]:
     return points | ({GROUND: part.nodes[0][1]} if part.grounded else {})
 
 
-def root_of(part: Beam | Superelement) -> str:
-    """Return the body along with which a beam or superelement goes.
-
-    Parameters
-    ----------
-    part : Beam or Superelement
-        The part.
-
-    Returns
-    -------
-    str
-        Ground if it holds that, else the first body that it holds.
-    """
-    bodies = held(part)
-    return GROUND if GROUND in bodies else next(iter(bodies))
+def root_of(part: Flexible) -> str:
+    """Return the body that carries a beam or superelement: ground if it holds that, else the first body it holds."""
+    if isinstance(part, Beam):
+        return part.root
+    return GROUND if part.root is None else part.body_of(part.root)
 
 
-def words_at(part: Beam | Superelement, pose: Pose) -> dict[str, Any]:
-    """Return the words of a beam or superelement in another pose, to which it goes as a rigid body.
+def words_at(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
+    """Return a beam or superelement in another pose, or its words if it goes there as a rigid body.
 
     Parameters
     ----------
@@ -134,21 +73,72 @@ def words_at(part: Beam | Superelement, pose: Pose) -> dict[str, Any]:
 
     Returns
     -------
-    dict
-        Words of its adder.
+    dict or Part
+        Words of its adder, or the bent part.
 
     Raises
     ------
     ModelError
         If no single direction says where the y axes of its elements have gone.
     """
-    words, root = part.words(), root_of(part)
-    if pose.stays(root):
-        return words
-    if not isinstance(part, Beam):
-        words["nodes"] = {name: pose.point(root, point) for name, point in part.nodes}
-        words["orientation"] = pose.turned(root, part.orientation)
-        return words
+    bodies = [part.node(i) for i in range(len(part.points))] if isinstance(part, Beam) else \
+        [part.body_of(i) for i in range(len(part.nodes))]  # fmt: skip
+    carriers = [] if isinstance(part, Beam) else [name for name in part.carriers if name in pose.number]
+    if pose.as_described or all(map(pose.stays, [root_of(part), *bodies, *carriers])):
+        return part
+    return _beam(part, bodies, pose) if isinstance(part, Beam) else _superelement(part, bodies, pose)
+
+
+def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose) -> tuple[Array, Array, bool]:
+    """Points (n, 3) of nodes, their displacements (n, 6) in the frame of the root, both in the pose, and whether these
+    have changed by more than rounding in the axes of the root.
+
+    ``before`` (n, 6) are the displacements as described, ``points`` (n, 3) the points.
+    """
+    which, frame = np.array([pose.number[body] for body in bodies]), np.full(len(bodies), pose.number[root])
+    there, turn = pose.points(which, points), pose.turn[pose.number[root]]
+    change = there - pose.points(frame, points)
+    rotation = logarithm(turn.T @ pose.turn[which] @ exponential(before[:, 3:]))
+    after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
+    extent = float(np.abs(np.concatenate((points, there))).max())
+    turned = np.abs(rotation - before[:, 3:]).max()
+    return there, after, bool(np.abs(change).max() > ROUNDING * extent or turned > ROUNDING)
+
+
+def _beam(part: Beam, bodies: list[str], pose: Pose) -> dict[str, Any] | Part:
+    count, root = len(bodies), root_of(part)
+    before = np.zeros((count, 6)) if part.displacements is None else np.array(part.displacements)
+    points, after, bends = _bent(root, bodies, np.array(part.points), before, pose)
+    if not bends and part.displacements is None:
+        return _rigid_words(part, root, pose)
+    turn = exponential(0.5 * (after[1:, 3:] + after[:-1, 3:])) @ pose.turn[pose.number[root]]
+    return part.through(points, np.einsum("eij,ej->ei", turn, part.without_forces().y_axes()), after)
+
+
+def _superelement(part: Superelement, bodies: list[str], pose: Pose) -> Part:
+    axes, root, count = np.array(part.orientation), root_of(part), len(bodies)
+    before = np.zeros(len(part.M)) if part.displacements is None else np.array(part.displacements)
+    world = (before[: 6 * count].reshape(-1, 3) @ axes.T).reshape(-1, 6)
+    points, after, bends = _bent(root, bodies, np.array([point for _, point in part.nodes]), world, pose)
+    turned = pose.turned(root, part.orientation)
+    internal = before[6 * count :].copy()
+    for i, name in enumerate(part.carriers):
+        k = pose.number.get(name)
+        if k is not None:  # not where the part goes along as a rigid body
+            own = internal[3 * i : 3 * i + 3]
+            own += (pose.centre[k] - pose.origin[k])[: len(own)]
+    state = np.concatenate(((after.reshape(-1, 3) @ turned).reshape(-1), internal))
+    bends = bends or part.displacements is not None or bool((internal != before[6 * count :]).any())
+    names = [name for name, _ in part.nodes]
+    return replace(
+        part, nodes=tuple(zip(names, [(x, y, z) for x, y, z in points.tolist()], strict=True)),
+        orientation=check.orientation(turned, part.name), displacements=tuple(state.tolist()) if bends else None,
+    )  # fmt: skip
+
+
+def _rigid_words(part: Beam, root: str, pose: Pose) -> dict[str, Any]:
+    """Words of a beam that goes along as a rigid body."""
+    words = part.words()
     for key in ("start", "end"):
         if words.get(key) is not None:
             words[key] = pose.point(root, words[key])
@@ -156,18 +146,6 @@ def words_at(part: Beam | Superelement, pose: Pose) -> dict[str, Any]:
         words["nodes"] = [pose.point(root, point) for point in words["nodes"]]
     if words.get("axis") is not None:
         words["axis"] = pose.turned(root, words["axis"])
-    before = part.frames()
-    sideways = np.array(before[0][1])[:, 1] if part.y_axis is None else np.array(part.y_axis)
-    words["y_axis"] = pose.turned(root, sideways)
-    _check_axes(part, words, [pose.turned(root, axes) for _, axes in before])
+    sideways = part.y_axes() @ pose.turn[pose.number[root]].T
+    words["y_axis"] = sideways[0] if np.abs(part.y_axes() - part.y_axes()[0]).max() == 0.0 else sideways
     return words
-
-
-def _check_axes(part: Beam, words: Mapping[str, Any], expected: list[Any]) -> None:
-    from mbsvib.elements.beam import make
-
-    found = [np.array(axes) for _, axes in make(**words).frames()]
-    if max(float(np.abs(a - b).max()) for a, b in zip(found, expected, strict=True)) > SAME:
-        raise ModelError(f"beam '{part.name}': its elements have horizontal y axes, which no single y_axis can say in "
-                         f"another pose; give it a y_axis, or make it of straight beams.", element=part.name,
-                         field="y_axis")  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
-from mbsvib.equilibrium.flexible_parts import stiffened
+from mbsvib.equilibrium.articulation import stiffened
 from mbsvib.equilibrium.motion import close, same_side, stance
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.equilibrium.pose import start

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.expected import names
-from mbsvib.elements.refusal import refuse_composed
+from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.couplers import check_couplers
+from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.messages import lacking
 from mbsvib.equilibrium.motion import stance
@@ -51,12 +52,10 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     EquilibriumError
         If no such pose can be reached.
     """
-    refuse_composed(model.composed.values(), "model.equilibrium",
-                    "linearize takes the pose of a beam as the loaded one; model.equilibrium(preload=...) finds what "
-                    "holds it there")  # fmt: skip
     cut = tuple(names(cut, "equilibrium", "cut", ModelError))
-    pose, plain = start(model), bare(model)
-    first = stance(plain, pose, cut)
+    jointed = bare(articulated(model))
+    pose = start(jointed)
+    first = stance(jointed, pose, cut)
     before = balance(first)
     if before.share <= FOUND:
         there = _described(model, pose)
@@ -65,12 +64,15 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     if found.stopped:
         raise _unreachable(found)
     there = _described(model, found.stance.pose)
+    warn_beyond(there, found.stance, found.balance.reduction)
     return Equilibrium(there, found.steps, found.residuals, found.shares, displacements(found.stance.pose))
 
 
 def _described(model: M, pose: Pose) -> M:
     """The model in the pose that was found."""
-    there = without_rounding(carried(model, pose))
+    there = carried(model, pose)
+    if not model.composed:
+        there = without_rounding(there)
     check_couplers(model, there)
     return there
 

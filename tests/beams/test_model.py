@@ -307,8 +307,7 @@ def test_other_poses_are_refused_by_name():
     model = cantilever()
     with pytest.raises(mv.ModelError, match=r"'rod\.e1\.x' is no joint coordinate"):
         model.moved({"rod.e1.x": 0.1})
-    with pytest.raises(mv.ModelError, match=r"beam 'rod': model.equilibrium"):
-        model.equilibrium()
+    assert model.equilibrium(report=True).iterations == 0
 
 
 def test_longer_beams_bend_slower_by_the_square_and_stretch_by_the_first_power():

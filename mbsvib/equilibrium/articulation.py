@@ -1,0 +1,189 @@
+"""Mechanisms whose beams and superelements are joints between their nodes: free ones to bend, or fixed ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from mbsvib.elements import beam_expansion, superelement_expansion
+from mbsvib.elements import body as _body
+from mbsvib.elements import joint as _joint
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.elastic_part import rotation_rows, stiffness_rows, wrenches
+from mbsvib.elements.shared_rows import Pieces
+from mbsvib.equations.beam_prestress import weights
+from mbsvib.equilibrium.flexible_parts import flexible, held, root_of
+from mbsvib.mechanism.mechanism import Mechanism
+from mbsvib.mechanism.rebuilding import changed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements import Load
+    from mbsvib.elements.elastic_part import ElasticPart
+    from mbsvib.elements.shared_rows import Piece
+    from mbsvib.equilibrium.report import Equilibrium
+
+M = TypeVar("M", bound=Mechanism)
+
+
+def articulated(model: M) -> M:
+    """Return the same mechanism with free joints between the nodes of beams and superelements, which bend.
+
+    Nodes and internal coordinates are among its bodies, and the parts are still there to tell what they do by their
+    displacements; the weight of beams is that of loads on the nodes, as linearize has it.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+
+    Returns
+    -------
+    Mechanism
+        The same model if nothing in it bends.
+    """
+    if not model.composed:
+        return model
+    bodies, joints = dict(model.bodies), dict(model.joints)
+    for part in model.superelements.values():
+        bodies |= {body.name: body for body in superelement_expansion.node_bodies(part)}
+        joints |= dict(superelement_expansion.links(part))
+    for beam in model.beams.values():
+        bodies |= {body.name: body for body in beam_expansion.node_bodies(beam)}
+        line = beam_expansion.elastic_part(beam)
+        for name, (node, point) in zip(line.names, line.nodes, strict=True):
+            joints[name] = _joint.make(name, "free", line.root, node, point, None, None, None, None, None)
+    return model.with_parts(bodies=bodies, joints=joints, loads=dict(model.loads) | _weights(model))
+
+
+def plain(model: M) -> M:
+    """Return an articulated mechanism with what its beams and superelements do in this pose in place of them.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism, moved to some pose.
+
+    Returns
+    -------
+    Mechanism
+        Preloaded bushings, loads, and stiffness that more than two bodies share.
+    """
+    if not model.composed:
+        return model
+    springs, loads = dict(model.springs), dict(model.loads)
+    elastic: list[Piece] = []
+    parts = [*map(beam_expansion.elastic_part, model.beams.values()), *_reduced(model)]
+    for part in parts:
+        bushings, pulls = wrenches(part)
+        springs |= {spring.name: spring for spring in bushings}
+        loads |= {load.name: load for load in (*pulls, *part.loads)}
+        elastic += [stiffness_rows(part)] if len(part.values) else []
+        elastic += [*rotation_rows(part, part.forces()), *part.extra]
+    pieces = Pieces((), tuple(elastic), frozenset(), ())
+    return model.with_parts(springs=springs, loads=loads, composed={}, pieces=pieces)
+
+
+def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Array:
+    """Return factors (m,) by which coordinates within beams and superelements become as soft as the others.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The articulated mechanism.
+    names : sequence of str
+        Names of its minimal coordinates.
+    energy : array, shape (m,)
+        Their own stiffness in units of like size.
+
+    Returns
+    -------
+    array, shape (m,)
+        sqrt(least stiffness of all / own) where that is less than one, and one of all other coordinates.
+    """
+    owners = {name for part in model.composed.values() for name in (part.name, *part.made, *_joints(part))}
+    elastic = np.array([name.rpartition(".")[0] in owners for name in names], dtype=bool) & (energy > 0.0)
+    result = np.ones(len(names))
+    if elastic.any():
+        others = energy[~elastic & (energy > 0.0)]
+        least = min(float(energy[elastic].min()), float(others.max()) if len(others) else np.inf)
+        result[elastic] = np.minimum(1.0, np.sqrt(least / energy[elastic]))
+    return result
+
+
+def _joints(part: Any) -> list[str]:
+    """Names of the joints between root and nodes of a beam."""
+    return [f"{part.name}.{i}" for i in range(len(part.points))] if isinstance(part, Beam) else []
+
+
+def _reduced(model: Mechanism) -> list[ElasticPart]:
+    """Superelements with their weight."""
+    return [superelement_expansion.elastic_part(part, model.gravity) for part in model.superelements.values()]
+
+
+def _weights(model: Mechanism) -> dict[str, Load]:
+    """The weight of beams as forces on their nodes."""
+    if model.gravity is None or not any(model.gravity):
+        return {}
+    return {load.name: load for beam in model.beams.values() for load in weights(beam, model.gravity)}
+
+
+def stiffened(model: M) -> M:
+    """Return the same mechanism with fixed joints in place of beams and superelements, their nodes among its bodies.
+
+    The weight of beams is that of loads on the nodes, as linearize has it; inputs and outputs, which may refer to
+    elements of beams, are left out.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+
+    Returns
+    -------
+    Mechanism
+        The same model if nothing in it bends.
+    """
+    if not model.composed:
+        return model
+    bodies, joints, loads = dict(model.bodies), dict(model.joints), dict(model.loads) | _weights(model)
+    loads |= {load.name: load for reduced in _reduced(model) for load in reduced.loads}
+    parts = flexible(model)
+    for part in parts:
+        for node, point in part.node_names.items():
+            bodies[node] = _body.make(node, 0.0, (0.0, 0.0, 0.0), point, None)
+    for part in parts:
+        places = held(part)
+        root = root_of(part)
+        for k, (body, point) in enumerate(places.items()):
+            if body != root:
+                name = f"{part.name} holds {k}"
+                joints[name] = _joint.make(name, "fixed", root, body, point, None, None, None, None, None)
+    return model.with_parts(bodies=bodies, composed={}, joints=joints, loads=loads, inputs={}, outputs={})
+
+
+def held_as(model: M, found: Equilibrium[M]) -> Equilibrium[M]:
+    """Return what holds a mechanism, found for the stiffened one.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    found : Equilibrium
+        What preloads hold the stiffened one.
+
+    Returns
+    -------
+    Equilibrium
+        The same for the mechanism itself.
+    """
+    if not model.composed:
+        return found
+
+    changes = {name: {word: value for word, value in part.words().items() if word in ("preload", "free_length")}
+               for name, part in found.model.springs.items()}  # fmt: skip
+    return replace(found, model=changed(model, changes))

@@ -1,0 +1,91 @@
+"""How far beams and superelements may bend: warnings where the linear theory of small displacements ends."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.rows import Rows
+from mbsvib.errors import LargeDisplacementWarning
+from mbsvib.kinematics.relative_motion import relative_motion
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.mechanism.mechanism import Mechanism
+
+# Nodes that have turned by this angle [rad] against what carries the part: displacements are off by about its square
+# over two.
+TURNED = 0.15
+# A sag w of a beam whose ends stay apart makes it stiffer by the share w^2 / (16 i^2), i its radius of gyration, which
+# is 0.75 (w / t)^2 of a thickness t: less than one percent up to this share of the thickness.
+SAG = 0.1
+# What ends move along the line between them by less than this is rounding.
+APART = 1e-9
+
+
+def warn_beyond(there: Mechanism, at: Stance, reduction: Reduction) -> None:
+    """Warn of parts that bend further than linear theory holds.
+
+    Parameters
+    ----------
+    there : Mechanism
+        The model in its new pose.
+    at : Stance
+        The pose.
+    reduction : Reduction
+        Its minimal coordinates.
+
+    Warns
+    -----
+    LargeDisplacementWarning
+        If nodes have turned by ``TURNED``, or a beam whose ends are held apart sags by ``SAG`` of its thickness.
+    """
+    for part in there.composed.values():
+        bent = getattr(part, "displacements", None)
+        if bent is None:
+            continue
+        kind = type(part).__name__.lower()
+        nodes = len(part.points) if isinstance(part, Beam) else len(getattr(part, "nodes", ()))
+        six = np.array(bent).reshape(-1)[: 6 * nodes].reshape(-1, 6)
+        angle = float(np.sqrt(np.square(six[:, 3:]).sum(axis=1)).max())
+        if angle > TURNED:
+            _warn(f"{kind} '{part.name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of "
+                  f"the body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts of it, with "
+                  f"a body between them, or lower the load.")  # fmt: skip
+        elif isinstance(part, Beam) and (share := _sag(part, six)) > SAG and _held_apart(part, at, reduction):
+            _warn(f"beam '{part.name}' sags by {share:.2g} of its thickness between ends that are held apart, which "
+                  f"would stretch it and make it stiffer by about {0.75 * share**2:.0%}; small displacements know no "
+                  f"such tension.")  # fmt: skip
+
+
+def _warn(message: str) -> None:
+    warnings.warn(message, LargeDisplacementWarning, stacklevel=5)
+
+
+def _sag(beam: Beam, six: Array) -> float:
+    """The largest deflection from the line between the ends over the thickness in its direction."""
+    axes = np.array([axes for _, axes in beam.without_forces().frames()])
+    share = (np.arange(len(six)) / (len(six) - 1))[:, None]
+    sag = six[:, :3] - (1.0 - share) * six[0, :3] - share * six[-1, :3]
+    local = np.einsum("eij,ei->ej", axes[np.minimum(np.arange(len(six)), len(axes) - 1)], sag)
+    section = beam.properties
+    thick = [math.sqrt(12.0 * second / section.A) for second in (section.Iz, section.Iy)]
+    return float((np.abs(local[:, 1:]) / thick).max())
+
+
+def _held_apart(beam: Beam, at: Stance, reduction: Reduction) -> bool:
+    """Whether no coordinate changes the distance between the ends of a beam."""
+    first, last = beam.node(0), beam.node(len(beam.points) - 1)
+    if first == last:
+        return True
+    line = np.subtract(beam.points[-1], beam.points[0])
+    line /= np.linalg.norm(line)
+    rows = Rows.stack([(at.pose.number[first], at.pose.number[last], *beam.points[-1], *line.tolist(), 0.0, 0.0, 0.0)])
+    motion = reduction.apply(relative_motion(at.coordinates, rows).dense(0, 1))
+    return not bool((np.abs(motion) > APART).any())
