@@ -23,8 +23,8 @@ from mbsvib.equations.equations import MATRICES, Equations
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
-from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.equilibrium.articulation import stiffened
+from mbsvib.equilibrium.at_equilibrium import settled
 from mbsvib.equilibrium.moved import coordinates_of, moved
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
