@@ -14,6 +14,7 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.elastic_part import rotation_rows, stiffness_rows, wrenches
 from mbsvib.elements.shared_rows import Pieces
 from mbsvib.equations.beam_prestress import weights
+from mbsvib.equations.expansion import expanded
 from mbsvib.equilibrium.flexible_parts import flexible, held, root_of
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
@@ -61,7 +62,7 @@ def articulated(model: M) -> M:
 
 
 def plain(model: M) -> M:
-    """Return an articulated mechanism with what its beams and superelements do in this pose in place of them.
+    """Return an articulated mechanism in plain parts, with what beams and superelements do in this pose.
 
     Parameters
     ----------
@@ -73,9 +74,10 @@ def plain(model: M) -> M:
     Mechanism
         Preloaded bushings, loads, and stiffness that more than two bodies share.
     """
+    result = expanded(model.with_parts(composed={}) if model.composed else model)
     if not model.composed:
-        return model
-    springs, loads = dict(model.springs), dict(model.loads)
+        return result
+    springs, loads = dict(result.springs), dict(result.loads)
     elastic: list[Piece] = []
     parts = [*map(beam_expansion.elastic_part, model.beams.values()), *_reduced(model)]
     for part in parts:
@@ -84,8 +86,9 @@ def plain(model: M) -> M:
         loads |= {load.name: load for load in (*pulls, *part.loads)}
         elastic += [stiffness_rows(part)] if len(part.values) else []
         elastic += [*rotation_rows(part, part.forces()), *part.extra]
-    pieces = Pieces((), tuple(elastic), frozenset(), ())
-    return model.with_parts(springs=springs, loads=loads, composed={}, pieces=pieces)
+    pieces = Pieces((), tuple(elastic), frozenset()) if result.pieces is None else \
+        replace(result.pieces, elastic=(*result.pieces.elastic, *elastic))  # fmt: skip
+    return result.with_parts(springs=springs, loads=loads, pieces=pieces)
 
 
 def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Array:
