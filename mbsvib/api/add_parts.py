@@ -192,7 +192,7 @@ class RigidMechanism(Mechanism):
 
     def add_maxwell(
         self, name: str, first: str | Body, second: str | Body, start: ArrayLike, end: ArrayLike, stiffness: float,
-        damping: float, static_stiffness: float = 0.0,
+        damping: float, static_stiffness: float = 0.0, preload: float | None = None,
     ) -> Maxwell:  # fmt: skip
         """Add a Maxwell (relaxation) element: a spring in series with a damper along the line between two points.
 
@@ -213,6 +213,8 @@ class RigidMechanism(Mechanism):
             Of the damper, c [N s/m].
         static_stiffness : float
             Of a spring beside both, k0 [N/m].
+        preload : float, optional
+            Tension of that spring in the given pose [N]; the one in series carries nothing at rest.
 
         Returns
         -------
@@ -227,7 +229,7 @@ class RigidMechanism(Mechanism):
         self._check_name(name, "maxwell")
         a = self._body_name(first, "maxwell", name, "first")
         b = self._body_name(second, "maxwell", name, "second")
-        part = _maxwell.make(name, a, b, start, end, stiffness, damping, static_stiffness)
+        part = _maxwell.make(name, a, b, start, end, stiffness, damping, static_stiffness, preload)
         self._check_name(part.node, f"maxwell '{name}': node")
         self._made[part.node] = part
         return self._keep(self._springs, part)

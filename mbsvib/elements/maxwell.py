@@ -14,7 +14,7 @@ from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends
 from mbsvib.elements.part import ParameterField, Part, derived, point
-from mbsvib.errors import NoWordsError
+from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -30,7 +30,9 @@ class Maxwell(Connection):
     """A spring (``stiffness`` k1 [N/m]) in series with a damper (``damping`` c [N s/m]), and beside both a spring of
     ``static_stiffness`` k0, along the line from ``start`` on ``first`` to ``end`` on ``second`` [m, world axes].
 
-    The damper is at the end; what it yields is the coordinate ``"NAME.z"``. ``line`` is the line's unit vector.
+    ``preload`` is the tension of the static spring in the given pose [N]; the one in series carries nothing there, as
+    its damper has given way. The damper is at the end; what it yields is the coordinate ``"NAME.z"``. ``line`` is the
+    line's unit vector.
     """
 
     start: Vector
@@ -38,7 +40,18 @@ class Maxwell(Connection):
     stiffness: float
     damping: float
     static_stiffness: float = 0.0
+    preload: float | None = None
     line: Vector = derived((0.0, 0.0, 1.0))
+
+    @property
+    def tension(self) -> float:
+        """Tension in the pose as described [N]."""
+        return self.preload or 0.0
+
+    @property
+    def loaded(self) -> bool:
+        """Whether it carries a force in the pose as described."""
+        return bool(self.preload)
 
     @property
     def node(self) -> str:
@@ -49,6 +62,8 @@ class Maxwell(Connection):
         yield ParameterField("stiffness", self.stiffness, "N/m")
         yield ParameterField("damping", self.damping, "N s/m")
         yield ParameterField("static_stiffness", self.static_stiffness, "N/m")
+        if self.preload is not None:
+            yield ParameterField("preload", self.preload, "N")
         yield point("start", self.start)
         yield point("end", self.end)
 
@@ -56,24 +71,21 @@ class Maxwell(Connection):
         return make(**self.arguments() | dict(values))  # type: ignore[return-value]
 
     def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        # the damper gives way until the spring in series carries nothing; the one beside them would carry a force
+        # the damper gives way until the spring in series carries nothing; the static one beside them does not
         if pose.stays(self.first) and pose.stays(self.second):
             return self
         start, end = pose.point(self.first, self.start), pose.point(self.second, self.end)
-        before, after = dist(self.start, self.end), dist(start, end)
-        if not relaxed and self.static_stiffness and abs(after - before) > ROUNDING * before:
-            who = f"maxwell '{self.name}'"
-            raise NoWordsError(
-                f"{who}: static_stiffness = {self.static_stiffness:g} would carry a force in another pose, "
-                f"which a Maxwell element cannot say; make it an add_spring of its own.",
-                element=who, field="static_stiffness",
-            )  # fmt: skip
-        return self.words() | {"start": start, "end": end}
+        words = self.words() | {"start": start, "end": end}
+        change = dist(start, end) - dist(self.start, self.end)
+        if not relaxed and self.static_stiffness and abs(change) > ROUNDING * dist(start, end):
+            words["preload"] = self.tension + self.static_stiffness * change
+        return words
 
 
 def make(
-    name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any, static_stiffness: Any
-) -> Maxwell:
+    name: str, first: str, second: str, start: Any, end: Any, stiffness: Any, damping: Any, static_stiffness: Any,
+    preload: Any = None,
+) -> Maxwell:  # fmt: skip
     """Check the values of a Maxwell element and build it."""
     who = f"maxwell '{name}'"
     check_ends(who, first, second)
@@ -94,4 +106,9 @@ def make(
     if c < 0.0:
         raise check.refuse(who, "damping", damping, "a number that is not negative [N s/m]")
     k0 = check.number(static_stiffness, who, "static_stiffness", "a finite number [N/m]")
-    return Maxwell(name, first, second, a, b, k, c, k0, (x / length, y / length, z / length))
+    if preload is not None:
+        preload = check.number(preload, who, "preload", "the tension of its static spring in the given pose [N]")
+        if preload and not k0:
+            raise ModelError(f"{who}: preload = {preload} needs a static_stiffness to carry it, as the damper gives "
+                             f"way; give one, or leave preload out.", element=who, field="preload")  # fmt: skip
+    return Maxwell(name, first, second, a, b, k, c, k0, preload, (x / length, y / length, z / length))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.elements import Bushing, Spring
+from mbsvib.elements import Bushing, Maxwell, Spring
 from mbsvib.equations.wrench_pairs import Pairs
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def applied(model: Mechanism, number: Mapping[str, int]) -> Applied:
         tuples.append((ground, number[load.body], *at, *at, *load.force, *load.torque))
         names.append(load.name)
     springs = [spring for spring in model.springs.values() if spring.loaded]
-    lines = [spring for spring in springs if isinstance(spring, Spring)]
+    lines = [spring for spring in springs if isinstance(spring, (Spring, Maxwell))]
     for line in lines:
         pull = [-line.tension * e for e in line.line]
         tuples.append((number[line.first], number[line.second], *line.start, *line.end, *pull, 0.0, 0.0, 0.0))

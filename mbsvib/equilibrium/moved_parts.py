@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mbsvib.elements import Joint, Maxwell
+from mbsvib.elements import Joint, Maxwell, Spring, spring
 from mbsvib.elements.part import Composed, Part
 from mbsvib.equilibrium import flexible_parts as rigid
 from mbsvib.equilibrium import joints
@@ -47,9 +47,16 @@ def carried(model: M, pose: Pose, relaxed: bool = False) -> M:
 
 
 def bare(model: M) -> M:
-    """Return a model without what no equilibrium depends on: inputs, outputs, and Maxwell elements, which give way."""
-    springs = {name: part for name, part in model.springs.items() if not isinstance(part, Maxwell)}
+    """Return a model without what no equilibrium depends on: inputs, outputs, and dampers in series that give way."""
+    springs = {name: _static(part) if isinstance(part, Maxwell) else part for name, part in model.springs.items()
+               if not isinstance(part, Maxwell) or part.static_stiffness}  # fmt: skip
     return model.with_parts(springs=springs, inputs={}, outputs={})
+
+
+def _static(part: Maxwell) -> Spring:
+    """The static spring beside a spring and damper in series."""
+    return spring.make(part.name, part.first, part.second, part.start, part.end, part.static_stiffness, 0.0,
+                       part.preload)  # fmt: skip
 
 
 def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Part:

@@ -70,8 +70,8 @@ def follows(system: Equations) -> bool:
     bool
         True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where
         all motions without mass have dampers; unless bushings with moments were turned on the way to an equilibrium
-        that was found, couplers or Maxwell elements went along, couplers contradict each other, or a joint's rotations
-        turn against its locked translations, which parameters of joints cannot say.
+        that was found, couplers or Maxwell elements went along or these carry a preload, couplers contradict each
+        other, or a joint's rotations turn against its locked translations, which parameters of joints cannot say.
     """
     came = system.provenance
     return (
@@ -79,7 +79,7 @@ def follows(system: Equations) -> bool:
         and (came.massless is None or came.massless.transform is None)
         and all(isinstance(part, _KNOWN) for part in came.parts)
         and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
-        and not (came.settled and any(isinstance(part, Maxwell) for part in came.parts))
+        and not any(isinstance(part, Maxwell) and (came.settled or part.loaded) for part in came.parts)
         and not (any(isinstance(part, Coupling) for part in came.parts)
                  and (came.settled or any(group.surplus for group in came.reduction.groups)))
         and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)

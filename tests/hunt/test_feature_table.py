@@ -55,8 +55,9 @@ ROWS = {
 }  # fmt: skip
 # What a single scene has against being moved or loaded, whatever its element; another scene is asked.
 OF_SCENE = re.compile(r"which no joint with|is no linear relation|off its axis|leave no choice|wound up")
-# Gravity does not turn with a ground that turns, and springs on bodies that spin would be wound up.
-NO_EQUILIBRIUM = ("base rotation", "spinning body", "rotating damper")
+# Gravity does not turn with a ground that turns, springs on bodies that spin would be wound up, and the mass of what
+# stands on the ground within does not tell how gravity acts.
+NO_EQUILIBRIUM = ("base rotation", "spinning body", "rotating damper", "grounded superelement")
 WORDS = {"held": "yes", "refused": "refused", "skipped": "–"}
 
 
