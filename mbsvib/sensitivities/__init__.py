@@ -19,19 +19,20 @@ variables              names, patterns and linear maps of parameters
 parameter_groups       the variables asked for with the groups of the parameters that they move
 parameter_group        one field of many parts of a kind, which one rule holds for
 matrix_group           parameters whose derivatives are whole matrices
-applicability          which parameters act by rules under load, with spin or beams
+applicability          which parameters act by rules under load
 variants               derivatives of whole matrices by differences, for all other parameters
 lost_freedoms          parameters that take degrees of freedom away
 
 Rules, the derivatives of the equations as products of motions and wrenches:
 products               forms of many parameters between many pairs of motions
 part_rules             bodies, joints, bushings and line springs; rule_terms has their common terms
-beam_rules, coupler_rules, maxwell_rules
+beam_rules, coupler_rules, maxwell_rules, rotor_rules, torsion_rules
 
 The mechanism in numbers:
 network                bodies and connections; network_assembly makes it of a system, network_parts names its parts
 adjoint_fields         motions, with the wrenches that they put into bodies and connections
 transmitted_wrenches   what joints transmit, loops included; constraint_forces has what closes loops
+shared_wrenches        what beams, reduced models and rotors do to bodies
 joint_release_motion   motions in which joints come apart, on which their forces do work
 ports                  inputs and outputs as loads of the network; port_checks compares them with the system
 

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 class Motions:
     """Motions ``vectors`` (m, ...) in minimal coordinates, of ``body`` (b, 6, ...) at their centres of mass and
     ``relative`` (j + s, 6, ...) of connections at their points, with what mass, stiffness and damping make of them:
-    ``momentum`` (b, 6, ...), ``elastic`` and ``viscous`` (s, 6, ...), the latter None without dampers.
+    ``momentum`` (b, 6, ...), ``elastic`` and ``viscous`` (s, 6, ...), the latter None without dampers; ``nodes``
+    (n, ...) are the displacements of nodes that more than two bodies share, None without any.
     """
 
     vectors: Field
@@ -36,6 +37,7 @@ class Motions:
     momentum: Field
     elastic: Field
     viscous: Field | None
+    nodes: Field | None = None
 
     def take(self, columns: Any) -> Motions:
         """Return some of the motions, numbered along the last axis."""
@@ -52,7 +54,8 @@ class Fields:
     would have to do to bodies that float and to all that hangs on them, ``tied`` (rows, ...) the forces in the rows
     that close loops. ``stiff``, ``rate`` and ``square`` are factors of stiffness, damping and inertia: 1, s and s^2.
     ``turned`` (j, 3, ...) is how far joints are turned open, whose moments at rest go with their first bodies,
-    ``alone`` (b, 6, ...) what part of the motions of bodies only their inertia does work on.
+    ``alone`` (b, 6, ...) what part of the motions of bodies only their inertia does work on; ``side``
+    tells the right (1) from the left (-1) of forms that need not be symmetric.
     """
 
     vectors: Field
@@ -68,6 +71,7 @@ class Fields:
     square: Field
     turned: Field | None = None
     alone: Field | None = None
+    side: int = 0
 
     @property
     def carrying(self) -> Field:
@@ -76,8 +80,8 @@ class Fields:
 
     def take(self, columns: Any) -> Fields:
         """Return some of the motions, numbered along the last axis."""
-        return Fields(*(None if (array := getattr(self, key)) is None else array[..., columns]
-                        for key in Fields.__slots__))  # type: ignore[arg-type]  # fmt: skip
+        return Fields(*(array if array is None or isinstance(array, int) else array[..., columns]
+                        for array in (getattr(self, key) for key in Fields.__slots__)))  # type: ignore[arg-type]  # fmt: skip
 
 
 def motions(network: Network, vectors: Field) -> Motions:
@@ -107,8 +111,10 @@ def motions(network: Network, vectors: Field) -> Motions:
         body[moves] = network.displacements[moves] @ flat
     body, relative = body.reshape(len(network.bodies), 6, *tail), relative.reshape(len(network.point), 6, *tail)
     strained = relative[len(network.joints) :]
+    nodes = None if network.shared is None else network.shared.base @ of_joints
     return Motions(vectors, body, relative, momentum(network, body), transformed(network.stiffness, strained),
-                   transformed(network.damping, strained) if network.damped else None)  # fmt: skip
+                   transformed(network.damping, strained) if network.damped else None,
+                   None if nodes is None else nodes.reshape(len(nodes), *tail))  # fmt: skip
 
 
 def momentum(network: Network, body: Field) -> Field:
@@ -158,13 +164,22 @@ def fields(
     np.multiply(motion.elastic, stiff, out=spring_wrench)
     if motion.viscous is not None:
         spring_wrench += motion.viscous * rate
+    if network.inertance is not None:
+        spring_wrench += transformed(network.inertance, motion.relative[joints:]) * square
     on_bodies = body_wrench if load is None else body_wrench + load
+    if network.shared is not None and motion.nodes is not None:
+        on_bodies = on_bodies + network.shared.wrench(motion.nodes, (stiff, rate, square))
+    if network.spin is not None and side:
+        on_bodies = on_bodies + 0.0 * rate
+        on_bodies[:, 3:] += network.spin.on_bodies(motion.body, rate, side)
+        if network.spin.turning is not None:
+            spring_wrench += network.spin.in_springs(motion.relative[joints:], stiff, side)
     if network.forces is not None:
         carrying = motion.body if alone is None else motion.body - alone
         on_bodies = on_bodies + geometric_wrenches(network.forces, carrying, side, turned) * stiff
     wrench[:joints], support, tied = transmitted(network, on_bodies, spring_wrench)
     seen = motion.relative[joints:] if strain is None else strain
     return Fields(motion.vectors, motion.body, body_wrench, motion.relative, seen, wrench, support, tied,
-                  stiff, rate, square, turned, alone)  # fmt: skip
+                  stiff, rate, square, turned, alone, side)  # fmt: skip
 
 

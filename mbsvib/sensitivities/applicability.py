@@ -1,4 +1,4 @@
-"""Which parameters act as one part's rule tells, in mechanisms with loads, spin or beams.
+"""Which parameters act as one part's rule tells, in mechanisms with loads.
 
 There, too, stiffness, damping and inertia enter by the motions alone: the pose balances as before, as preloads are
 forces at the pose. What moves the equilibrium or changes forces in joints goes through ``balance``, where all parts
@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
 _STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
 _MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
 _KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
-GEOMETRY = frozenset({"start", "end", "length"})
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -42,16 +40,11 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     """
     came = system.provenance
     parts, result = came.parts, []
-    beams = [part for part in parts if isinstance(part, Beam)]
-    if beams:
-        result.append({_STIFFNESS, _DAMPING, _MASS, _INERTIA} | {
-            ("beam", field.name) for beam in beams for field in beam.parameter_fields()
-            if field.name not in GEOMETRY and field.name != "damping_ratio"})  # fmt: skip
     if came.statics is not None:
         falls = any(isinstance(part, Gravity) for part in parts)
         still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
         result.append(({_INERTIA} if _turned(system) else {_DAMPING, _INERTIA}) if came.settled else still)
-    if system.gyroscopic is not None or any(isinstance(part, Rotor) for part in parts):
+    if any(isinstance(part, Rotor) for part in parts) and (came.statics is not None or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
     return tuple(map(frozenset, result))

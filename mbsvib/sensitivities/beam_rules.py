@@ -1,24 +1,24 @@
-"""Beams: how their elements change with material, section and damping.
+"""Beams: how their numbers enter the equations, by way of what a beam is made of.
 
-An element is six springs at its midpoint and a mass matrix of its two ends, closed formulas of its section. Slopes of
-these formulas are differences, extrapolated to rounding (12 digits): nothing of the mechanism is differenced.
+An element is a spring at its midpoint and a mass on its two ends, which mass-proportional dampers follow; modal damping
+is a form of all midpoints. All of these are closed formulas of the beam's numbers. Their slopes are differences of the
+formulas, extrapolated to rounding (12 digits): nothing of the mechanism is differenced. Where an end moves, so do
+nodes, midpoints and axes, on which the wrenches do work as on any other connection that is moved.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import beam_element as element
-from mbsvib.elements.beam_expansion import turned
+from mbsvib.elements.beam_expansion import elements, masses, modal_damper
+from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.vectors import transformed
+from mbsvib.sensitivities.rule_terms import cross_terms
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from typing import Any
-
     from mbsvib.common.arrays import Array
     from mbsvib.elements.beam import Beam
     from mbsvib.linalg.vectors import Field
@@ -26,13 +26,17 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.rule_terms import Rule, Terms
 
-# The first step of differences, against the value.
-STEP = 2.0**-7
-# Slopes of a mass matrix below this share of the largest are rounding.
+# The first step of differences, against the value or the length of an element; the next one is smaller.
+STEP, SMALLER = 2.0**-7, 0.125
+# Sine of the angle to the vertical below which a beam without a y axis stands upright.
+UPRIGHT = 0.05
+# Differences that agree no better than this, against the largest of their kind, are those of what jumps.
+WORST = 1e-8
+# Slopes below this share of the largest are rounding.
 ACTS = 1e-11
 
 
-def beam_rule(network: Network, beam: Beam, field: str) -> Rule:
+def beam_rule(network: Network, beam: Beam, field: str, index: tuple[int, ...] = ()) -> tuple[Rule, tuple[Array, ...]]:
     """Return the rule by which a number of a beam enters the equations.
 
     Parameters
@@ -42,68 +46,199 @@ def beam_rule(network: Network, beam: Beam, field: str) -> Rule:
     beam : Beam
         The beam.
     field : str
-        A number of its material, its section, or its damping.
+        One of its fields.
+    index : tuple of int
+        The entry of the field.
 
     Returns
     -------
     callable
         Terms of one entry.
+    tuple of array, shape (1, n) and (1, n, 3)
+        The bodies that nodes of the beam are, and how their centres of mass move.
+
+    Raises
+    ------
+    ModelError
+        If the beam does not change smoothly with the number.
     """
     number = {body.name: i for i, body in enumerate(network.bodies)}
     springs = {spring.name: i for i, spring in enumerate(network.springs)}
-    frames = beam.frames()
-    axes = np.array([turn for _, turn in frames]).transpose(0, 2, 1)
-    k = np.array([element.stiffness(length, beam.properties, beam.material, beam.shear) for length, _ in frames])
-    stiff, mass = slopes(beam, field, [length for length, _ in frames])
-    rate = k if field == "beta" else beam.beta * stiff
+    joints = {joint.name: i for i, joint in enumerate(network.joints)}
     which = np.array([springs[name] for name in beam.element_names])
-    factors = [_factors(each, turn) for each, (_, turn) in zip(mass, frames, strict=True)]
+    own = np.array([joints[name] for name in beam.element_names])
     ends = [(number.get(beam.node(i), -1), np.array(point)) for i, point in enumerate(beam.points)]
-    # what dampers in proportion to the mass do: their factor for C, of M or of its slope
-    by_mass = 1.0 if field == "alpha" else beam.alpha
+    change, present = slopes(beam, field, index), numbers(beam)
+    axes = present["axes"].swapaxes(1, 2)
+    stiff, rate = change["stiffness"], change["damping"]
+    mass, by_mass, (modal,) = (_factors(change[key]) for key in ("mass", "by_mass", "modal"))
+    nodes, middles, turns = change["points"], 0.5 * (change["points"][1:] + change["points"][:-1]), change["turns"]
+    first = len(network.joints)
+    floats = {int(body): k for k, body in enumerate(network.floating)}
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        d = fields.strain[which]
-        local = np.concatenate((transformed(axes, d[:, :3]), transformed(axes, d[:, 3:])), axis=1)
-        terms: Terms = []
+        strain, result = fields.strain[which], _terms(modal, _flat(fields.relative[first + which]), 0.5 * fields.rate)
+        local = np.concatenate((transformed(axes, strain[:, :3]), transformed(axes, strain[:, 3:])), axis=1)
         for e in range(len(which)):
             for i in range(6):
                 weight = 0.5 * (stiff[e, i] * fields.stiff + rate[e, i] * fields.rate)
-                terms.append((weight * local[e : e + 1, i], local[e : e + 1, i]))
-        weight = 0.5 * by_mass * fields.rate + (0.0 if field == "alpha" else 0.5 * fields.square)
-        for e, (sizes, rows) in enumerate(factors):
-            moved = np.tensordot(rows, _ends(network, fields.body, ends[e : e + 2]), axes=1)
-            terms += [(size * weight * row[None], row[None]) for size, row in zip(sizes, moved, strict=True)]
-        return [terms]
+                result.append((weight * local[e : e + 1, i], local[e : e + 1, i]))
+            moved = _ends(network, fields.body, ends[e : e + 2])
+            result += _terms(mass[e], moved, 0.5 * fields.square) + _terms(by_mass[e], moved, 0.5 * fields.rate)
+        return [result + (_moved(fields) if nodes.any() else [])]
 
-    return rule
+    def _moved(fields: Fields) -> Terms:
+        """Nodes, midpoints and axes move."""
+        result: Terms = []
+        in_joint, in_spring = fields.wrench[own], fields.wrench[first + which]
+        opened, bent = -fields.relative[own], fields.relative[first + which]
+        for wrench, moves in ((in_joint, opened), (in_spring, bent)):
+            result += _along(wrench[:, :3], moves[:, 3:], middles)
+            result += _along(wrench[:, :3], moves[:, :3], turns) + _along(wrench[:, 3:], moves[:, 3:], turns)
+        if present["modal"].any():
+            braked = (np.tensordot(present["modal"], _flat(bent), axes=1) * fields.rate).reshape(bent.shape)
+            result += _along(braked[:, :3], bent[:, 3:], middles)
+        for e in range(len(which)):
+            moved = _ends(network, fields.body, ends[e : e + 2])
+            force = np.tensordot(present["mass"][e], moved, axes=1) * (fields.square + beam.alpha * fields.rate)
+            for side, (body, _) in enumerate(ends[e : e + 2]):
+                if body >= 0:
+                    result += _along(force[None, 6 * side : 6 * side + 3], fields.body[body : body + 1, 3:],
+                                     nodes[e + side : e + side + 1])  # fmt: skip
+        for i, (body, _) in enumerate(ends):
+            if body in floats and beam.node(i) in beam.node_names:
+                k = floats[body]
+                result += _along(fields.support[k : k + 1, :3], -fields.body[body : body + 1, 3:], nodes[i : i + 1])
+        return result
+
+    own_nodes = [i for i in range(len(ends)) if beam.node(i) in beam.node_names]
+    return rule, (np.array([[ends[i][0] for i in own_nodes]]), nodes[None, own_nodes])
 
 
-def slopes(beam: Beam, field: str, lengths: list[float]) -> tuple[Array, Array]:
-    """Return how springs (e, 6) and mass matrices (e, 12, 12), element axes, change; of ``alpha`` the mass itself."""
+def has_rule(beam: Beam, field: str) -> bool:
+    """Tell whether a beam changes smoothly with a number: the axes of one that stands upright jump as it is tilted."""
+    upright = any(np.hypot(axes[0][0], axes[1][0]) < UPRIGHT for _, axes in beam.frames())
+    return field not in ("start", "end", "length") or beam.y_axis is not None or not upright
 
-    def values(changed: Beam) -> Array:
-        given = changed.properties, changed.material, changed.shear
-        rows = [element.mass_rows(length, *given) for length in lengths]
-        return np.array([(*element.stiffness(length, *given), *(factor.T @ factor).reshape(-1))
-                         for length, factor in zip(lengths, rows, strict=True)])  # fmt: skip
 
-    if field in ("alpha", "beta"):
-        rows = values(beam) * np.repeat((0.0, 1.0 if field == "alpha" else 0.0), (6, 144))
+def numbers(beam: Beam) -> dict[str, Array]:
+    """Return what a beam is made of.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam, of e elements.
+
+    Returns
+    -------
+    dict of str to array
+        ``stiffness`` and ``damping`` (e, 6) of the elements' springs in their axes; ``mass`` (e, 12, 12) on their ends,
+        the damping ``by_mass`` and ``modal`` damping (6 e, 6 e) at their midpoints, world axes; ``points`` (e + 1, 3)
+        and ``axes`` (e, 3, 3).
+    """
+    springs = [spring for _, spring in elements(beam)]
+    axes = np.array([spring.orientation for spring in springs])
+    stiffness = np.array([spring.stiffness for spring in springs])
+    mass = np.array([piece.matrix.T @ piece.matrix for piece in masses(beam)])
+    modal = np.zeros((6 * len(springs), 6 * len(springs)))
+    if beam.damping_ratio:
+        damper = modal_damper(beam)
+        assert damper.damping is not None
+        modal = damper.matrix.T @ (damper.damping[:, None] * damper.matrix)
+    return {"stiffness": stiffness, "damping": beam.beta * stiffness, "mass": mass, "by_mass": beam.alpha * mass,
+            "modal": modal, "points": np.array(beam.points), "axes": axes}  # fmt: skip
+
+
+def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Array]:
+    """Return how ``numbers`` change, with ``turns`` (e, 3) of the axes in place of these.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    field : str
+        One of its fields.
+    index : tuple of int
+        The entry of the field.
+
+    Returns
+    -------
+    dict of str to array
+        Slopes per unit of the number.
+
+    Raises
+    ------
+    ModelError
+        If the beam does not change smoothly with the number.
+    """
+    present = numbers(beam)
+    value = next(item.value for item in beam.parameter_fields() if item.name == field)
+    start = value[index[0]] if index else value
+    shapes = {key: part.shape for key, part in present.items()}
+    ends = np.cumsum([part.size for part in present.values()])[:-1]
+    if field in ("alpha", "beta", "damping_ratio"):  # linear, and not to be negative
+        twice = numbers(beam.with_values({field: 2.0 * start or 1.0}))
+        found = {key: (twice[key] - present[key]) / (start or 1.0) for key in present}
     else:
-        start = next(item.value for item in beam.parameter_fields() if item.name == field)
-        rows, _ = slope(lambda change: values(beam.with_values({field: start + change})), STEP * (abs(start) or 1.0))
-    return rows[:, :6], rows[:, 6:].reshape(-1, 12, 12)
+        length = min(size for size, _ in beam.frames())
+        scale = length if index or field == "length" else abs(start) or 1.0
+
+        def at(change: float) -> Array:
+            moved = start + change
+            entry = tuple(moved if i == index[0] else v for i, v in enumerate(value)) if index else moved
+            return np.concatenate([part.reshape(-1) for part in numbers(beam.with_values({field: entry})).values()])
+
+        sizes = np.concatenate([np.full(part.size, np.abs(part).max(initial=0.0)) for part in present.values()])
+        for step in (STEP, STEP * SMALLER):
+            flat, error = slope(at, step * scale)
+            if not (scale * error > WORST * (sizes + scale * np.abs(flat))).any():
+                break
+        else:
+            raise ModelError(
+                f"sensitivities: beam '{beam.name}' does not change smoothly with its '{field}' (differences agree to "
+                f"{error.max():.1e} only). Compare variants by model.with_values.", element=beam.name, field=field,
+            )  # fmt: skip
+        found = {key: part.reshape(shape) for (key, shape), part in zip(shapes.items(), np.split(flat, ends),
+                                                                        strict=True)}  # fmt: skip
+    spin = found.pop("axes") @ present["axes"].swapaxes(1, 2)
+    found["modal"] = found["modal"][None]
+    found["turns"] = 0.5 * np.stack((spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0],
+                                     spin[:, 1, 0] - spin[:, 0, 1]), axis=1)  # fmt: skip
+    return found
 
 
-def _factors(matrix: Array, axes: Any) -> tuple[Array, Array]:
-    """A symmetric matrix as sizes (r,) and rows (r, 12), world axes."""
-    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    acts = np.abs(sizes) > ACTS * np.abs(sizes).max(initial=0.0)
-    return sizes[acts], turned(np.ascontiguousarray(vectors.T[acts]), axes)
+def _factors(matrices: Array) -> list[tuple[Array, Array]]:
+    """Symmetric matrices (k, n, n) as sizes (r,) and rows (r, n) each."""
+    result, largest = [], np.abs(matrices).max(initial=0.0)
+    for matrix in matrices:
+        sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        acts = np.abs(sizes) > ACTS * largest
+        result.append((sizes[acts], np.ascontiguousarray(vectors.T[acts])))
+    return result
 
 
-def _ends(network: Network, body: Field, ends: Sequence[tuple[int, Array]]) -> Field:
+def _flat(parts: Field) -> Field:
+    return parts.reshape(6 * len(parts), *parts.shape[2:])
+
+
+def _terms(factors: tuple[Array, Array], motion: Field, weight: Field) -> Terms:
+    """Terms of a symmetric matrix on a motion (n, ...)."""
+    sizes, rows = factors
+    moved = np.tensordot(rows, motion, axes=1)
+    return [(size * weight * row[None], row[None]) for size, row in zip(sizes, moved, strict=True)]
+
+
+def _along(force: Field, theta: Field, way: Array) -> Terms:
+    """Terms of the sum over k of force . (theta x way), each (k, 3, ...)."""
+    result: Terms = []
+    for k, vector in enumerate(way):
+        for value, entry in zip(vector.tolist(), cross_terms(force[k : k + 1], theta[k : k + 1]), strict=True):
+            if value:
+                result += [(value * p, q) for p, q in entry]
+    return result
+
+
+def _ends(network: Network, body: Field, ends: list[tuple[int, Array]]) -> Field:
     """Displacements (12, ...) of the two ends of an element, which may be points of rigid bodies."""
     parts = []
     for number, point in ends:

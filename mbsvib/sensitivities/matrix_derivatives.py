@@ -82,7 +82,8 @@ class MatrixDerivatives:
                 f"{', '.join(known[:12])}{', ...' if len(known) > 12 else ''}.", element=asked,
             )  # fmt: skip
         place = self.variables.index(variable)
-        if self._groups.loaded is not None:  # what the equilibrium does is no product of few parts
+        # what the equilibrium does, and spin, is no symmetric product of few parts
+        if self._groups.loaded is not None or self._groups.network.spin is not None:
             p, q = factored(getattr(self, matrix)[place], matrix, variable, SYMMETRIC)
             return p.T, q.T
         return _factors(self._groups, place, matrix)

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.applicability import Limit
     from mbsvib.sensitivities.constraint_forces import Constraints
     from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.shared_wrenches import SharedForces, Spin
 
 
 @dataclass(frozen=True)
 class Network:
-    """Bodies (b), joints (j), bushings and line springs (s) of a system in numbers, world axes.
+    """Bodies (b), joints (j), bushings, line springs and inerters (s) of a system in numbers, world axes.
 
     ``relative`` (6 (j + s), n) leads from joint coordinates to the motion of each connection's second body against its
     first at ``point`` (j + s, 3). ``acting`` (b, s) and ``closing`` (b, j) hold +1 for the second and -1 for the first
@@ -33,7 +34,8 @@ class Network:
     wrenches are taken about ``origin``. ``displacements`` (6 b, m) is the bodies' motion, ``moves`` numbers its rows
     that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
-    loaded scene whose derivatives through the equilibrium are known.
+    loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
+    ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters.
     """
 
     parts: tuple[Part, ...]
@@ -63,11 +65,15 @@ class Network:
     limits: tuple[Limit, ...]
     bare: bool = False
     forces: Forces | None = None
+    shared: SharedForces | None = None
+    spin: Spin | None = None
+    inertance: Array | None = None
 
     @property
     def partial(self) -> bool:
         """Whether masses and dampers of the network may not be all that the system has."""
-        return self.bare or bool(self.limits)
+        return self.bare or bool(self.limits) or any(
+            part is not None for part in (self.shared, self.spin, self.inertance))  # fmt: skip
 
     @cached_property
     def damped(self) -> bool:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
-from mbsvib.elements.beam import Beam
+from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.expansion import expanded
 from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.linalg.vectors import transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, limits
 from mbsvib.sensitivities.constraint_forces import constraints
 from mbsvib.sensitivities.forces_at_rest import forces_at_rest
 from mbsvib.sensitivities.network import Network
-from mbsvib.sensitivities.network_parts import beam_parts, maxwell_parts
+from mbsvib.sensitivities.network_parts import maxwell_parts
+from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 _SIX = np.eye(6)
+# Factors of stiffness, damping and inertia of which one is 1.
+_POWERS = tuple([(one[0], one[1], one[2]) for one in np.eye(3)])
 # Rounding of the work of a motion, relative to its terms, is far below this; a missing force is not.
 COMPLETE = 1e-8
 
@@ -42,7 +47,7 @@ def complete_network(system: Equations) -> Network:
 
 
 def has_network(system: Equations) -> bool:
-    """Tell whether a system may be a network: no reduced models or modal damping of beams.
+    """Tell whether a system may be a network: its parts are known, and none of those that share it is missing.
 
     Parameters
     ----------
@@ -58,9 +63,7 @@ def has_network(system: Equations) -> bool:
     came = system.provenance
     if came.dropped is not None and (came.massless is not None or came.topology.cut):
         return False
-    return not any(
-        isinstance(part, Composed) and not (isinstance(part, Beam) and not part.damping_ratio) for part in came.parts
-    )  # fmt: skip
+    return came.origin is not None or not any(isinstance(part, Composed) for part in came.parts)
 
 
 def is_complete(system: Equations, network: Network) -> bool:
@@ -84,15 +87,22 @@ def is_complete(system: Equations, network: Network) -> bool:
     own = motion.relative[len(network.joints) :]
     # rows of geometric stiffness, behind those of the springs, belong to parameters that have no rule
     strained = strained[:, 0] * (system.row_owner < len(system.provenance.springs))
-    beams = any(isinstance(part, Beam) for part in network.parts)  # their masses and dampers join more than two bodies
+    shared = [0.0, 0.0, 0.0]
+    if network.shared is not None and motion.nodes is not None:
+        shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
     return all(
-        not counts or bool(abs(work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
-        for work, terms, counts in (
-            ((motion.body * motion.momentum).sum(), moved[:, 0] ** 2, not beams),
-            ((own * motion.elastic).sum(), system.stiffness * strained**2, True),
-            (0.0 if motion.viscous is None else (own * motion.viscous).sum(), system.damping * strained**2, not beams),
+        bool(abs(work + beside - terms.sum()) <= COMPLETE * np.abs(terms).sum())
+        for work, beside, terms in (
+            ((own * motion.elastic).sum(), shared[0], system.stiffness * strained**2),
+            (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1], system.damping * strained**2),
+            ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own), moved[:, 0] ** 2),
         )
     )
+
+
+def _inertial(network: Network, own: Array) -> float:
+    """The work of inerters."""
+    return 0.0 if network.inertance is None else float((own * transformed(network.inertance, own)).sum())
 
 
 def bare_network(system: Equations) -> Network:
@@ -134,16 +144,23 @@ def assembled(system: Equations) -> Network:
     parts = system.provenance.parts
     bodies = tuple(part for part in parts if isinstance(part, Body))
     joints = tuple(part for part in parts if isinstance(part, Joint))
-    springs = tuple(part for part in parts if isinstance(part, (Bushing, Spring)))
-    if any(isinstance(part, (Beam, Maxwell)) for part in parts):
-        (nodes, elements), (others, lines) = beam_parts(parts), maxwell_parts(parts)
-        known = {body.name: body for body in (*bodies, *nodes, *others)}
+    # inerters are line springs of which only the mass counts
+    springs = cast("tuple[Bushing | Spring, ...]", tuple(
+        part for part in parts if isinstance(part, (Bushing, Inerter, Spring))))  # fmt: skip
+    origin = system.provenance.origin
+    plain = None if origin is None else expanded(origin)
+    if plain is not origin or any(isinstance(part, Maxwell) for part in parts):
+        nodes, lines = maxwell_parts(parts)
+        known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
+        own = {spring.name for spring in springs}
+        elements = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*elements, *lines)
+        springs += (*[part for part in elements if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     coordinates = twists(topology, list(bodies))
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
-                      *(s.start if isinstance(s, Spring) else s.position for s in springs)]).reshape(-1, 3)  # fmt: skip
+                      *(part.position if isinstance(part, Bushing) else part.start for part in springs),
+                      ]).reshape(-1, 3)  # fmt: skip
     first, second = (np.array([number[getattr(part, end)] for part in (*joints, *springs)], dtype=np.intp)
                      for end in ("first", "second"))  # fmt: skip
     behind, sign = _carried(system)
@@ -152,18 +169,21 @@ def assembled(system: Equations) -> Network:
     position = np.array([body.position for body in bodies])
     place = np.concatenate((point, position))
     displacements = system.body_motion.reshape(6 * len(bodies), -1)
-    origin = 0.5 * (place.min(axis=0) + place.max(axis=0))
-    ties = constraints(system, coordinates, bodies, number, origin)
+    centre = 0.5 * (place.min(axis=0) + place.max(axis=0))
+    ties = constraints(system, coordinates, bodies, number, centre)
     return Network(
         parts, bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
         _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
-        _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, origin,
+        _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
         forces=forces_at_rest(system, bodies, joints, springs, number, point) if follows(system) else None,
+        shared=None if plain is None else shared_forces(plain, bodies, number, coordinates),
+        inertance=_inertance(springs),
+        spin=spin(plain, bodies, springs) if plain is not None and system.provenance.statics is None else None,
     )  # fmt: skip
 
 
@@ -206,19 +226,31 @@ def _incidence(first: Index, second: Index, bodies: int) -> csr_array:
     return csr_array((value[moves], (row[moves], column[moves])), shape=(bodies, n))
 
 
+def _inertance(springs: Sequence[Bushing | Spring]) -> Array | None:
+    """Masses of inerters on relative motions, (s, 6, 6), None without any."""
+    parts: Sequence[Any] = springs
+    inerters = [k for k, part in enumerate(parts) if isinstance(part, Inerter)]
+    if not inerters:
+        return None
+    result = np.zeros((len(springs), 6, 6))
+    for k in inerters:
+        result[k, :3, :3] = parts[k].inertance * np.outer(parts[k].line, parts[k].line)
+    return result
+
+
 def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:
     """Coefficients as 6x6 matrices in world axes, of line springs on the motion at their start."""
     result = np.zeros((len(springs), 6, 6))
     if not springs:
         return result
-    lines = np.array([isinstance(part, Spring) for part in springs])
-    along = np.array([part.line for part in springs if isinstance(part, Spring)]).reshape(-1, 3)
+    lines = np.array([not isinstance(part, Bushing) for part in springs])
+    along = np.array([part.line for part in springs if not isinstance(part, Bushing)]).reshape(-1, 3)
     values: list[Any] = [getattr(part, field) for part in springs]
     size = np.array([value for value, line in zip(values, lines.tolist(), strict=True) if line])
     result[lines, :3, :3] = size[:, None, None] * along[:, :, None] * along[:, None, :]
     local = np.zeros((len(springs) - len(along), 6, 6))
     turn = np.zeros_like(local)
-    axes = [part.orientation for part in springs if not isinstance(part, Spring)]
+    axes = [part.orientation for part in springs if isinstance(part, Bushing)]
     if axes:
         turn[:, :3, :3] = turn[:, 3:, 3:] = np.array(axes)
         given = [value for value, line in zip(values, lines.tolist(), strict=True) if not line]

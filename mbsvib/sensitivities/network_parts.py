@@ -1,8 +1,4 @@
-"""What beams and Maxwell elements are made of in a network: bodies, bushings and line springs.
-
-A beam is its nodes and a bushing an element; a Maxwell element is a node and three lines: the static spring, the spring
-and the damper.
-"""
+"""What Maxwell elements are made of in a network: a node and three lines: the static spring, the spring, the damper."""
 
 from __future__ import annotations
 
@@ -11,23 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import Maxwell, Spring
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.beam_expansion import elements, node_bodies
 from mbsvib.elements.maxwell_rows import Node
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.elements import Body, Bushing
+    from mbsvib.elements import Body
     from mbsvib.elements.part import Part
     from mbsvib.sensitivities.network import Network
-
-
-def beam_parts(parts: Sequence[Part]) -> tuple[list[Body], list[Bushing]]:
-    """Return the nodes and the bushings of all beams."""
-    beams = [part for part in parts if isinstance(part, Beam)]
-    return ([node for beam in beams for node in node_bodies(beam)],
-            [spring for beam in beams for _, spring in elements(beam)])  # fmt: skip
 
 
 def maxwell_parts(parts: Sequence[Part]) -> tuple[list[Body], list[Spring]]:

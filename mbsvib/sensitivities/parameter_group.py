@@ -10,10 +10,14 @@ import numpy as np
 from mbsvib.elements import Joint, Maxwell
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
-from mbsvib.sensitivities.beam_rules import beam_rule
+from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.sensitivities import beam_rules
 from mbsvib.sensitivities.coupler_rules import coupler_rule
 from mbsvib.sensitivities.maxwell_rules import maxwell_rule
 from mbsvib.sensitivities.part_rules import constants, moved_floating, rule
+from mbsvib.sensitivities.rotor_rules import rotor_rule
+from mbsvib.sensitivities.torsion_rules import torsion_rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,9 +28,15 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.rule_terms import Rule
+    from mbsvib.sensitivities.shared_wrenches import Spin
 
 # Parts whose entries have rules of their own, one by one.
-_SINGLE: dict[str, Callable[..., Rule]] = {"coupler": coupler_rule, "maxwell": maxwell_rule}
+_SINGLE: dict[str, Callable[..., Any]] = {
+    "beam": beam_rules.beam_rule, "coupler": coupler_rule, "maxwell": maxwell_rule, "rotor": rotor_rule,
+    "torsion": torsion_rule,
+}  # fmt: skip
+_SINGLE_PARTS = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor,
+                 "torsion": TorsionSpring}  # fmt: skip
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")
 _PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
@@ -110,7 +120,7 @@ def numbered_groups(network: Network, members: Sequence[tuple[int, Parameter]]) 
         slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
         apart = (isinstance(part, Joint) and part.end is not None) or (
             kind == "body" and parameter.field == "position" and number in network.floating)  # fmt: skip
-        own: Any = number if kind == "beam" else (number, index) if kind in _SINGLE else type(part)
+        own: Any = (number, index) if kind in _SINGLE else type(part)
         key = (kind, parameter.field, own, len(index), apart)
         members_of.setdefault(key, []).append((place, number, slot))
     return [_group(network, key, members) for key, members in members_of.items()]
@@ -124,8 +134,7 @@ def _parts(network: Network) -> dict[str, tuple[str, int, Any]]:
                                  ("spring", joints, network.springs)):  # fmt: skip
         parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
     if not network.bare:
-        parts.update((part.name, ("beam", i, part)) for i, part in enumerate(network.parts) if isinstance(part, Beam))
-        for kind, what in (("coupler", Coupling), ("maxwell", Maxwell)):
+        for kind, what in _SINGLE_PARTS.items():
             parts.update((part.name, (kind, i, part)) for i, part in enumerate(network.parts) if isinstance(part, what))
     return parts
 
@@ -134,18 +143,36 @@ def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any
     """Whether a parameter acts by what its own part does alone."""
     if known is None or parameter.field in FORCES:
         return False
+    if network.spin is not None and _turns_along(network.spin, parameter.field, *known):
+        return False
+    if known[0] == "beam" and not beam_rules.has_rule(known[2], parameter.field):
+        return False
     # the tension of a spring with a free length comes from its stiffness
     pulls = parameter.field == "stiffness" and getattr(known[2], "free_length", None) is not None
     return all((known[0], parameter.field) in limit and not pulls for limit in network.limits)
 
 
+def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
+    """Whether a parameter may take a spinning body, or what joins it, off its axis, or change how dampers turn along.
+
+    Such parameters are differenced: variants say whether the spin is steady still.
+    """
+    if kind == "rotor":
+        return part.inertia is None and spin.turning is not None
+    if kind == "body":
+        return part.name in spin.bodies and field != "mass"
+    if kind not in ("joint", "spring", "torsion") or not spin.bodies.intersection((part.first, part.second)):
+        return False
+    return field not in ("stiffness", "damping") or (field == "damping" and spin.turning is not None)
+
+
 def _group(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> ParameterGroup:
     kind, field, _, depth, apart = key
-    if kind in _SINGLE or kind == "beam":
+    if kind in _SINGLE:
         place, index, _ = members[0]
-        part: Any = network.parts[index]
-        own_rule = beam_rule(network, part, field) if kind == "beam" else _SINGLE[kind](network, part, field, key[2][1])
-        return ParameterGroup(kind, field, np.zeros(1, dtype=np.intp), own_rule, (), np.array([[place]]), 0)
+        found = _SINGLE[kind](network, network.parts[index], field, key[2][1])
+        own_rule, data = found if isinstance(found, tuple) else (found, ())
+        return ParameterGroup(kind, field, np.zeros(1, dtype=np.intp), own_rule, data, np.array([[place]]), 0)
     table = np.array(members, dtype=np.intp)
     number, inverse = np.unique(table[:, 1], return_inverse=True)
     known: Any = network.bodies if kind == "body" else network.joints + network.springs

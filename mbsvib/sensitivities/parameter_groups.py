@@ -64,6 +64,8 @@ class ParameterGroups:
         """Whether derivatives of K may have an antisymmetric part where K has none, as those to torques have."""
         if self.loaded is not None:
             return bool(self.loaded.forces.counts[3])
+        if self.network.spin is not None:
+            return True
         return self.matrix_group is not None and not self.matrix_group.symmetric
 
     @property

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Body, Joint, Spring
+from mbsvib.elements.inerter import Inerter
 from mbsvib.linalg.vectors import cross, transformed, wide
 from mbsvib.sensitivities.rule_terms import along, cross_terms, line_turn_rates, moved_end, square_terms
 
@@ -25,7 +26,7 @@ _WORLD = np.eye(3)
 _DIAGONAL = tuple((i, i) for i in range(6))
 
 
-def rule(part: Body | Joint | Bushing | Spring, field: str) -> Rule:
+def rule(part: Body | Joint | Bushing | Inerter | Spring, field: str) -> Rule:
     """Return the rule by which a field of a part of this kind enters the equations.
 
     Parameters
@@ -46,8 +47,9 @@ def rule(part: Body | Joint | Bushing | Spring, field: str) -> Rule:
         if part.end is not None:
             return {"position": _rod_start, "end": _rod_end}[field]
         return {"position": _moved_joint, "orientation": _turned_joint, "pitch": _pitch}[field]
-    if isinstance(part, Spring):
-        return {"stiffness": _line_stiffness, "damping": _line_damping, "start": _start, "end": _end}[field]
+    if isinstance(part, (Inerter, Spring)):
+        return {"stiffness": _line_stiffness, "damping": _line_damping, "inertance": _line_inertance,
+                "start": _start, "end": _end}[field]  # fmt: skip
     if field in ("stiffness", "damping"):
         full = isinstance(getattr(part, field)[0], tuple)
         return {
@@ -75,7 +77,7 @@ def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
     first = parts[0]
     if isinstance(first, Body):
         return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),) if field == "inertia" else ()
-    if isinstance(first, Spring):
+    if isinstance(first, (Inerter, Spring)):
         span = np.array([np.subtract(part.end, part.start) for part in parts])
         return np.array([part.line for part in parts]), span
     if isinstance(first, Joint):
@@ -189,6 +191,11 @@ def _line_stiffness(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Ter
 def _line_damping(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
     seen = along(data[0], fields.strain[_among_springs(fields, k), :3])
     return [[((0.5 * fields.rate) * seen, seen)]]
+
+
+def _line_inertance(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:
+    seen = along(data[0], fields.relative[k, :3])
+    return [[((0.5 * fields.square) * seen, seen)]]
 
 
 def _start(fields: Fields, k: Any, data: tuple[Array, ...]) -> list[Terms]:

@@ -116,3 +116,7 @@ def _move_ports(
             for rows in group.rows[group.number == port.centre[k]]:
                 asked = rows >= 0
                 own[rows[asked]] += slope[asked]
+        for group in groups.by_rule:
+            if group.kind == "beam":  # its nodes move
+                at = group.data[0][0] == port.centre[k]
+                own[group.rows[0, 0]] += np.tensordot(group.data[1][0, at].sum(axis=0), slope, axes=1)

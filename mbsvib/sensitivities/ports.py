@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import BaseMotion, ForceOutput, Input, Maxwell, Output, Spring
+from mbsvib.elements import BaseMotion, Bushing, ForceOutput, Input, Maxwell, Output
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
+from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.sensitivities.joint_release_motion import joint_release_motion, relative_twists
 from mbsvib.sensitivities.network_parts import line_name
@@ -92,6 +93,9 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, besi
     kinds = (Input, BaseMotion) if kind == "inputs" else (Output, ForceOutput)
     known = {part.name: part for part in system.provenance.ports if isinstance(part, kinds)}
     parts: list[Any] = [known[getattr(system, kind)[k]] for k in which]
+    origin = system.provenance.origin
+    made = set() if origin is None or kind == "inputs" else {
+        name for name, part in origin.outputs.items() if type(part) in EXPANSIONS}  # fmt: skip
     bodies = len(network.bodies)
     number = {body.name: i for i, body in enumerate(network.bodies)} | {"ground": bodies}
     count = len(parts)
@@ -103,9 +107,11 @@ def loads(system: Equations, network: Network, which: list[int], kind: str, besi
     turned = np.zeros((len(network.joints), 3, count))
     order, works, others = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=bool), []
     for i, part in enumerate(parts):
-        if isinstance(part, ForceOutput):
+        if part.name in made or i in beside:
+            others.append(i)
+        elif isinstance(part, ForceOutput):
             felt = _spring(network, part)
-            worked = _worked(system, network, part) if felt is None and i not in beside else None
+            worked = _worked(system, network, part) if felt is None else None
             if felt is not None:
                 strain[felt[0], :, i] = felt[1]
             elif worked is not None:
@@ -185,7 +191,7 @@ def _spring(network: Network, part: ForceOutput) -> tuple[list[int], Array] | No
     if not numbers:
         return None
     spring, six = network.springs[numbers[0]], np.array(part.wrench)
-    if isinstance(spring, Spring):
+    if not isinstance(spring, Bushing):
         return numbers, np.concatenate((np.array(spring.line) * six[2], np.zeros(3)))
     return numbers, np.concatenate((np.array(spring.orientation) @ six[:3], np.array(spring.orientation) @ six[3:]))
 

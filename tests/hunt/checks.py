@@ -25,6 +25,8 @@ from tests.hunt.answers import (
     rows_of,
 )
 from tests.hunt.generate import Example
+from tests.hunt.sensitivities import sensitivities
+from tests.hunt.skip import Skip as Skip
 from tests.support.random_models import rotation
 
 MATRICES = ("M", "C", "K", "B", "Cq", "Cv", "Ca", "D")
@@ -33,10 +35,6 @@ MOVES = 1e-3
 # Of sums over states this share of the terms is allowed for, and of a response that of its largest: states mix motions
 # of very different size, and modal ones may lose eight digits before they are refused.
 OF_STATES, OF_RESPONSE = DEPENDENT * float(np.finfo(float).eps), 1e-7
-
-
-class Skip(Exception):
-    """A comparison that a scene has nothing for."""
 
 
 @dataclass
@@ -378,5 +376,5 @@ def questions(subject):
 
 CHECKS = {check.__name__: check for check in (
     reference, turned, shifted, units, shuffled, renamed, saved, cut, independent, sparse, batch, preloads,
-    realizations, zeros, questions,
+    realizations, zeros, questions, sensitivities,
 )}  # fmt: skip

@@ -16,9 +16,10 @@ import numpy as np
 
 import mbsvib as mv
 from tests.hunt.answers import Mismatch
-from tests.hunt.checks import CHECKS, Skip, Subject
+from tests.hunt.checks import CHECKS, Subject
 from tests.hunt.features import ALL, PAIRS
 from tests.hunt.generate import example
+from tests.hunt.skip import Skip
 
 # What an engine refuses by name, on principle.
 ON_PRINCIPLE = re.compile(

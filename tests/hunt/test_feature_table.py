@@ -18,6 +18,7 @@ from tests.hunt.answers import compare_responses, response_of
 from tests.hunt.generate import draft_of, example
 from tests.hunt.run import outcome_of
 from tests.hunt.scene import Scene
+from tests.hunt.sensitivities import sensitivities
 
 PAGE = Path(__file__).parents[2] / "docs" / "pages" / "features.md"
 # Scenes that are made of a feature until an engine has something to do with one.
@@ -111,7 +112,8 @@ def report(subject):
 
 
 ENGINES = {"Sparse responses": sparse_responses, "Sparse modes": sparse_modes, "Batches": checks.batch,
-           "Moved": moved, "Equilibrium": equilibrium, "Files": checks.saved, "Report": report}  # fmt: skip
+           "Moved": moved, "Equilibrium": equilibrium, "Sensitivities": sensitivities, "Files": checks.saved,
+           "Report": report}  # fmt: skip
 
 
 def table():
