@@ -202,7 +202,7 @@ def _solved(coordinates: Twists, cuts: Cuts, phi: Array, block: Block) -> tuple[
         left = np.abs(rest).max(axis=(1, 2))
     scale = np.where(coordinates.turns, 1.0, block.group.length)
     found *= -(scale[block.dependent, None] / scale[block.others])
-    return found, left, near
+    return np.asarray(found), left, near
 
 
 def _near(health: Array, block: Block) -> Mask:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.modes.batch_coupled import Forms, oscillating, refined, some
 from mbsvib.modes.damped import (
     CLASSICAL,
     COMMUTES,
-    CORRECTION,
     EPS,
     MARGIN,
     NO_DAMPER,
@@ -151,69 +151,18 @@ def _coupled(
     batch: BatchEquations, basis: UndampedBatch, gamma: Array, which: Index
 ) -> tuple[Array, Complex, Complex, Complex, Array]:
     """The largest error that can be mended, infinite where not all modes oscillate; pairs, vectors, slopes, errors."""
-    n, m = gamma.shape[:2]
-    omega = np.sqrt(np.abs(basis.square[which]))
-    at = np.arange(m)
-    a = np.zeros((n, 2 * m, 2 * m))
-    a[:, at, m + at] = omega
-    a[:, m + at, at] = -omega
-    a[:, m:, m:] = -gamma
-    values, right = np.linalg.eig(a)
-    values, y = values.astype(complex), right[:, m:].astype(complex)
-    y /= np.linalg.norm(y, axis=1)[:, None]
-    oscillates = (np.count_nonzero(values.imag > 0.0, axis=1) == m) & (np.count_nonzero(values.imag, axis=1) == 2 * m)
-    values, y, slope, bound, mendable = _rayleigh(batch, basis, gamma, which, values, y)
-    # LAPACK puts the conjugate right behind
-    rank = np.where(values.imag > 0.0, np.abs(values), np.inf)
-    first = np.argsort(rank, axis=1, kind="stable")[:, :m]
-    second = np.minimum(first + 1, 2 * m - 1)
-    chosen = np.stack((first, second), axis=2).reshape(n, -1)
-    pairs = np.take_along_axis(values, chosen, 1).reshape(n, m, 2)
-    vectors = np.take_along_axis(y, chosen[:, None], 2).reshape(n, m, m, 2)
-    slopes = np.take_along_axis(slope, chosen, 1).reshape(n, m, 2)
-    errors = np.take_along_axis(bound, chosen, 1).reshape(n, m, 2)
-    return np.where(oscillates, mendable, np.inf), pairs, vectors, slopes, errors
-
-
-def _rayleigh(
-    batch: BatchEquations, basis: UndampedBatch, gamma: Array, which: Index, values: Complex, y: Complex
-) -> tuple[Complex, Complex, Complex, Array, Array]:
-    """Improve eigenvalues by their two-sided Rayleigh quadratics and vectors by what the others see of the residual."""
-    shapes, square = basis.shapes[which], basis.square[which]
-    h, e = batch.inertia_factor[which] @ shapes, batch.elastic_rows[which] @ shapes
-    stiff = e.swapaxes(1, 2) @ (e * batch.stiffness[which][:, :, None])
-    cancel = np.abs(batch.elastic_rows[which]) @ np.abs(shapes)
-    spread = cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(batch.damping[which])[:, :, None])
-    inertia, damping, elastic = (h.swapaxes(1, 2) @ h) @ y, gamma @ y, stiff @ y
-    a, b, c = (np.einsum("vij,vij->vj", y, part) for part in (inertia, damping, elastic))
-    improved = values
-    for _ in range(2):  # the second step squares what the first leaves
-        slope = 2.0 * improved * a + b
-        step = np.divide(improved * (improved * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
-        small = np.abs(step) <= CORRECTION * np.abs(improved)
-        improved = np.where(small, improved - step, improved)
-    size, speed = np.abs(y), np.abs(improved)
-    wide = improved[:, None]
-    share = y.swapaxes(1, 2) @ (wide * (wide * inertia + damping) + elastic)
-    seen = np.abs(share)
-    exact_slope = 2.0 * improved * a + b
-    slope = np.abs(exact_slope)
-    distance = exact_slope[:, :, None] * (wide - improved[:, :, None])
-    apart = np.abs(distance)
-    at = np.arange(apart.shape[1])
-    apart[:, at, at] = np.inf
-    doubt = np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen)
-    doubt = np.einsum("vij,vij->vj", seen, doubt)
-    doubt += 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, spread @ size)
-    mendable = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
-    mendable[~small] = 1.0
-    trust = 2.0 * (basis.errors[which][:, :, None] + EPS)
-    doubt += np.einsum("vij,vij->vj", size, (speed[:, None] ** 2 + np.abs(square)[:, :, None]) * trust * size)
-    bound = np.divide(doubt, slope * speed, out=np.ones_like(slope), where=slope * speed > 0.0)
-    near = (CORRECTION * apart <= seen) | (distance == 0.0)
-    y = y - y @ np.divide(share, distance, out=np.zeros_like(share), where=~near)
-    y /= np.linalg.norm(y, axis=1)[:, None]
-    slopes = np.einsum("vij,vij->vj", y, 2.0 * wide * y + gamma @ y)
-    relative = np.divide(np.abs(step), speed, out=np.ones_like(speed), where=speed > 0.0)
-    bound = np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
-    return improved, y, slopes, bound, mendable.max(axis=1, initial=0.0)
+    shapes, square = some(basis.shapes, which), some(basis.square, which)
+    values, y, oscillates = oscillating(gamma, np.abs(square))
+    rows, factor = some(batch.elastic_rows, which), some(batch.inertia_factor, which)
+    h, e, cancel = factor @ shapes, rows @ shapes, np.abs(rows) @ np.abs(shapes)
+    forms = Forms(
+        h.swapaxes(1, 2) @ h, gamma, e.swapaxes(1, 2) @ (e * some(batch.stiffness, which)[:, :, None]),
+        cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(some(batch.damping, which))[:, :, None]),
+    )  # fmt: skip
+    values, y, slope, bound, mendable = refined(forms, values, y, square, some(basis.errors, which))
+    order = np.argsort(np.abs(values), axis=1, kind="stable")
+    if not (order == np.arange(order.shape[1])).all():
+        values, slope = np.take_along_axis(values, order, 1), np.take_along_axis(slope, order, 1)
+        bound, y = np.take_along_axis(bound, order, 1), np.take_along_axis(y, order[:, None], 2)
+    pairs, vectors, slopes = (np.stack((part, part.conj()), axis=-1) for part in (values, y, slope))
+    return np.where(oscillates, mendable, np.inf), pairs, vectors, slopes, np.stack((bound, bound), axis=-1)

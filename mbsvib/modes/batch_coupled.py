@@ -1,0 +1,236 @@
+"""Modes that dampers couple, of all variants at once, where all modes oscillate.
+
+In the basis of the undamped modes (lambda^2 + lambda Gamma + Omega^2) y = 0, and conjugates are solutions too. Light
+damping leaves every y near a unit vector: from there, corrections through the resolvent, the sum of y y^T / (slope (s -
+lambda)) over all eigenvalues, square the error each time. Where they do not converge at once, the eigenvalues of the
+state matrix in energy coordinates are the start. A last correction uses the factors of M, C and K and bounds what is
+left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.modes.damped import CORRECTION, EPS, quadratic_roots
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex
+
+    Mask = NDArray[np.bool_]
+
+# So many corrections from unit vectors take less time than an eigensolver does.
+STEPS = 5
+# Corrections by more than this lead nowhere.
+START = 2.0
+# Vectors that differ by less from unit vectors are independent.
+INDEPENDENT = 0.95
+# The correction after one of this size is rounding.
+CONVERGED = 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class Forms:
+    """M, C and K in the basis of undamped modes, (variants, m, m): ``mass``, ``damping`` and ``stiffness``; ``spread``
+    is the sum of the absolute values of what C is the sum of.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    spread: Array
+
+
+def oscillating(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
+    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0 where all modes oscillate.
+
+    Parameters
+    ----------
+    gamma : array, shape (n, m, m)
+        Damping in the basis of undamped modes.
+    square : array, shape (n, m)
+        Squares of their frequencies, positive.
+
+    Returns
+    -------
+    values : array, shape (n, m)
+        Of each pair the eigenvalue with positive imaginary part.
+    y : array, shape (n, m, m)
+        Vectors, one column for each.
+    oscillates : array, shape (n,)
+        Where all modes do.
+    """
+    values, y, converged = _from_unit_vectors(gamma, square)
+    rest = np.flatnonzero(~converged)
+    oscillates = np.ones(len(gamma), dtype=bool)
+    if len(rest):
+        values[rest], y[rest], oscillates[rest] = _by_eigensolver(gamma[rest], square[rest])
+    return values, y, oscillates
+
+
+def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
+    """Corrections of undamped modes; where they converge the vectors are independent, and so no mode is missing."""
+    n, m = square.shape
+    at = np.arange(m)
+    own = gamma[:, at, at]
+    under = (own * own < 4.0 * square).all(axis=1)
+    values = np.ascontiguousarray(quadratic_roots(square.reshape(-1), own.reshape(-1))[:, 0]).reshape(n, m)
+    distance = values[:, None] * (values[:, None] + own[:, :, None]) + square[:, :, None]
+    distance[:, at, at] = 1.0
+    y = np.divide(-values[:, None] * gamma, distance, out=np.full(gamma.shape, np.inf + 0j), where=distance != 0.0)
+    y[:, at, at] = 1.0
+    todo = np.flatnonzero(under & (_off_diagonal(y) < START))
+    converged = np.zeros(n, dtype=bool)
+    for _ in range(STEPS):
+        if not len(todo):
+            break
+        g, w = some(gamma, todo), some(square, todo)
+        values[todo], y[todo], step = _corrected(g, w, some(values, todo), some(y, todo))
+        done = step < CONVERGED
+        converged[todo[done]] = True
+        todo = todo[~done & (step < START)]
+    converged &= _off_diagonal(y) < INDEPENDENT
+    return values, y, converged
+
+
+def _off_diagonal(y: Complex) -> Array:
+    """The largest sum of a column of unit vectors over all entries but its own."""
+    size = np.abs(y).sum(axis=1) - np.abs(np.einsum("vii->vi", y))
+    return np.asarray(size.max(axis=1, initial=0.0))
+
+
+def _corrected(gamma: Array, square: Array, values: Complex, y: Complex) -> tuple[Complex, Complex, Array]:
+    """Values and vectors with an error that is the square of what it was, and the largest correction."""
+    at = np.arange(y.shape[2])
+    braked = _times(gamma, y)
+    slope = np.einsum("vij,vij->vj", y, 2.0 * values[:, None] * y + braked)
+    residual = values[:, None] * (values[:, None] * y + braked) + square[:, :, None] * y
+    parts, (own, other) = _seen(y, residual)
+    distance = _away(slope, values, values)
+    distance[:, at, at] = slope
+    together = distance == 0.0  # eigenvalues that are one: none of these corrections tells their vectors apart
+    distance[together] = 1.0
+    step = own[:, at, at] / distance[:, at, at]
+    own[:, at, at] = 0.0
+    own /= distance
+    other /= _away(slope.conj(), values.conj(), values)
+    change = np.maximum(np.abs(own).max(axis=(1, 2)), np.abs(other).max(axis=(1, 2)))
+    result = y - _combined(parts, own, other)
+    result /= result[:, at, at][:, None]
+    return values - step, result, np.where(together.any(axis=(1, 2)), np.inf, change)
+
+
+def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
+    """Eigenvalues of the state matrix [0 Omega; -Omega -Gamma], whose velocity parts are the vectors."""
+    n, m = square.shape
+    omega, at = np.sqrt(square), np.arange(m)
+    a = np.zeros((n, 2 * m, 2 * m))
+    a[:, at, m + at] = omega
+    a[:, m + at, at] = -omega
+    a[:, m:, m:] = -gamma
+    values, right = np.linalg.eig(a)
+    values, right = values.astype(complex), right[:, m:].astype(complex)
+    turns = values.imag > 0.0
+    oscillates = (np.count_nonzero(turns, axis=1) == m) & (np.count_nonzero(values.imag, axis=1) == 2 * m)
+    first = np.argsort(~turns, axis=1, kind="stable")[:, :m]
+    return np.take_along_axis(values, first, 1), np.take_along_axis(right, first[:, None], 2), oscillates
+
+
+def refined(
+    forms: Forms, values: Complex, y: Complex, square: Array, errors: Array
+) -> tuple[Complex, Complex, Complex, Array, Array]:
+    """Improve eigenvalues by their two-sided Rayleigh quadratics and vectors by what the others see of the residual.
+
+    Parameters
+    ----------
+    forms : Forms
+        The matrices in the basis of undamped modes.
+    values, y : array, shape (n, m) and (n, m, m)
+        Eigenvalues with positive imaginary part, and vectors.
+    square, errors : array, shape (n, m)
+        Undamped modes and the relative errors of their frequencies.
+
+    Returns
+    -------
+    values, y, slopes : array
+        Eigenvalues, vectors of unit length, and y^T (2 lambda + Gamma) y.
+    bound : array, shape (n, m)
+        Relative errors of the eigenvalues.
+    mendable : array, shape (n,)
+        The largest of them, without what errors of the undamped modes add.
+    """
+    y = y / _lengths(y)
+    inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)
+    a, b, c = (np.einsum("vij,vij->vj", y, part) for part in (inertia, damping, elastic))
+    improved = values
+    for _ in range(2):  # the second step squares what the first leaves
+        slope = 2.0 * improved * a + b
+        step = np.divide(improved * (improved * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
+        small = np.abs(step) <= CORRECTION * np.abs(improved)
+        improved = np.where(small, improved - step, improved)
+    size, speed, wide = np.abs(y), np.abs(improved), improved[:, None]
+    exact_slope = 2.0 * improved * a + b
+    slope = np.abs(exact_slope)
+    parts, shares = _seen(y, wide * (wide * inertia + damping) + elastic)
+    away = _away(exact_slope, improved, improved), _away(exact_slope.conj(), improved.conj(), improved)
+    at = np.arange(y.shape[2])
+    doubt = 4.0 * EPS * speed * np.einsum("vij,vij->vj", size, forms.spread @ size)
+    for share, distance in zip(shares, away, strict=True):
+        seen, apart = np.abs(share), np.abs(distance)
+        if share is shares[0]:
+            apart[:, at, at] = np.inf
+        doubt += np.einsum("vij,vij->vj", seen, np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen))
+        near = (CORRECTION * apart <= seen) | (distance == 0.0)
+        share[near] = 0.0
+        np.divide(share, distance, out=share, where=~near)
+    reach = slope * speed
+    mendable = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
+    mendable[~small] = 1.0
+    trust = 2.0 * (errors[:, :, None] + EPS)
+    doubt += np.einsum("vij,vij->vj", size, (speed[:, None] ** 2 + np.abs(square)[:, :, None]) * trust * size)
+    bound = np.divide(doubt, reach, out=np.ones_like(slope), where=reach > 0.0)
+    relative = np.divide(np.abs(step), speed, out=np.ones_like(speed), where=speed > 0.0)
+    bound = np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
+    y = y - _combined(parts, *shares)
+    y /= _lengths(y)
+    slopes = np.einsum("vij,vij->vj", y, 2.0 * wide * y + _times(forms.damping, y))
+    return improved, y, slopes, bound, mendable.max(axis=1, initial=0.0)
+
+
+def some(array: Any, which: Any) -> Any:
+    """Return the variants ``which`` of an array; all of them without a copy."""
+    return array if len(which) == len(array) else array[which]
+
+
+def _times(matrix: Array, y: Complex) -> Complex:
+    """Real matrices times complex vectors, without complex copies of the matrices."""
+    result: Complex = (matrix @ np.ascontiguousarray(y).view(float)).view(complex)
+    return result
+
+
+def _seen(y: Complex, residual: Complex) -> tuple[tuple[Array, Array], tuple[Complex, Complex]]:
+    """Real and imaginary parts of y, and what y and its conjugate see of residuals: y^T r and y^H r."""
+    real, imaginary = np.ascontiguousarray(y.real), np.ascontiguousarray(y.imag)
+    one, other = _times(real.swapaxes(1, 2), residual), _times(imaginary.swapaxes(1, 2), residual)
+    other *= 1j
+    return (real, imaginary), (one + other, one - other)
+
+
+def _combined(parts: tuple[Array, Array], own: Complex, other: Complex) -> Complex:
+    """Y own + conj(Y) other."""
+    return _times(parts[0], own + other) + 1j * _times(parts[1], own - other)
+
+
+def _away(slope: Complex, values: Complex, other: Complex) -> Complex:
+    """Slopes of the rows times how far their eigenvalues are from those of the columns."""
+    result: Complex = slope[:, :, None] * (other[:, None] - values[:, :, None])
+    return result
+
+
+def _lengths(y: Complex) -> Array:
+    real, imaginary = (np.einsum("vij,vij->vj", part, part) for part in (y.real, y.imag))
+    return np.asarray(np.sqrt(real + imaginary))[:, None]

@@ -1,0 +1,57 @@
+"""Modes that dampers couple, of many variants: corrections of undamped modes find what an eigensolver finds."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mbsvib.modes import batch_coupled
+from mbsvib.modes.batch_coupled import oscillating
+from tests.support.compare import nearest_pairs
+
+
+def forms(size, n=40, m=7, seed=1):
+    """Frequencies over two decades, and damping that couples all modes; ratios of ``size`` at most about."""
+    rng = np.random.default_rng(seed)
+    omega = np.sort(10.0 ** rng.uniform(0.0, 2.0, size=(n, m)), axis=1)
+    rows = rng.normal(size=(n, 2 * m, m)) * np.sqrt(size * omega[:, None] / m)
+    return rows.swapaxes(1, 2) @ rows, omega**2
+
+
+def check(gamma, square, values, y):
+    for i in range(len(gamma)):
+        at = np.arange(len(square[i]))
+        a = np.block([[np.zeros_like(gamma[i]), np.eye(len(at))], [-np.diag(square[i]), -gamma[i]]])
+        found, expected = nearest_pairs(np.concatenate((values[i], values[i].conj())), np.linalg.eigvals(a))
+        assert_allclose(found, expected, rtol=1e-10)
+        residual = y[i] * values[i] ** 2 + gamma[i] @ y[i] * values[i] + square[i][:, None] * y[i]
+        assert_allclose(residual, 0.0, atol=1e-11 * np.abs(y[i]).max() * square[i].max())
+
+
+@pytest.mark.parametrize("size", [1e-8, 1e-3, 0.03, 0.2])
+def test_both_starts_find_the_same(size, monkeypatch):
+    gamma, square = forms(size)
+    values, y, oscillates = oscillating(gamma, square)
+    assert oscillates.all()
+    check(gamma, square, values, y)
+    monkeypatch.setattr(batch_coupled, "STEPS", 0)
+    again, _, oscillates = oscillating(gamma, square)
+    assert oscillates.all()
+    assert_allclose(np.sort_complex(values), np.sort_complex(again), rtol=1e-9)
+
+
+def test_no_eigensolver_is_needed_where_damping_is_light(monkeypatch):
+    def none(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(batch_coupled, "_by_eigensolver", none)
+    oscillating(*forms(1e-3))
+
+
+def test_modes_of_one_frequency_and_modes_that_creep():
+    """Two modes of one frequency that a damper couples; a third variant whose modes creep is told apart."""
+    square = np.array([[4.0, 4.0, 9.0], [4.0, 4.0, 9.0], [4.0, 4.0, 9.0]])
+    rows = np.array([[1.0, 2.0, 0.5], [1.0, -1.0, 2.0]])
+    gamma = np.array([0.1 * np.outer(rows[0], rows[0]), 0.02 * rows.T @ rows, 50.0 * rows.T @ rows])
+    values, y, oscillates = oscillating(gamma, square)
+    assert oscillates.tolist() == [True, True, False]
+    check(gamma[:2], square[:2], values[:2], y[:2])
