@@ -35,7 +35,8 @@ def test_the_pose_is_that_of_springs():
     for i in range(2):
         assert one.model.springs[f"m{i}"].preload == pytest.approx(two.model.springs[f"s{i}"].tension, rel=1e-9)
     found, expected = (report.model.linearize() for report in (one, two))
-    np.testing.assert_allclose(*(np.sort_complex(system.modes().eigenvalues) for system in (found, expected)), rtol=1e-9)
+    values = [np.sort_complex(system.modes().eigenvalues) for system in (found, expected)]
+    np.testing.assert_allclose(*values, rtol=1e-9)
     assert one.model.equilibrium(report=True).iterations == 0
 
 
