@@ -75,6 +75,8 @@ def linearize(
         a variant has a value that is refused.
     SingularPoseError
         If the number of degrees of freedom is not defined in this pose, or is another one in a variant.
+    EquilibriumError
+        If the loads do not balance in this pose.
 
     Warns
     -----
@@ -84,6 +86,10 @@ def linearize(
     Source: Jiang, Chen & Luo (2011), sections 2 and 3.
     """
     model = a_model(model, "linearize")
+    if model.composed:
+        from mbsvib.equilibrium.displaced_balance import check_displacements
+
+        check_displacements(model)
     if values is not None:
         from mbsvib.api.batch import Batch
         from mbsvib.equations.batch_assembly import linearize_batch

@@ -33,9 +33,11 @@ class Posed(Mechanism):
         values : mapping of str to float
             How far joint coordinates (``"knee.rz"``) move from where they are [m, rad]. The other coordinates stay
             where they are, but for those that loops tie to these. Three free rotations are one rotation vector, as are
-            the two of a homokinetic joint. Beams and superelements go along as they are.
+            the two of a homokinetic joint. Beams and superelements go along as they are where the mechanism moves
+            without bending them; else they bend with the least energy, and joints that this moves follow.
         relaxed : bool
-            True: springs and bushings keep the forces that they have here, as if they were mounted in the new pose.
+            True: springs and bushings keep the forces that they have here, as if they were mounted in the new pose;
+            nothing bends.
         cut : sequence of str, optional
             Joints at which loops are to be cut; default: none of those that are moved.
 
@@ -49,6 +51,11 @@ class Posed(Mechanism):
         ModelError
             If a coordinate is unknown or tied to the others, the loops cannot be closed in that pose, or a coupler acts
             on a homokinetic joint that has turned.
+
+        Warns
+        -----
+        LargeDisplacementWarning
+            If beams or superelements bend further than small displacements hold.
         """
         from mbsvib.equilibrium.couplers import check_couplers
         from mbsvib.equilibrium.moved import moved
@@ -77,6 +84,11 @@ class Posed(Mechanism):
         step. A mechanism that its springs hold follows its loads as they grow, and is refused where it would snap
         through; one that hangs goes downhill. Motions that nothing moves stay as they are.
 
+        Beams and superelements bend by displacements that are small in the frame of the body that carries them, which
+        moves finitely: ground if it holds an end or node, else the first body that does, else the first node. As
+        described they are without forces, unless ``displacements`` are stated; the model returned states these, and its
+        beams run through the bent nodes. The equations are exact to first order in these displacements.
+
         Parameters
         ----------
         preload : str, sequence of str, or True, optional
@@ -103,7 +115,13 @@ class Posed(Mechanism):
         EquilibriumError
             If no such pose can be reached, with what is left over in the last one, or no such preload holds this one.
         ModelError
-            If a name or pattern picks no spring, or a part cannot be taken to another pose.
+            If a name or pattern picks no spring, a part cannot be taken to another pose, or gravity acts on a
+            superelement whose mass does not tell how.
+
+        Warns
+        -----
+        LargeDisplacementWarning
+            If beams or superelements bend further than small displacements hold.
         """
         from mbsvib.equilibrium.search import equilibrium
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.equations.equations import Equations
+from mbsvib.equilibrium.displaced_balance import check_displacements
 from mbsvib.equilibrium.search import equilibrium
 from mbsvib.errors import EquilibriumError
 from mbsvib.mechanism.mechanism import Mechanism
@@ -51,6 +52,7 @@ def settled(
         If no equilibrium can be reached.
     """
     try:
+        check_displacements(model)
         return model, linearized(model, independent, cut, method, dense, sparse)
     except EquilibriumError:
         there = equilibrium(model).model

@@ -18,6 +18,8 @@ from mbsvib.kinematics.loops import EPS, reduce
 from mbsvib.kinematics.relative_motion import arm
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import Stance
     from mbsvib.kinematics.loops import Reduction
@@ -66,13 +68,15 @@ def _share(residual: Array, size: Array) -> float:
     return float(np.abs(residual / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
 
 
-def balance(at: Stance) -> Balance:
+def balance(at: Stance, independent: Sequence[str] | None = None) -> Balance:
     """Return the forces and their tangent in a pose; springs follow their exact law.
 
     Parameters
     ----------
     at : Stance
         The pose, with loops closed.
+    independent : sequence of str, optional
+        Joint coordinates that are to be among the minimal ones.
 
     Returns
     -------
@@ -85,7 +89,7 @@ def balance(at: Stance) -> Balance:
     locked, coordinates = numbers.locked, numbers.coordinates
     with warnings.catch_warnings():  # a pose on the way, not the one that is asked for
         warnings.simplefilter("ignore", NearSingularWarning)
-        reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative),
+        reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative), independent,
                            arms=partial(arm, numbers.topology, numbers.position))  # fmt: skip
     found = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
     kept = reduction.independent

@@ -29,7 +29,7 @@ def lacking(at: Stance, forces: Balance) -> tuple[str, dict[str, Any]]:
         The same as keywords.
     """
     share = np.abs(forces.residual / np.where(forces.acting > 0.0, forces.acting, 1.0))
-    worst = int(np.argmax(share))
+    worst = int(np.argmax(np.abs(forces.residual) / np.where(forces.size > 0.0, forces.size, 1.0)))
     name = forces.names[worst]
     owner = name.rpartition(".")[0]
     joint = at.described.joints.get(owner)

@@ -11,6 +11,8 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import stiffened
+from mbsvib.equilibrium.bending import alone, bent
+from mbsvib.equilibrium.linear_range import warn_beyond
 from mbsvib.equilibrium.motion import close, same_side, stance
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.equilibrium.pose import start
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import Stance
+    from mbsvib.equilibrium.pose import Pose
 
 M = TypeVar("M", bound=Mechanism)
 
@@ -66,19 +69,45 @@ def moved(
         raise check.refuse("moved", "values", values, "a mapping of joint coordinates to values, {'hinge.rz': 0.1}")
     given = {str(name): check.number(value, "moved", str(name)) for name, value in values.items()}
     stiff = stiffened(model)
-    cut = _cut_elsewhere(stiff, given) if cut is None else tuple(names(cut, "moved", "cut", ModelError))
-    here = stance(stiff, start(stiff), cut)
+    asked = None if cut is None else tuple(names(cut, "moved", "cut", ModelError))
+    try:
+        return carried(model, _rigidly(stiff, given, asked), relaxed)
+    except ModelError:
+        if relaxed or not model.composed or not set(given) <= _all_coordinates(stiff):
+            raise
+        there = _bending(model, given, asked)
+        if there is None:
+            raise
+        return there
+
+
+def _rigidly(stiff: Mechanism, given: Mapping[str, float], cut: tuple[str, ...] | None) -> Pose:
+    """The pose that a mechanism reaches without bending."""
+    here = stance(stiff, start(stiff), _cut_elsewhere(stiff, given) if cut is None else cut)
     target = np.zeros(len(here.coordinates.names))
     for name, value in given.items():
         if name not in here.coordinates.names:
             known = here.coordinates.names
-            raise ModelError(f"moved: '{name}' is no joint coordinate of model '{model.name}'.{nearest(name, known)} "
+            raise ModelError(f"moved: '{name}' is no joint coordinate of model '{stiff.name}'.{nearest(name, known)} "
                              f"It has {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}.",
                              element=name, field="values")  # fmt: skip
         target[here.coordinates.names.index(name)] = value
-    if here.cuts is None:
-        return carried(model, here.moved(target).pose, relaxed)
-    return carried(model, _follow(here, target, list(given)).pose, relaxed)
+    return here.moved(target).pose if here.cuts is None else _follow(here, target, list(given)).pose
+
+
+def _all_coordinates(model: Mechanism) -> set[str]:
+    return {f"{joint.name}.{name}" for joint in model.joints.values() for name, _ in joint.freedom}
+
+
+def _bending(model: M, given: Mapping[str, float], cut: tuple[str, ...] | None) -> M | None:
+    """The model where its beams and superelements bend, or None if that does not lead to the pose either."""
+    mechanism = alone(model)
+    found = bent(mechanism, given, _cut_elsewhere(mechanism, given) if cut is None else cut)
+    if found is None:
+        return None
+    there = carried(model, found[0].pose)
+    warn_beyond(there, found[0], found[1].reduction)
+    return there
 
 
 def coordinates_of(model: Mechanism, cut: Sequence[str]) -> tuple[float, dict[str, bool]]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equilibrium.at_equilibrium import settled
 from tests.beams.reference import assembled, matrices
 
 G = 9.81
@@ -46,6 +47,15 @@ def test_a_cantilever_bends_as_the_text_books_say():
     np.testing.assert_allclose(double.points[-1][2], 2 * tip[2], rtol=1e-9)
 
 
+def test_another_load_needs_another_pose():
+    there = cantilever((0, 0, -0.3)).equilibrium()
+    with pytest.raises(mv.EquilibriumError, match=r"body 'rod\.5', -0\.03 N missing along 'rod\.5\.z'.*displacements"):
+        there.with_values({"P.force.z": -0.27}).linearize()
+    model, system = settled(there.with_values({"P.force.z": -0.6}))
+    assert model.beams["rod"].points[-1][2] == pytest.approx(-0.6 * LENGTH**3 / (3 * EI), rel=1e-9)
+    assert system.dof == there.linearize().dof
+
+
 def test_a_beam_on_both_walls_sags():
     model = mv.Model("walls")
     model.add_beam("rod", "ground", "ground", SECTION, STEEL, start=(0, 0, 0), end=(LENGTH, 0, 0), elements=6)
@@ -54,26 +64,48 @@ def test_a_beam_on_both_walls_sags():
     np.testing.assert_allclose(there.beams["rod"].points[3][2], -0.1 * LENGTH**3 / (192 * EI), rtol=1e-9)
 
 
-def test_the_statically_loaded_start_of_the_drop_test():
-    """Two arms on the middle of a clamped beam, 30 N there: the published start, sag and energy."""
-    model = mv.Model("drop")
+def arms(height=0.192):
+    """Two arms of 0.1 m on the middle of a clamped beam."""
+    model = mv.Model("arms")
     model.add_beam("rod", "ground", "ground", SECTION, STEEL, start=(-0.5, 0, 0), end=(0.5, 0, 0), elements=8)
-    height, half = 0.192, 0.05
     out = np.sqrt(0.1**2 - (0.5 * height) ** 2)
     for name, z in (("lower", -0.75 * height), ("upper", -0.25 * height)):
-        model.add_body(name, half, (1e-9, half * 0.01 / 12, half * 0.01 / 12), (0.5 * out, 0, z))
+        model.add_body(name, 0.05, (1e-9, 5e-4 / 12, 5e-4 / 12), (0.5 * out, 0, z))
     model.add_joint("base", "revolute", "ground", "lower", (0, 0, -height), axis=(0, 1, 0))
     model.add_joint("elbow", "revolute", "lower", "upper", (out, 0, -0.5 * height), axis=(0, 1, 0))
     model.add_joint("pin", "revolute", "upper", "rod.4", (0, 0, 0), axis=(0, 1, 0))
+    return model
+
+
+def test_the_statically_loaded_start_of_the_drop_test():
+    """30 N on the middle: the published start, sag and energy."""
+    model = arms()
     model.add_load("drop", "rod.4", (0, 0, -30.0))
-    with pytest.warns(mv.errors.LargeDisplacementWarning, match=r"beam 'rod' sags by 1\.7 of its thickness"):
+    with pytest.warns(mv.LargeDisplacementWarning, match=r"beam 'rod' sags by 1\.7 of its thickness"):
         there = model.equilibrium()
     sag = there.beams["rod"].points[4][2]
     assert sag == pytest.approx(-6.975446428571e-3, rel=1e-10)
     assert -0.5 * 30.0 * sag == pytest.approx(0.10463169642857, rel=1e-10)
-    gap = np.linalg.norm(np.subtract(there.bodies["upper"].position, there.bodies["lower"].position))
-    assert gap == pytest.approx(np.linalg.norm(np.subtract(model.bodies["upper"].position,
-                                                           model.bodies["lower"].position)), rel=0.1)  # fmt: skip
+    assert there.linearize().dof == model.linearize().dof
+
+
+@pytest.mark.filterwarnings("ignore::mbsvib.LargeDisplacementWarning")
+@pytest.mark.parametrize("share", [0.05, 1.0, 1.5, -0.2])
+def test_arms_that_move_bend_the_beam_that_they_are_on(share):
+    """Up to where they are stretched and beyond: the middle goes as arms of their length say, the rest bends least."""
+    height = 0.192
+    angle = np.arccos(0.5 * height / 0.1)
+    there = arms(height).moved({"elbow.rz": 2.0 * share * angle})
+    w = np.array(there.beams["rod"].points)[:, 2]
+    assert w[4] == pytest.approx(0.2 * np.cos(angle - share * angle) - height, rel=1e-9)
+    x = np.linspace(0, 0.5, 5)
+    np.testing.assert_allclose(w[:5], w[4] * x**2 * (12.0 - 16.0 * x), rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(w[::-1], w, rtol=1e-9, atol=1e-15)
+    if share == 1.0:  # the stretched arms are a column that the beam's force does not turn
+        assert not there.linearize().modes().stable
+    else:
+        with pytest.raises(mv.EquilibriumError, match="unbalanced moment .* by the displacements"):
+            there.linearize()
 
 
 def hanging(tilt, elements=4, **material):

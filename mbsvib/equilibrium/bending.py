@@ -1,0 +1,120 @@
+"""Poses that a mechanism reaches only if its beams and superelements bend: they bend with the least energy.
+
+Coordinates that are asked for have their values; all others, those within the parts included, minimise the elastic
+energy of the parts with loops closed: the residual along free coordinates is none, by Newton's method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from mbsvib.equilibrium.articulation import articulated
+from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.motion import close, stance
+from mbsvib.equilibrium.path import CLOSED, FOUND, NEWTON_STEPS, newton_step
+from mbsvib.equilibrium.pose import start
+from mbsvib.errors import ModelError, SingularPoseError
+from mbsvib.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.equilibrium.balance import Balance
+    from mbsvib.equilibrium.motion import Stance
+
+M = TypeVar("M", bound=Mechanism)
+
+# The longest step [rad, mechanism sizes] of the coordinates that are asked for, and the shortest that is still tried.
+LONGEST, SHORTEST = 0.1, 1e-5
+
+
+def alone(model: M) -> M:
+    """Return a mechanism whose beams and superelements, without forces in their pose, are all that resists."""
+    parts: Any = {name: replace(part, displacements=None) for name, part in model.composed.items()}  # type: ignore[call-arg]
+    return articulated(model.with_parts(composed=parts, springs={}, loads={}, inputs={}, outputs={}, gravity=None))
+
+
+def bent(mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]) -> tuple[Stance, Balance] | None:
+    """Return the pose in which joint coordinates have moved and flexible parts bend least, or None if there is none.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What ``alone`` makes of the model.
+    values : mapping of str to float
+        How far coordinates of its tree move [m, rad].
+    cut : sequence of str
+        Joints at which loops are cut.
+
+    Returns
+    -------
+    tuple of Stance and Balance
+        The pose and the forces there.
+    """
+    here = stance(mechanism, start(mechanism), cut)
+    names = list(values)
+    scale = here.scale[[here.coordinates.names.index(name) for name in names]]
+    target = np.array([values[name] for name in names])
+    longest = float(np.abs(target / scale).max(initial=0.0))
+    try:
+        forces = balance(here, names)
+    except (ModelError, SingularPoseError):
+        return None
+    done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
+    while done < 1.0:
+        share = min(step, 1.0 - done)
+        reached = _follow(here, forces, names, share * target)
+        if reached is not None:
+            (here, forces), done = reached, done + share
+            step = min(2.0 * step, LONGEST / max(longest, LONGEST))
+        elif share * longest < SHORTEST:
+            return None
+        else:
+            step = 0.5 * share
+    return here, forces
+
+
+def _follow(here: Stance, forces: Balance, names: list[str], by: Array) -> tuple[Stance, Balance] | None:
+    """One step of the coordinates that are asked for, and Newton's method for the others."""
+    motion = np.zeros(len(forces.names))
+    motion[[forces.names.index(name) for name in names]] = by
+    held = _held(forces, names)
+    # along the tangent, the others follow such that their forces stay as they are
+    against = np.where(_free(forces, names), forces.tangent @ motion, 0.0)
+    follow = newton_step(replace(held, residual=held.residual - against))
+    step = forces.all_joints(motion) + follow
+    for _ in range(NEWTON_STEPS):
+        if np.abs(step / here.scale).max(initial=0.0) > 5.0 * LONGEST:
+            return None
+        try:
+            there, left = close(here.moved(step), _others(here, names))
+            after = None if left > max(CLOSED, there.rounding) else balance(there, names)
+        except (ModelError, SingularPoseError):
+            return None
+        if after is None:
+            return None
+        here, held = there, _held(after, names)
+        if held.share <= FOUND:
+            return here, after
+        step = newton_step(held)
+    return None
+
+
+def _others(here: Stance, names: list[str]) -> Any:
+    """Joint coordinates that may close loops."""
+    return np.array([name not in names for name in here.coordinates.names])
+
+
+def _free(forces: Balance, names: list[str]) -> Any:
+    return np.array([name not in names for name in forces.names])
+
+
+def _held(forces: Balance, names: list[str]) -> Balance:
+    """The forces along all coordinates but some, which neither move nor resist."""
+    free = _free(forces, names)
+    return replace(forces, residual=np.where(free, forces.residual, 0.0),
+                   tangent=np.where(np.logical_and.outer(free, free), forces.tangent, 0.0))  # fmt: skip

@@ -1,0 +1,44 @@
+"""Do the displacements that are stated for beams and superelements balance the loads?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mbsvib.equations.statics import BALANCE
+from mbsvib.equilibrium.articulation import articulated
+from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.messages import lacking
+from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.moved_parts import bare
+from mbsvib.equilibrium.pose import start
+from mbsvib.errors import EquilibriumError
+
+if TYPE_CHECKING:
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+def check_displacements(model: Mechanism) -> None:
+    """Refuse a model whose beams and superelements state displacements that do not balance its loads.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The model; without stated displacements nothing is checked, as forces then follow from statics.
+
+    Raises
+    ------
+    EquilibriumError
+        If more is left over than ``BALANCE`` of the forces that should cancel.
+    """
+    if all(getattr(part, "displacements", None) is None for part in model.composed.values()):
+        return
+    jointed = bare(articulated(model))
+    at = stance(jointed, start(jointed))
+    forces = balance(at)
+    if forces.share > BALANCE:
+        what, where = lacking(at, forces)
+        raise EquilibriumError(
+            f"model '{model.name}' is not in balance in the given pose: {what}, by the "
+            f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave displacements out where the pose "
+            f"given is the loaded one.", **where,
+        )  # fmt: skip
