@@ -39,6 +39,6 @@ def check_displacements(model: Mechanism) -> None:
         what, where = lacking(at, forces)
         raise EquilibriumError(
             f"model '{model.name}' is not in balance in the given pose: {what}, by the "
-            f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave displacements out where the pose "
-            f"given is the loaded one.", **where,
+            f"displacements of its beams and superelements. Find the pose with model.equilibrium(), or leave "
+            f"displacements out where the pose given is the loaded one.", **where,
         )  # fmt: skip
