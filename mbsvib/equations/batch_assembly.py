@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from mbsvib.common.memory import MANY, keep_freed_memory
-from mbsvib.elements import Body
+from mbsvib.elements import Body, Bushing, Joint
 from mbsvib.equations import assembly as single
 from mbsvib.equations.batch_equations import FACTORS, BatchEquations
 from mbsvib.equations.batch_geometry import moves_geometry, varied
@@ -79,7 +79,7 @@ def linearize_batch(
     plain = expanded(model)
     scene = scene_of(with_maxwell_nodes(plain), cut)
     nominal = single.assembled(plain, scene, independent, None if plain is model else copy(model), form=form)
-    if plain is not model or _adds_by_variant(model, scene, nominal):
+    if plain is not model or _adds_by_variant(model, scene, nominal) or _varies_otherwise(scene, variants):
         return one_by_one(model, nominal, variants, cut, batch)
     chosen = pivots(scene, nominal.provenance.reduction)
     size = _piece(scene, variants)
@@ -103,6 +103,23 @@ def _adds_by_variant(model: Mechanism, scene: Scene, nominal: Equations) -> bool
     """Tell whether a mechanism has what is computed variant by variant: loads, spin, inerters, motions without mass."""
     return bool(scene.loads is not None or scene.port.wrench_outputs or model.rotors
                 or scene.springs.inertance is not None or nominal.provenance.massless is not None)  # fmt: skip
+
+
+def _varies_otherwise(scene: Scene, values: Values) -> bool:
+    """Tell whether couplers or what they measure, lines of distance joints, or 6x6 matrices vary."""
+    cut = {scene.topology.joints[k].name for k in scene.topology.cut}
+    coupled = {part.name for part in scene.couplers} | cut & {
+        name.rpartition(".")[0] for part in scene.couplers for name, _ in part.terms}  # fmt: skip
+    for name, fields in values.fields.items():
+        part = values.parameters.parts[name]
+        if name in coupled or (isinstance(part, Joint) and part.kind == "distance"):
+            return True
+        if isinstance(part, Bushing) and any(
+            field in fields and isinstance(value[0], tuple)
+            for value in (part.stiffness, part.damping) for field in ("stiffness", "damping")
+        ):
+            return True
+    return False
 
 
 def _depth(key: str) -> int:

@@ -1,4 +1,8 @@
-"""Geometry: the mechanism in numbers, with an axis of variants where something varies and without one elsewhere."""
+"""Geometry: the mechanism in numbers, with an axis of variants where something varies and without one elsewhere.
+
+Twists, locked rows and elastic rows are directions at a point of a part. In a variant they turn with its orientation,
+are taken at its position, and follow the line between its ends.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Bushing, Input, Joint, Output
+from mbsvib.elements import Bushing, Input, Joint, Output, Spring
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.batch_springs import springs_of, stacked
 from mbsvib.equations.inertia import SpatialInertia, roots
+from mbsvib.equations.spring_rows import Elements, stack
 from mbsvib.mechanism.changes import rotations
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.part import Part
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.scene import Scene
@@ -36,7 +41,7 @@ def varied(model: Mechanism, scene: Scene, values: Values) -> Scene:
     scene : Scene
         The same in numbers, as it is.
     values : Values
-        What varies.
+        What varies; no line of a distance joint and no 6x6 matrix.
 
     Returns
     -------
@@ -45,8 +50,8 @@ def varied(model: Mechanism, scene: Scene, values: Values) -> Scene:
     """
     number = {name: i for i, name in enumerate(scene.topology.bodies)}
     number["ground"] = len(scene.bodies)
-    moved = {number[name]: whole["position"] for name, whole in values.fields.items()
-             if name in number and "position" in whole}  # fmt: skip
+    moved = {number[name]: fields["position"] for name, fields in values.fields.items()
+             if name in number and "position" in fields}  # fmt: skip
     position = scene.position
     if moved:
         position = np.repeat(position[None], values.count, axis=0)
@@ -54,162 +59,188 @@ def varied(model: Mechanism, scene: Scene, values: Values) -> Scene:
             position[:, body] = array.T
     return replace(
         scene, position=position, coordinates=_twists(scene, values, moved), cuts=_cuts(scene, values),
-        springs=springs_of(scene, values, number), port=_ports(model, scene.port, values.count, moved, number),
+        springs=_springs(scene, values, number), port=_ports(model, scene.port, moved, number),
         inertia=_inertia(scene, values, number),
     )  # fmt: skip
 
 
+def moves_geometry(values: Values) -> bool:
+    """Tell whether anything varies but masses, inertia, stiffness and damping."""
+    return values.varies((Joint,)) or any(
+        field in fields for fields in values.fields.values() for field in ("position", "start", "end")
+    ) or values.varies((Bushing,), "orientation")
+
+
+def _put(array: Array, at: Any, value: Array, count: int) -> Array:
+    """Vectors (3, variants, n) that have other values (3, variants, ...) in some columns."""
+    result = array if array.ndim == 3 else np.repeat(array[:, None], count, axis=1)
+    result[:, :, at] = value if value.ndim == 3 else value[:, :, None]
+    return result
+
+
+def _of_parts(
+    vectors: tuple[Array, Array, Array], owners: Sequence[tuple[Part, Any]], values: Values
+) -> tuple[Array, Array, Array]:
+    """Directions of translations and of rotations, and their points (3, n), in all variants; ``owners`` are parts and
+    their columns.
+    """
+    first, second, point = vectors
+    for part, at in owners:
+        fields = values.fields.get(part.name, {})
+        if "orientation" in fields:
+            turn = rotations(fields["orientation"])
+            first, second = (
+                _put(array, at, np.einsum("vij,jvk->ivk", turn, _columns(array, at)), values.count)
+                for array in (first, second)
+            )
+        if "position" in fields:
+            point = _put(point, at, fields["position"], values.count)
+        if "start" in fields or "end" in fields:
+            start, end = (np.broadcast_to(fields.get(field, np.array(getattr(part, field))[:, None]), (3, values.count))
+                          for field in ("start", "end"))  # fmt: skip
+            gap = end - start
+            first = _put(first, at, gap / np.sqrt(np.einsum("iv,iv->v", gap, gap)), values.count)
+            point = _put(point, at, start, values.count)
+    return first, second, point
+
+
+def _columns(array: Array, at: Any) -> Array:
+    """Some columns of vectors, with an axis of variants that may have the length of one."""
+    result: Array = array[:, None, at] if array.ndim == 2 else array[:, :, at]
+    return result
+
+
+def _carried(point: Array, bodies: Sequence[tuple[int, Any]], moved: Mapping[int, Array]) -> Array:
+    """Points that are at the centres of mass of bodies; ``bodies`` are their numbers and the columns."""
+    for body, at in bodies:
+        if body in moved:
+            point = _put(point, at, moved[body], moved[body].shape[1])
+    return point
+
+
 def _twists(scene: Scene, values: Values, moved: Mapping[int, Array]) -> Twists:
     twists, start = scene.coordinates, 0
-    linear, angular, point = twists.linear, twists.angular, twists.point
-    for branch in sorted(scene.topology.branches, key=_order):
+    linear, owners, carried = twists.linear, [], []
+    # coordinates come in the order of the joints, those of floating bodies last
+    for branch in sorted(scene.topology.branches, key=lambda one: (one.joint == FLOATS, one.joint)):
         joint = None if branch.joint == FLOATS else scene.topology.joints[branch.joint]
         at = slice(start, start + (6 if joint is None else len(joint.freedom)))
         start = at.stop
-        whole = values.fields.get(joint.name, {}) if joint is not None else {}
-        if joint is not None and joint.kind == "distance" and whole:
-            linear, angular, point = (stacked(array, values.count) for array in (linear, angular, point))
-            six, point[:, :, at] = _of_rods(joint.name, values, "freedom")
-            linear[:, :, at], angular[:, :, at] = six[:3], six[3:]
-            continue
-        carried = joint is None or joint.position is None
-        place = moved.get(branch.body) if carried else whole.get("position")
-        if place is not None:
-            point = stacked(point, values.count)
-            point[:, :, at] = place[:, :, None]
-        if "pitch" in whole:
-            linear = stacked(linear, values.count)
-            linear[:, :, at] = whole["pitch"][:, None] * twists.angular[:, None, at]
-        if "orientation" in whole:
-            turn = rotations(whole["orientation"])
-            linear = stacked(linear, values.count)
-            angular = stacked(angular, values.count)
-            linear[:, :, at] = _turned(turn, linear[:, :, at])
-            angular[:, :, at] = _turned(turn, angular[:, :, at])
-    return replace(twists, linear=linear, angular=angular, point=point)
-
-
-def _of_rods(name: str, values: Values, directions: str) -> tuple[Array, Array]:
-    """Six-vectors (6, variants, n) of a distance joint, whose axes follow its two points, and where they are taken."""
-    joints: list[Any] = [values.part(name, i) for i in range(values.count)]
-    six = np.array([[vector for _, vector in getattr(joint, directions)] for joint in joints])
-    return np.moveaxis(six, -1, 0), np.array([joint.point for joint in joints]).T[:, :, None]
-
-
-def _order(branch: object) -> tuple[bool, int]:
-    """Coordinates come in the order of the joints, those of floating bodies last."""
-    joint: int = branch.joint  # type: ignore[attr-defined]
-    return (joint == FLOATS, joint)
-
-
-def _turned(turn: Array, vectors: Array) -> Array:
-    """Turn vectors (3, variants, n) by matrices (variants, 3, 3)."""
-    result: Array = np.einsum("vij,jvk->ivk", turn, vectors)
-    return result
+        if joint is None or joint.position is None:
+            carried.append((branch.body, at))
+        if joint is not None:
+            owners.append((joint, at))
+            pitch = values.fields.get(joint.name, {}).get("pitch")
+            if pitch is not None:
+                linear = _put(linear, at, pitch[:, None] * twists.angular[:, None, at], values.count)
+    linear, angular, point = _of_parts((linear, twists.angular, twists.point), owners, values)
+    return replace(twists, linear=linear, angular=angular, point=_carried(point, carried, moved))
 
 
 def _cuts(scene: Scene, values: Values) -> Cuts | None:
     cuts = scene.cuts
     if cuts is None:
         return None
-    point, force, moment = cuts.rows.point, cuts.rows.force, cuts.rows.moment
+    rows, moment, owners = cuts.rows, cuts.rows.moment, []
     for count, k in enumerate(scene.topology.cut):
-        joint = scene.topology.joints[k]
-        whole = values.fields.get(joint.name, {})
-        rows = np.flatnonzero(cuts.joint == count)
-        if joint.kind == "distance" and whole:
-            force, point = stacked(force, values.count), stacked(point, values.count)
-            six, point[:, :, rows] = _of_rods(joint.name, values, "locked")
-            force[:, :, rows] = six[:3]
-            continue
-        if "position" in whole:  # where a joint has none, what it locks is the same at every point
-            point = stacked(point, values.count)
-            point[:, :, rows] = whole["position"][:, :, None]
-        if "pitch" in whole:
-            moment = stacked(moment, values.count)
-            row = rows[[direction for direction, _ in joint.locked].index("z")]
-            moment[:, :, row] = -whole["pitch"] * cuts.rows.force[:, None, row]
-        if "orientation" in whole:
-            turn = rotations(whole["orientation"])
-            force = stacked(force, values.count)
-            moment = stacked(moment, values.count)
-            force[:, :, rows] = _turned(turn, force[:, :, rows])
-            moment[:, :, rows] = _turned(turn, moment[:, :, rows])
-    couplings = cuts.couplings
-    if couplings is not None:
-        from mbsvib.equations.batch_couplers import varied_couplings
-
-        couplings = varied_couplings(couplings, scene, values)
-    return replace(cuts, rows=Rows(cuts.rows.first, cuts.rows.second, point, force, moment), couplings=couplings)
+        joint, at = scene.topology.joints[k], np.flatnonzero(cuts.joint == count)
+        owners.append((joint, at))
+        pitch = values.fields.get(joint.name, {}).get("pitch")
+        if pitch is not None:
+            row = at[[direction == "z" for direction, _ in joint.locked]]
+            moment = _put(moment, row, -pitch[:, None] * rows.force[:, None, row], values.count)
+    force, moment, point = _of_parts((rows.force, moment, rows.point), owners, values)
+    return replace(cuts, rows=Rows(rows.first, rows.second, point, force, moment))
 
 
-def _ports(model: Mechanism, port: Ports, count: int, moved: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
-    """Ports without a position are at the centre of mass of their body."""
+def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Elements:
+    """Rows of the spring-dampers; directions come in that only some variant has a stiffness or damping in."""
+    parts = list(scene.elements)
+    varying = [i for i, part in enumerate(parts) if part.name in values.fields]
+    if not varying:
+        return scene.springs
+    for i in varying:
+        acts: dict[str, Any] = {field: tuple((array != 0.0).any(axis=1).astype(float).tolist())
+                                for field, array in values.fields[parts[i].name].items()
+                                if field in ("stiffness", "damping") and isinstance(parts[i], Bushing)}  # fmt: skip
+        if acts:
+            parts[i] = replace(parts[i], **acts)
+    springs = scene.springs if parts == list(scene.elements) else stack(parts, number)
+    owners = [(scene.elements[i], (springs.owner == i).nonzero()[0]) for i in varying]
+    rows = springs.rows
+    force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)
+    weights = {"stiffness": springs.stiffness, "damping": springs.damping}
+    for part, at in owners:
+        for field in weights.keys() & values.fields[part.name].keys():
+            array, given = weights[field], values.fields[part.name][field]
+            array = array if array.ndim == 2 else np.repeat(array[None], values.count, axis=0)
+            array[:, at] = given[:, None] if isinstance(part, Spring) else given[springs.unit[at].argmax(axis=1)].T
+            weights[field] = array
+    return replace(springs, rows=Rows(rows.first, rows.second, point, force, moment),
+                   stiffness=weights["stiffness"], damping=weights["damping"])  # fmt: skip
+
+
+def _ports(model: Mechanism, port: Ports, moved: Mapping[int, Array], number: Mapping[str, int]) -> Ports:
+    """Ports without a position are at the centre of mass of their body, or of the one they refer to on the ground."""
     if not moved:
         return port
     parts = [part for part in (*model.inputs.values(), *model.outputs.values()) if isinstance(part, Input | Output)]
-    point, carried = port.rows.point, {}
+    at_centre, centres = [], {}
     for row, part in enumerate(parts):
-        body = _centre(part, number)
+        a, b = number[part.relative_to], number[part.body]
+        body = b if b < len(number) - 1 else a
         if part.position is None and body in moved:
-            point = stacked(point, count)
-            point[:, :, row] = moved[body]
-            carried[part] = moved[body].T
-    return replace(port, rows=replace(port.rows, point=point), inertial_outputs=tuple(
-        (row, output, carried.get(output, at)) for row, output, at in port.inertial_outputs))  # fmt: skip
-
-
-def _centre(part: Input | Output, number: Mapping[str, int]) -> int:
-    """The body at whose centre of mass a port is: its own, or the one it refers to where its own is the ground."""
-    a, b = number[part.relative_to], number[part.body]
-    return b if b < len(number) - 1 else a
+            at_centre.append((body, slice(row, row + 1)))
+            centres[part] = moved[body].T
+    return replace(port, rows=replace(port.rows, point=_carried(port.rows.point, at_centre, moved)),
+                   inertial_outputs=tuple((row, output, centres.get(output, at))
+                                          for row, output, at in port.inertial_outputs))  # fmt: skip
 
 
 def _inertia(scene: Scene, values: Values, number: Mapping[str, int]) -> SpatialInertia:
     linear, angular = scene.inertia.linear, scene.inertia.angular
-    for name, whole in values.fields.items():
+    for name, fields in values.fields.items():
         if name not in number:
             continue
         i = number[name]
         body = scene.bodies[i]
-        if "mass" in whole:
+        if "mass" in fields:
             linear = np.repeat(linear[None], values.count, axis=0) if linear.ndim == 1 else linear
-            linear[:, i] = np.sqrt(whole["mass"])
-        if "inertia" in whole or "orientation" in whole:
+            linear[:, i] = np.sqrt(fields["mass"])
+        if "inertia" in fields or "orientation" in fields:
             angular = np.repeat(angular[None], values.count, axis=0) if angular.ndim == 3 else angular
             axes = np.array(body.orientation)
-            if "orientation" in whole:
-                axes = rotations(whole["orientation"]) @ axes
-            root = roots(whole["inertia"].T if "inertia" in whole else np.array([body.inertia]))
+            if "orientation" in fields:
+                axes = rotations(fields["orientation"]) @ axes
+            root = roots(fields["inertia"].T if "inertia" in fields else np.array([body.inertia]))
             angular[:, i] = root @ np.swapaxes(axes, -1, -2)
     return SpatialInertia(linear, angular)
 
 
-def moves_geometry(values: Values) -> bool:
-    """Tell whether anything varies but masses, inertia, stiffness and damping."""
-    return values.varies((Joint,)) or any(
-        field in whole for whole in values.fields.values() for field in ("position", "start", "end")
-    ) or values.varies((Bushing,), "orientation")
+def scene_of_variant(scene: Scene, i: int) -> Scene:
+    """Return the geometry of one variant, of joints and loops.
+
+    Parameters
+    ----------
+    scene : Scene
+        The mechanism in all variants.
+    i : int
+        The number of the variant.
+
+    Returns
+    -------
+    Scene
+        The same with vectors (3, n) of coordinates and locked rows.
+    """
+    twists, cuts = scene.coordinates, scene.cuts
+    linear, angular, point = (_of_variant(array, i) for array in (twists.linear, twists.angular, twists.point))
+    if cuts is not None:
+        rows = cuts.rows
+        cuts = replace(cuts, rows=Rows(rows.first, rows.second, *(
+            _of_variant(array, i) for array in (rows.point, rows.force, rows.moment))))  # fmt: skip
+    return replace(scene, position=scene.position if scene.position.ndim == 2 else scene.position[i], cuts=cuts,
+                   coordinates=replace(twists, linear=linear, angular=angular, point=point))  # fmt: skip
 
 
-def slice_variant(array: Array, i: int) -> Array:
-    """Return vectors (3, n) of variant ``i`` out of (3, variants, n)."""
+def _of_variant(array: Array, i: int) -> Array:
     return array if array.ndim == 2 else array[:, i]
-
-
-def cuts_of(cuts: Cuts, i: int) -> Cuts:
-    """Return the locked rows of one variant."""
-    rows, couplings = cuts.rows, cuts.couplings
-    if couplings is not None:
-        from mbsvib.equations.batch_couplers import couplings_of
-
-        couplings = couplings_of(couplings, i)
-    return replace(cuts, couplings=couplings, rows=Rows(rows.first, rows.second, *(
-        slice_variant(array, i) for array in (rows.point, rows.force, rows.moment))))  # fmt: skip
-
-
-def twists_of(twists: Twists, i: int) -> Twists:
-    """Return the joint coordinates of one variant."""
-    return replace(twists, linear=slice_variant(twists.linear, i), angular=slice_variant(twists.angular, i),
-                   point=slice_variant(twists.point, i))  # fmt: skip
-

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements import Joint
-from mbsvib.equations.batch_geometry import cuts_of, twists_of
+from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
 from mbsvib.kinematics.mobility import LIMIT, _crossed, _rods, check_mobility, phi_nearby
@@ -163,7 +163,7 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
                 axes = [(rotations(whole["orientation"]) @ axis).T for axis in axes]
             crossing.append((row, axes[0], axes[1]))
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
-                            _rods(scene.topology, scene.coordinates, scene.cuts, values.fields))  # fmt: skip
+                            _rods(scene.topology, scene.coordinates, scene.cuts))  # fmt: skip
         for block in chosen.blocks:
             if len(block.rows) > len(block.dependent):
                 left = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
@@ -238,9 +238,9 @@ def _alone(
     scene: Scene, values: Values, phi: Array, nominal: Reduction, i: int, first: int, doubt: bool, matrix: Array
 ) -> Array:
     """Send one variant through the decisions that a single pose goes through; return its B''."""
-    assert scene.cuts is not None
-    coordinates, cuts = twists_of(scene.coordinates, i), cuts_of(scene.cuts, i)
-    position = scene.position if scene.position.ndim == 2 else scene.position[i]
+    one = scene_of_variant(scene, i)
+    coordinates, cuts, position = one.coordinates, one.cuts, one.position
+    assert cuts is not None
     names = [coordinates.names[k] for k in nominal.independent]
     reduction = replace(nominal, matrix=matrix)
     joints = [values.part(joint.name, i) for joint in scene.topology.joints]

@@ -6,15 +6,16 @@ gyroscopic and circulatory parts of matrices where a variant has none.
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbsvib.equations.assembly import linearized
 from mbsvib.equations.batch_equations import FACTORS, PARTS, BatchEquations
-from mbsvib.equations.batch_loops import check_freedom
+from mbsvib.equations.batch_loops import HELP, check_freedom
 from mbsvib.equations.equations import MATRICES
-from mbsvib.errors import MbsvibError, ModelError
+from mbsvib.errors import MbsvibError, ModelError, NearSingularWarning, SingularPoseError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -82,21 +83,32 @@ def _linearized(
     model: Mechanism, nominal: Equations, variants: Values, cut: Sequence[str] | None, i: int
 ) -> Equations:
     """Equations of variant ``i`` in the coordinates of the pose as given."""
-    try:
-        variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", NearSingularWarning)
         try:
-            system: Equations = linearized(variant, nominal.coordinates, cut)
-        except ModelError as error:
-            if error.field != "independent":
-                raise
-            _check_massless(linearized(variant, None, cut), nominal)  # more motions without mass, fewer coordinates
+            variant = model.with_values({name: float(values[i]) for name, values in variants.by_name.items()})
+            system = _in_coordinates(variant, nominal, cut)
+            _check_massless(system, nominal)
+            check_freedom(system.dof, nominal.dof)
+        except MbsvibError as error:
+            error.args = (f"variant {i}: {error}", *error.args[1:])
             raise
-        _check_massless(system, nominal)
-        check_freedom(system.dof, nominal.dof)
-    except MbsvibError as error:
-        error.args = (f"variant {i}: {error}", *error.args[1:])
-        raise
+    for warning in caught:
+        warnings.warn(f"variant {i}: {warning.message}", warning.category, stacklevel=5)
     return system
+
+
+def _in_coordinates(variant: Mechanism, nominal: Equations, cut: Sequence[str] | None) -> Equations:
+    """Equations of a variant in the coordinates of the pose as given."""
+    try:
+        result: Equations = linearized(variant, nominal.coordinates, cut)
+    except ModelError as error:
+        if error.field != "independent":
+            raise
+        _check_massless(linearized(variant, None, cut), nominal)  # more motions without mass, fewer coordinates
+        raise SingularPoseError(f"its loops tie the coordinates {', '.join(nominal.coordinates)} of the pose as given "
+                                f"to each other. {HELP}") from error  # fmt: skip
+    return result
 
 
 def _check_massless(system: Equations, nominal: Equations) -> None:

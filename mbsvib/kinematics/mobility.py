@@ -20,7 +20,6 @@ from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
@@ -236,10 +235,8 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
     return carrier, halfway, point
 
 
-def _rods(
-    topology: Topology, coordinates: Twists, cuts: Cuts, given: Mapping[str, Mapping[str, Array]] | None = None
-) -> list[Rod]:
-    """Return the rods of distance joints, in the tree or cut; ``given`` are points of variants by joint and field."""
+def _rods(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
+    """Return the rods of distance joints, in the tree or cut."""
     if not any(joint.kind == "distance" for joint in topology.joints):
         return []
     number = {name: i for i, name in enumerate(topology.bodies)}
@@ -250,9 +247,7 @@ def _rods(
         if joint.kind == "distance":
             row = np.flatnonzero(cuts.joint == cut[k]) if k in cut else np.zeros(0, dtype=np.intp)
             column = 0 if k in cut else coordinates.names.index(f"{joint.name}.x")
-            varied = (given or {}).get(joint.name, {})
-            start, end = (varied.get(field, np.array(value))[..., None]
-                          for field, value in (("position", joint.position), ("end", joint.end)))  # fmt: skip
+            start, end = (np.array(value)[:, None] for value in (joint.position, joint.end))
             result.append(Rod(
                 np.array([number[joint.first]]), np.array([number[joint.second]]), start, end,
                 slice(row[0], row[0] + 1) if k in cut else slice(0), slice(column, column + (0 if k in cut else 2)),
