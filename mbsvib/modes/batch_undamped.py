@@ -1,7 +1,7 @@
 """Undamped modes of all variants at once: the first rung of ``mbsvib.modes.undamped``, and its look at the factors.
 
 The formulas are those of single systems, over arrays with an axis of variants, for the common case: nothing rigid,
-no stiffness negative, shapes that one small rotation cleans. The variants that this does not settle to the accuracy
+no stiffness negative, shapes that one rotation cleans. The variants that this does not settle to the accuracy
 asked for are told apart, so that they can be solved one by one.
 """
 
@@ -111,9 +111,21 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     growth = (np.sqrt(np.einsum("vii->vi", batch.M[which]))[:, None] @ np.abs(phi))[:, 0]
     errors += EPS * (2.0 + ROUNDING * growth)
     angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
-    left = np.where(np.abs(angle).max(axis=(1, 2), initial=0.0) * len(at) < SMALL_ANGLE, left, np.inf)
     inertia[:, at, at] = 0.0
-    phi = phi @ (np.eye(len(at)) + angle + 0.5 * (angle @ angle) - 0.5 * inertia)
+    phi = _turned(phi, inertia, angle)
     order = np.argsort(value, axis=1, kind="stable")
+    if (order == at).all():
+        return value, phi, errors, left
     return (np.take_along_axis(value, order, 1), np.take_along_axis(phi, order[:, None], 2),
             np.take_along_axis(errors, order, 1), left)  # fmt: skip
+
+
+def _turned(phi: Array, lack: Array, angle: Array) -> Array:
+    """Shapes less half of what their M-norms lack, turned by angles: to second order, or as a rotation where large."""
+    one = np.eye(phi.shape[2])
+    result: Array = phi @ (one + angle + 0.5 * (angle @ angle) - 0.5 * lack)
+    large = np.flatnonzero(np.abs(angle).max(axis=(1, 2), initial=0.0) * len(one) >= SMALL_ANGLE)
+    if len(large):
+        straight, half = phi[large] - 0.5 * (phi[large] @ lack[large]), 0.5 * angle[large]
+        result[large] = straight @ np.linalg.solve(one - half, one + half)  # Cayley's
+    return result
