@@ -10,7 +10,7 @@ from mbsvib.errors import ResponseError, counted
 from mbsvib.sparse.equations import SparseEquations
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from mbsvib.api.system import System
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.responses.state_space import StateSpace
+    from mbsvib.sensitivities.shapes import ModeSensitivities
 
+    Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
 
 
 _MATRICES = frozenset({"M", "C", "K", "B", "Cq", "Cv", "Ca"})
@@ -82,6 +84,44 @@ class SparseSystem(SparseEquations):
         if rtol is not None:
             result.check_accuracy(rtol)
         return result
+
+    def mode_sensitivities(
+        self, parameters: Asked = None, modes: int | None = None, *, near: float = 0.0
+    ) -> ModeSensitivities:  # fmt: skip
+        """Return the derivatives of natural frequencies and damping ratios of some modes to parameters.
+
+        d lambda / dp = -y^T (lambda^2 dM/dp + lambda dC/dp + dK/dp) x / y^T (2 lambda M + C) x
+
+        Parameters
+        ----------
+        parameters : str, iterable of str or mapping, optional
+            Names; a pattern ties all that it picks to one variable (``"leg*.k.stiffness"``), a mapping gives linear
+            maps, {variable: {parameter: rate}}. Default: every parameter of the model.
+        modes : int
+            Number of modes.
+        near : float
+            The frequency [Hz] whose nearest modes are taken; default: the lowest.
+
+        Returns
+        -------
+        ModeSensitivities
+            ``frequencies``, ``damped_frequencies``, ``damping_ratios`` and ``eigenvalues``, one row a variable, of its
+            ``modes``. Not a number where a parameter, changed alone, takes degrees of freedom away; asked for all
+            parameters, also where one by itself would be refused.
+
+        Raises
+        ------
+        ModelError
+            If a parameter is unknown, or moves the equilibrium of a loaded model.
+        ResponseError
+            If the number of modes is not given, or is no such number.
+        """
+        from mbsvib.api.modes import SomeModes
+        from mbsvib.sensitivities import sparse_mode_sensitivities
+
+        if modes is None:
+            self._refuse("mode_sensitivities", "mode_sensitivities(parameters, modes=k)")
+        return sparse_mode_sensitivities(self, parameters, modes, near, System, SomeModes)
 
     def frequency_response(self, omega: ArrayLike) -> Complex:
         """Return the frequency response of all inputs and outputs, from one sparse factorisation a frequency.

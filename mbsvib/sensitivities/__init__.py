@@ -5,6 +5,7 @@ eigenvalues            derivatives of the eigenvalues, repeated ones included
 shapes                 derivatives of frequencies, damping ratios and mode shapes
 responses              derivatives of frequency responses, by the adjoint
 transients             derivatives of time responses
+sparse_modes           derivatives of some modes of sparse equations
 norms                  H2 and Hinf norms with their derivatives
 
 What they share:
@@ -34,6 +35,7 @@ adjoint_fields         motions, with the wrenches that they put into bodies and 
 transmitted_wrenches   what joints transmit, loops included; constraint_forces has what closes loops
 shared_wrenches        what beams, reduced models and rotors do to bodies
 joint_release_motion   motions in which joints come apart, on which their forces do work
+network_kinematics     coordinates of a network: joint coordinates; sparse_network has amplitudes of modes
 ports                  inputs and outputs as loads of the network; port_checks compares them with the system
 
 Loaded scenes, through the equilibrium:
@@ -52,9 +54,10 @@ from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
 from mbsvib.sensitivities.norms import Norm, h2_norm, hinf_norm
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
 from mbsvib.sensitivities.shapes import ModeSensitivities, mode_sensitivities
+from mbsvib.sensitivities.sparse_modes import sparse_mode_sensitivities
 from mbsvib.sensitivities.transients import time_response_sensitivities
 
 __all__ = [
     "MatrixDerivatives", "ModeSensitivities", "Norm", "eigenvalue_sensitivities", "frequency_response_sensitivities",
-    "h2_norm", "hinf_norm", "mode_sensitivities", "time_response_sensitivities",
+    "h2_norm", "hinf_norm", "mode_sensitivities", "sparse_mode_sensitivities", "time_response_sensitivities",
 ]  # fmt: skip

@@ -13,6 +13,7 @@ from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
+from mbsvib.equations.wrenches import is_loaded as carries_loads
 from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
 
 if TYPE_CHECKING:
@@ -40,14 +41,20 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     """
     came = system.provenance
     parts, result = came.parts, []
-    if came.statics is not None:
+    if is_loaded(system):
         falls = any(isinstance(part, Gravity) for part in parts)
         still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
         result.append(({_INERTIA} if _turned(system) else {_DAMPING, _INERTIA}) if came.settled else still)
-    if any(isinstance(part, Rotor) for part in parts) and (came.statics is not None or came.origin is None):
+    if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
     return tuple(map(frozenset, result))
+
+
+def is_loaded(system: Equations) -> bool:
+    """Tell whether loads act at the pose of a system; of one in some modes, its model says so."""
+    came = system.provenance
+    return came.statics is not None or (came.origin is not None and carries_loads(came.origin))
 
 
 def follows(system: Equations) -> bool:

@@ -44,10 +44,13 @@ class SensitivityBasis:
     ----------
     responses : Basis
         The equations of motion and their modes.
+    network : Network, optional
+        Bodies and connections, where they are known already.
     """
 
-    def __init__(self, responses: Basis) -> None:
+    def __init__(self, responses: Basis, network: Network | None = None) -> None:
         self.responses = responses
+        self._network = network
         self._groups_of_all: dict[bool, ParameterGroups] = {}
 
     @staticmethod
@@ -63,7 +66,7 @@ class SensitivityBasis:
     @cached_property
     def network(self) -> Network:
         """Bodies and connections, without any parts where these do not make up all forces."""
-        return complete_network(self.equations)
+        return complete_network(self.equations) if self._network is None else self._network
 
     @cached_property
     def bare_network(self) -> Network:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -28,9 +28,9 @@ class Constraints:
     """What cut joints lock and couplers tie: rows of Phi. A force in one is ``share`` (t, rows) of ``wrench`` (t, 6)
     of each term, a locked row or what a coupler measures in a cut joint, at its joint's point, world axes; ``closing``
     (j, t) adds them up by joint. Of dependent coordinates (d,): how bodies ``swing`` (b, 6, d) along, the body
-    ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d) leads from
-    what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that
-    load nothing.
+    ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d), a matrix
+    or what multiplies like one, leads from what they feel to the forces in the rows, the smallest; ``stress`` (rows, r)
+    are combinations of redundant rows that load nothing.
     """
 
     wrench: Array
@@ -40,7 +40,7 @@ class Constraints:
     carried: Index
     arm: Array
     twist: Array
-    pull: Array
+    pull: Any
     stress: Array
 
 

@@ -49,7 +49,7 @@ class Network:
     position: Array
     axes: Array
     point: Array
-    relative: csr_array
+    relative: csr_array | Array
     stiffness: Array
     damping: Array
     tree: tuple[tuple[int, int], ...]

@@ -12,14 +12,13 @@ from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import expanded
-from mbsvib.kinematics.relative_motion import relative_motion, twists
 from mbsvib.linalg.vectors import transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
-from mbsvib.sensitivities.applicability import follows, limits
-from mbsvib.sensitivities.constraint_forces import constraints
+from mbsvib.sensitivities.applicability import follows, is_loaded, limits
 from mbsvib.sensitivities.forces_at_rest import forces_at_rest
 from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.network_kinematics import JointCoordinates
 from mbsvib.sensitivities.network_parts import maxwell_parts
 from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
-    from mbsvib.kinematics.relative_motion import Twists
+    from mbsvib.sensitivities.network_kinematics import Kinematics
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 _SIX = np.eye(6)
@@ -127,13 +126,15 @@ def bare_network(system: Equations) -> Network:
     )  # fmt: skip
 
 
-def assembled(system: Equations) -> Network:
+def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     """Return the network of a system.
 
     Parameters
     ----------
     system : Equations
         The equations of motion.
+    ways : Kinematics, optional
+        Its coordinates, default: its joint coordinates.
 
     Returns
     -------
@@ -149,7 +150,7 @@ def assembled(system: Equations) -> Network:
         part for part in parts if isinstance(part, (Bushing, Inerter, Spring))))  # fmt: skip
     origin = system.provenance.origin
     plain = None if origin is None else expanded(origin)
-    if plain is not origin or any(isinstance(part, Maxwell) for part in parts):
+    if (plain is not None and plain.pieces is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
         own = {spring.name for spring in springs}
@@ -157,7 +158,7 @@ def assembled(system: Equations) -> Network:
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
         springs += (*[part for part in elements if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
-    coordinates = twists(topology, list(bodies))
+    ways = JointCoordinates.of(system, bodies) if ways is None else ways
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
                       *(part.position if isinstance(part, Bushing) else part.start for part in springs),
                       ]).reshape(-1, 3)  # fmt: skip
@@ -170,41 +171,28 @@ def assembled(system: Equations) -> Network:
     place = np.concatenate((point, position))
     displacements = system.body_motion.reshape(6 * len(bodies), -1)
     centre = 0.5 * (place.min(axis=0) + place.max(axis=0))
-    ties = constraints(system, coordinates, bodies, number, centre)
+    ties = ways.constraints(bodies, number, centre)
+    six = np.tile(_SIX, (len(first), 1)).T
+    rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
+    loaded = is_loaded(system)
     return Network(
-        parts, bodies, joints, springs, coordinates, _closure(system), np.array([body.mass for body in bodies]),
+        parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        _relative(coordinates, first, second, point), _world(springs, "stiffness"), _world(springs, "damping"),
+        ways.relative(rows), _world(springs, "stiffness"), _world(springs, "damping"),
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
         forces=forces_at_rest(system, bodies, joints, springs, number, point) if follows(system) else None,
-        shared=None if plain is None else shared_forces(plain, bodies, number, coordinates),
+        shared=None if plain is None else shared_forces(plain, bodies, number, ways),
         inertance=_inertance(springs),
-        spin=spin(plain, bodies, springs) if plain is not None and system.provenance.statics is None else None,
+        spin=spin(plain, bodies, springs) if plain is not None and not loaded else None,
     )  # fmt: skip
-
-
-def _closure(system: Equations) -> Array | None:
-    """Joint coordinates of minimal ones; motions that follow from statics do no work, and need no derivative."""
-    matrix, massless = system.provenance.reduction.matrix, system.provenance.massless
-    condensed = None if massless is None else massless.transform
-    return matrix if condensed is None else condensed if matrix is None else matrix @ condensed
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:
     return joint.point or bodies[min(number[joint.first], number[joint.second])].position
-
-
-def _relative(coordinates: Twists, first: Index, second: Index, point: Array) -> csr_array:
-    """Relative motions at the points of the connections, six rows each, by the path rule."""
-    n = len(first)
-    six = np.tile(_SIX, (n, 1)).T
-    rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    relative = relative_motion(coordinates, rows)
-    return csr_array((relative.value, (relative.row, relative.column)), shape=relative.shape)
 
 
 def _carried(system: Equations) -> tuple[Index, Array]:

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.errors import ResponseError
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.eigenvalues import eigenvalue_sensitivities
 from mbsvib.sensitivities.spectrum import TOGETHER
 from mbsvib.sensitivities.states import state_basis
+from mbsvib.sparse.modes import SomeModes
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
@@ -95,8 +97,12 @@ class ModeSensitivities:
         moves no mass, its largest entry.
 
         Shapes of eigenvalues that coincide are a basis of their subspace, which moves as a whole: their derivatives
-        are those of such a basis. Not a number where a rigid-body mode becomes an elastic one.
+        are those of such a basis. Not a number where a rigid-body mode becomes an elastic one. Refused for some modes
+        of sparse equations.
         """
+        if isinstance(self.modes, SomeModes):
+            raise ResponseError(f"mode_sensitivities: derivatives of shapes of '{self.modes.name}' take all of its "
+                                f"modes; use linearize(method='dense').")  # fmt: skip
         return shape_sensitivities(self._basis, self._groups, self.modes)
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import prod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -19,7 +19,6 @@ from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.spin_terms import momenta, rotating_dampers
 from mbsvib.equations.steady_spin import own_spin
-from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.linalg.vectors import cross, transformed, wide
 
@@ -28,10 +27,10 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Bushing, Spring
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.sensitivities.network_kinematics import Kinematics
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +40,7 @@ class SharedForces:
     """
 
     shared: Shared
-    base: csr_array
+    base: Any
     on_bodies: csr_array
 
     def wrench(self, nodes: Field, powers: tuple[Field, Field, Field]) -> Field:
@@ -87,7 +86,7 @@ class SharedForces:
 
 
 def shared_forces(
-    plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], coordinates: Twists
+    plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], ways: Kinematics
 ) -> SharedForces | None:
     """Return what more than two bodies of a mechanism in plain parts share, or None.
 
@@ -99,8 +98,8 @@ def shared_forces(
         Its bodies as they are numbered.
     number : dict
         Number of each body, ground included.
-    coordinates : Twists
-        The joint coordinates.
+    ways : Kinematics
+        Its coordinates.
     """
     if plain.pieces is None:
         return None
@@ -108,7 +107,6 @@ def shared_forces(
     if not shared.base:
         return None
     rows = Rows.join(shared.base)
-    base = relative_motion(coordinates, rows)
     position = np.concatenate((np.array([body.position for body in bodies]).reshape(-1, 3), np.zeros((1, 3))))
     row, column, value = [], [], []
     for which, sign in ((rows.second, 1.0), (rows.first, -1.0)):
@@ -120,7 +118,7 @@ def shared_forces(
         value.append(wrench[direction, at])
     onto = csr_array((np.concatenate(value), (np.concatenate(row), np.concatenate(column))),
                      shape=(6 * len(bodies), len(rows.first)))  # fmt: skip
-    return SharedForces(shared, csr_array((base.value, (base.row, base.column)), shape=base.shape), onto)
+    return SharedForces(shared, ways.relative(rows), onto)
 
 
 @dataclass(frozen=True, slots=True)

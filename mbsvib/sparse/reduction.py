@@ -59,7 +59,8 @@ def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations]
         elastic_rows=elastic, stiffness=stiffness, damping=damping, row_owner=system.row_owner[acting],
         body_motion=motion, gyroscopic=gyroscopic, circulatory=circulatory,
         provenance=Provenance(
-            system.topology, Reduction(np.arange(n), None, ()), names, system.springs + system.loading,
+            system.topology, Reduction(np.arange(n), z[system.layout.coordinate], ()), names,
+            system.springs + system.loading,
         ),
     )  # fmt: skip
 
