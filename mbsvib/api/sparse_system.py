@@ -63,17 +63,11 @@ class SparseSystem(SparseEquations):
         Raises
         ------
         ResponseError
-            If ``count`` is not given, not positive, or more than there are, or dampers act on motions without mass.
+            If ``count`` is not given, not positive, or more than there are.
         """
         from mbsvib.api.modes import SomeModes
         from mbsvib.sparse.modes import modes
 
-        if self.separation is not None and self.massless:
-            raise ResponseError(
-                f"modes: '{self.name}' has motions without mass that are damped, as {self.separation.first_order[0]}, "
-                f"whose modes are not computed sparse yet; take linearize(method='dense'), or ask for "
-                f"frequency_response."
-            )
         if count is None:
             raise ResponseError(
                 f"modes: '{self.name}' has {self.dof} degrees of freedom and is held sparse; say how many modes are "

@@ -37,13 +37,14 @@ NOTHING = 1e-9
 @dataclass(frozen=True, slots=True)
 class Condensation:
     """q = T z + S u: ``transform`` T (m, z), ``response`` S (m, inputs), ``kept`` (z,) and ``dependent`` the numbers of
-    the coordinates.
+    the coordinates; ``motions`` N (m, k) are what was condensed.
     """
 
     transform: Array
     response: Array
     kept: Index
     dependent: Index
+    motions: Array
 
 
 def condense(
@@ -98,7 +99,7 @@ def condense(
     transform[kept, np.arange(len(kept))] = 1.0
     transform[dependent] = -np.linalg.solve(follows[:, dependent], follows[:, kept])
     transform[dependent] += 0.0  # no -0.0
-    return Condensation(transform, null @ forces, kept, dependent)
+    return Condensation(transform, null @ forces, kept, dependent, null)
 
 
 def _check_held(

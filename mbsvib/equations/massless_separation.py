@@ -107,8 +107,11 @@ def separate(
     check_gap(null[:, 0], scale.unit, names, least, most)
     pins = np.array([name in (independent or ()) for name in names])
     ports = list(model.outputs), list(model.inputs)
-    found, kept, gone, slow, transform = resolved(null, found, size, scale, names, scene.topology.bodies, ports, pins)
-    return found, kept, Separation(gone, slow, least, most, transform)
+    found, condensation, slow = resolved(null, found, size, scale, names, scene.topology.bodies, ports, pins)
+    if condensation is None:
+        return found, everything, Separation((), slow, least, most)
+    gone = tuple(names[i] for i in condensation.dependent)
+    return found, condensation.kept, Separation(gone, slow, least, most, condensation.transform)
 
 
 def check_gap(motion: Array, unit: Array, names: tuple[str, ...], kept: float, dropped: float) -> None:
@@ -123,7 +126,7 @@ def check_gap(motion: Array, unit: Array, names: tuple[str, ...], kept: float, d
 def resolved(
     null: Array, found: dict[str, Any], size: Array, scale: Scale, names: tuple[str, ...], bodies: tuple[str, ...],
     ports: tuple[Sequence[str], Sequence[str]], pins: NDArray[np.bool_],
-) -> tuple[dict[str, Any], Index, tuple[str, ...], tuple[str, ...], Array | None]:  # fmt: skip
+) -> tuple[dict[str, Any], Condensation | None, tuple[str, ...]]:  # fmt: skip
     """Return the equations of motion with motions that move no mass condensed or told apart.
 
     Parameters
@@ -148,8 +151,8 @@ def resolved(
     Returns
     -------
     tuple
-        The matrices and factors; the numbers of the coordinates that stay; names of those that follow from statics and
-        of those with one first-order state; what leads back to all coordinates, None where nothing is condensed.
+        The matrices and factors; what was condensed, None where nothing is; names of the coordinates that stay and have
+        one first-order state.
     """
     static, damped = unfelt(_damping_parts(found), null, scale.unit)
     condensation = None
@@ -170,8 +173,7 @@ def resolved(
         _check_first_order(found, *ports)
     else:
         check_mass(found["M"], left)
-    gone = () if condensation is None else tuple(names[i] for i in condensation.dependent)
-    return found, kept, gone, slow, None if condensation is None else condensation.transform
+    return found, condensation, slow
 
 
 def _regular(mass: Array, size: Array) -> bool:

@@ -149,14 +149,14 @@ def linearized(
         undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
         through = through + straight
-    separated = at_once = None
+    separated = None
     light = massless_motions(structure, place, inertia, shared, moving, factor, loop_rows)
     if light is not None:
-        separated, at_once = separation(
+        separated = separation(
             light, structure, place, topology.bodies, (rows, k, c), (circulatory, gyroscopic), inputs, outputs,
             (tuple(model.outputs), tuple(model.inputs)),
         )  # fmt: skip
-        through = through + at_once
+        through = through + separated.at_once
     return form(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
@@ -165,7 +165,7 @@ def linearized(
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
         model=copy(model), loading=loading, undetermined=undetermined, circulatory=circulatory,
-        gyroscopic=gyroscopic, separation=separated, at_once=at_once,
+        gyroscopic=gyroscopic, separation=separated,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
+from mbsvib.sparse.first_order import told_apart
 from mbsvib.sparse.reduction import reduced
 
 if TYPE_CHECKING:
@@ -154,7 +155,8 @@ def converged(
         which modes were chosen.
     """
     for _ in range(ROUNDS):
-        small = reduced(quadratic.system, basis, rigid, form)
+        basis, massless = told_apart(quadratic.system, basis, rigid)
+        small = reduced(quadratic.system, basis, rigid, form, massless)
         result: Modes = dense_modes(small, RTOL)
         chosen = choose(result)
         vectors = eigenvectors(result, chosen)

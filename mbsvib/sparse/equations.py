@@ -10,12 +10,12 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Dropped
-    from mbsvib.equations.massless_separation import Separation
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.massless import Told
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 
@@ -35,8 +35,7 @@ class SparseEquations:
     redundant constraints leave open of the forces in joints that are outputs. ``circulatory`` and ``gyroscopic``
     (unknowns, unknowns) are the antisymmetric parts of K and C that follower loads, torques and rotors add, or None.
     ``separation`` tells what became of motions without mass, None where there is none. They stay among the unknowns;
-    ``at_once`` (outputs, inputs) is the part of ``D`` that those of them which follow from statics make, so that a
-    response is that of the unknowns and ``D - at_once``.
+    ``D`` has what those do at once that follow from statics, ``separation.at_once``, as that of dense equations has.
     """
 
     kind: ClassVar[str] = "sparse system"
@@ -69,8 +68,7 @@ class SparseEquations:
     undetermined: tuple[Undetermined, ...] = ()
     circulatory: csr_matrix | None = None
     gyroscopic: csr_matrix | None = None
-    separation: Separation | None = None
-    at_once: Array | None = None
+    separation: Told | None = None
 
     @property
     def dof(self) -> int:

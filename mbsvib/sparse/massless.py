@@ -8,7 +8,7 @@ statics and is no degree of freedom, and the others have one first-order state e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,11 +28,25 @@ if TYPE_CHECKING:
     from mbsvib.sparse.tree import Tree
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told(Separation):
+    """What became of the motions without mass, over the unknowns: ``static`` (size, n) are the motions that follow from
+    statics, ``damped`` (size, n) those that dampers resist, in which the static ones follow, each the only one at its
+    ``own`` (n,) unknown; ``at_once`` (outputs, inputs) is what static ones add to the outputs at once,
+    Cq N (N^T K N)^-1 N^T B.
+    """
+
+    static: csc_matrix
+    damped: csc_matrix
+    own: Index
+    at_once: Array
+
+
 def separation(
     motions: Motions, tree: Tree, place: Layout, bodies: Sequence[str], elastic: tuple[csr_matrix, Array, Array],
     antisymmetric: tuple[csr_matrix | None, csr_matrix | None], inputs: csr_matrix,
     outputs: tuple[csr_matrix, csr_matrix, csr_matrix], ports: tuple[Sequence[str], Sequence[str]],
-) -> tuple[Separation, Array]:  # fmt: skip
+) -> Told:  # fmt: skip
     """Return what becomes of the motions without mass.
 
     Parameters
@@ -58,16 +72,16 @@ def separation(
 
     Returns
     -------
-    Separation
-        Names of the coordinates that follow from statics, and of those with one first-order state.
-    array, shape (outputs, inputs)
-        What motions that follow from statics add to the outputs at once, Cq N (N^T K N)^-1 N^T B.
+    Told
+        Names, motions, and what inputs do at once.
 
     Raises
     ------
     ModelError
         If nothing holds one of the motions, or an output would need the derivative of an input.
     """
+    from scipy.sparse import hstack
+
     z = motions.shapes
     acts = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
     parts = _Parts(
@@ -77,15 +91,19 @@ def separation(
         _clean(inputs, z).T.tocsr(), tuple([_clean(rows, z).tocsc() for rows in outputs]),
     )  # fmt: skip
     tied, alone = parts.tied()
-    condensed, slow, at_once, others = parts.single(alone)
-    for part in [*tied, *others[:, None]]:
-        gone, states, which, through = parts.resolved(part)
-        condensed += gone
-        slow += states
-        at_once[which] += through
-    order = {name: i for i, name in enumerate(tree.names)}
-    first, second = (tuple(sorted(names, key=order.__getitem__)) for names in (condensed, slow))
-    return Separation(first, second, motions.kept, motions.dropped), at_once
+    told = [parts.single(alone)]
+    told += [parts.resolved(part) for part in [*tied, *told[0].others[:, None]]]
+    at_once = np.zeros((outputs[0].shape[0], inputs.shape[0]))
+    for part in told:
+        at_once[part.outputs] += part.at_once
+    number = {name: i for i, name in enumerate(tree.names)}
+    gone = sorted([number[name] for part in told for name in part.condensed])
+    own = np.array([number[name] for part in told for name in part.first_order], dtype=np.intp)
+    order = np.argsort(own)
+    static, damped = ((z @ hstack([getattr(part, key) for part in told])).tocsc() for key in ("static", "damped"))
+    return Told(tuple([tree.names[i] for i in gone]), tuple([tree.names[i] for i in own[order].tolist()]),
+                motions.kept, motions.dropped, at_once=at_once, static=static, damped=damped[:, order],
+                own=place.coordinate[own[order]])  # fmt: skip
 
 
 def _clean(rows: csr_matrix, z: csc_matrix) -> csr_matrix:
@@ -94,6 +112,21 @@ def _clean(rows: csr_matrix, z: csc_matrix) -> csr_matrix:
     kept = result.multiply(abs(result) > ROW_RANK * (abs(rows) @ abs(z))).tocsr()
     kept.eliminate_zeros()
     return kept
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """What became of some motions: names of those ``condensed`` and of ``first_order``, numbers of ``outputs`` and what
+    is added to them ``at_once``, amplitudes (n, k) of the ``static`` and ``damped`` ones; and ``others``, undecided.
+    """
+
+    condensed: list[str]
+    first_order: list[str]
+    outputs: Index
+    at_once: Array
+    static: Any
+    damped: Any
+    others: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +161,8 @@ class _Parts:
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 
-    def single(self, alone: Index) -> tuple[list[str], list[str], Array, Index]:
-        """What becomes of motions that are tied to no other, all at once: those condensed, those of first order, what
-        they add to the outputs; and the motions about which there is more to say.
-        """
+    def single(self, alone: Index) -> _Answer:
+        """What becomes of motions that are tied to no other, all at once, and those that want a closer look."""
         from scipy.sparse import diags
 
         square = self.rows[:, alone].power(2).T
@@ -142,14 +173,23 @@ class _Parts:
         static = (c_size == 0.0) & (k_size > 0.0) & (k == k_size) & ~velocity & ~acceleration
         if any(matrix is not None for matrix in self.antisymmetric):
             damped[:] = static[:] = False
-        still, pushed = alone[static], self.b[alone[static]]
-        at_once = (self.c[0][:, still] @ diags(1.0 / k[static]) @ pushed).toarray()
-        return ([*self.names[still]], [*self.names[alone[damped]]], at_once, alone[~static & ~damped])
+        still, slow = alone[static], alone[damped]
+        at_once = (self.c[0][:, still] @ diags(1.0 / k[static]) @ self.b[still]).toarray()
+        return _Answer([*self.names[still]], [*self.names[slow]], np.arange(len(at_once)), at_once, self._unit(still),
+                       self._unit(slow), alone[~static & ~damped])  # fmt: skip
 
-    def resolved(self, part: Index) -> tuple[tuple[str, ...], tuple[str, ...], Index, Array]:
-        """What becomes of some motions that are tied together: names of those condensed and of first order, numbers of
-        outputs and what is added to them.
-        """
+    def _unit(self, part: Index, shapes: Array | None = None) -> Any:
+        """Amplitudes (n, k) of all motions where some of them have ``shapes``, or one by one."""
+        from scipy.sparse import coo_matrix
+
+        n, count = len(self.names), len(part)
+        if shapes is None:
+            return coo_matrix((np.ones(count), (part, np.arange(count))), shape=(n, count))
+        row, column = np.nonzero(shapes)
+        return coo_matrix((shapes[row, column], (part[row], column)), shape=(n, shapes.shape[1]))
+
+    def resolved(self, part: Index) -> _Answer:
+        """What becomes of some motions that are tied together."""
         on = self.rows[:, part].tocsr()
         row = np.flatnonzero(np.diff(on.indptr))
         rows, k, c = on[row].toarray(), self.stiffness[row], self.damping[row]
@@ -170,11 +210,17 @@ class _Parts:
                 found[into] = found[into] + found[key]
         body, found["body_motion"] = self._moved(part)
         ports = [self.ports[0][i] for i in which.tolist()], self.ports[1]
-        found, _, gone, slow, _ = resolved(
-            np.eye(m), found, np.ones(m), Scale(1.0, np.ones(m), EPS * m), tuple(self.names[part].tolist()),
+        names = tuple(self.names[part].tolist())
+        found, condensed, slow = resolved(
+            np.eye(m), found, np.ones(m), Scale(1.0, np.ones(m), EPS * m), names,
             tuple([self.bodies[i] for i in body.tolist()]), ports, np.zeros(m, dtype=bool),
         )  # fmt: skip
-        return gone, slow, which, found["D"]
+        follows, static, gone = np.eye(m), np.zeros((m, 0)), []
+        if condensed is not None:
+            follows, static = condensed.transform, condensed.motions
+            gone = [names[i] for i in condensed.dependent.tolist()]
+        damped = follows @ found.get("null_inertia", np.zeros((follows.shape[1], 0)))
+        return _Answer(gone, list(slow), which, found["D"], self._unit(part, static), self._unit(part, damped))
 
     def _moved(self, part: Index) -> tuple[Index, Array]:
         """Numbers of the bodies that some motions move, and their displacements (bodies, 6, n)."""

@@ -85,7 +85,7 @@ def modes(
     """
     _check(system, k, near)
     missed = None
-    if system.circulatory is not None or system.gyroscopic is not None:
+    if system.circulatory is not None or system.gyroscopic is not None or system.massless:
         small, result, left, chosen = general_modes(system, k, near, dense)
         errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
     else:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
 
 
-def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations] = Equations) -> Equations:
+def reduced(
+    system: SparseEquations, z: Array, rigid: int, form: type[Equations] = Equations, massless: int = 0
+) -> Equations:
     """Return the system in the amplitudes of some shapes.
 
     Parameters
@@ -32,6 +34,8 @@ def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations]
         Number of the first shapes that meet no spring.
     form : type
         The class of the small dense equations.
+    massless : int
+        Number of the last shapes that move no mass but dampers.
 
     Returns
     -------
@@ -43,6 +47,7 @@ def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations]
     acting = elastic.any(axis=1)
     elastic, stiffness, damping = elastic[acting], system.stiffness[acting], system.damping[acting]
     factor = np.asarray(system.inertia_factor @ z)
+    factor[:, n - massless :] = 0.0
     motion = np.zeros((len(system.bodies), 6, n))
     body, direction = system.layout.moving
     motion[body, direction] = z[system.layout.displacement[body, direction]]
@@ -57,7 +62,8 @@ def reduced(system: SparseEquations, z: Array, rigid: int, form: type[Equations]
         K=stiffness_matrix if circulatory is None else stiffness_matrix + circulatory,
         B=np.asarray(system.input_rows @ z).T.copy(), Cq=cq, Cv=cv, Ca=ca, D=system.D.copy(), inertia_factor=factor,
         elastic_rows=elastic, stiffness=stiffness, damping=damping, row_owner=system.row_owner[acting],
-        body_motion=motion, gyroscopic=gyroscopic, circulatory=circulatory,
+        body_motion=motion, gyroscopic=gyroscopic, circulatory=circulatory, massless=massless,
+        null_inertia=np.eye(n)[:, n - massless :] if massless else None,
         provenance=Provenance(
             system.topology, Reduction(np.arange(n), z[system.layout.coordinate], ()), names,
             system.springs + system.loading,

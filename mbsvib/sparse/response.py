@@ -113,7 +113,7 @@ def static_compliance(system: SparseEquations) -> Array:
 
 def _through(system: SparseEquations) -> Array:
     """What passes beside the unknowns: they have all of what massless motions do at once."""
-    return system.D if system.at_once is None else system.D - system.at_once
+    return system.D if system.separation is None else system.D - system.separation.at_once
 
 
 def _answer(system: SparseEquations, right: Array, s: complex, damped: bool) -> NDArray[Any] | None:

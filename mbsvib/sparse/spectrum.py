@@ -16,6 +16,7 @@ from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.converged import RTOL, converged, joined, parts
 from mbsvib.sparse.disc import disc
+from mbsvib.sparse.first_order import following, told_apart
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.operator import BRAKED, operator
 from mbsvib.sparse.quadratic import Quadratic
@@ -98,7 +99,8 @@ def general_modes(
         result = search.ring() if near else search.lowest()
         if result is not None:
             return result
-    small = reduced(system, coordinates(system), 0, form)
+    basis, massless = told_apart(system, following(system, coordinates(system)), 0)
+    small = reduced(system, basis, 0, form, massless)
     every: Modes = dense_modes(small, RTOL)
     return small, every, np.zeros(len(every.eigenvalues)), choose(every)
 

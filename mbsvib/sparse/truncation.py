@@ -75,7 +75,7 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     whole = np.asarray(system.output_rows[0] @ motion)
     phi = basis.shapes[:, basis.rigid :]
     kept = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
-    at_once = 0.0 if system.at_once is None else system.at_once  # is in ``whole`` too
+    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``whole`` too
     return replace(small, D=small.D - at_once + (whole - kept))
 
 
