@@ -30,14 +30,15 @@ if TYPE_CHECKING:
 TOLERANCE = 1e-10
 # Vectors of a block: equal eigenvalues of up to so many parts are seen at once.
 BLOCK = 4
-# Largest dimension of a search for each eigenvalue wanted, and beside these; those that may come up at once.
-EACH, MORE, FEW = 10, 80, 4
+# Largest dimension of a search for each eigenvalue wanted, and beside these, as bands of frequencies need; those that
+# may come up at once; and the dimension at which eigenvalues are first looked at beside those wanted.
+EACH, MORE, FEW, FIRST = 10, 300, 4, 20
 # An eigenvalue is as near as the last one if it is so within this share of the distance.
 BESIDE = 1e-6
 # Ritz values may still grow by as much as this share of them.
 UNSURE = 0.1
-# Eigenvalues theta below this share of the largest are 0.
-NOTHING = 1e-13
+# Eigenvalues theta below this share of the largest are 0, and below the other one rounding has them.
+NOTHING, UNTOLD = 1e-13, 1e-10
 # Rounds of searching for eigenvalues that were missed.
 SEARCHES = 8
 
@@ -143,11 +144,11 @@ class Disc:
         disc = self
         if wanted > len(self.values):
             missing = wanted - len(self.values)
-            more = self._more(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + MORE // 4, missing)
+            more = self._more(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + FIRST, missing)
             disc = self._with(more, more.converged(TOLERANCE))
         return disc.filled(disc.reach * (1.0 - BESIDE), disc.dimension)
 
-    def filled(self, reach: float, dimension: int = MORE // 2) -> Disc:
+    def filled(self, reach: float, dimension: int = 2 * FIRST) -> Disc:
         """Return the disc with all eigenvalues up to a distance from the shift; with a smaller reach where they do not
         converge. Every search has a basis of some dimension at least.
         """
@@ -173,11 +174,11 @@ class Disc:
         """The disc with some more eigenvalues."""
         sigma = self.shifted.sigma
         largest = float(np.abs(np.append(more.values, 1.0 / (self.values - sigma))).max())
-        there = int(np.count_nonzero(np.abs(more.values) > NOTHING * largest))
-        count = min(count, there)
+        count = min(count, int(np.count_nonzero(np.abs(more.values) > UNTOLD * largest)))
         values = np.concatenate((self.values, sigma + 1.0 / more.values[:count]))
         basis = np.linalg.qr(np.concatenate((self.basis, more.subspace(count)), axis=1))[0]
-        reach = np.inf if not there else float(np.abs(values - sigma).max(initial=0.0))
+        last = float(np.abs(more.values).max(initial=0.0)) <= NOTHING * largest
+        reach = np.inf if last else float(np.abs(values - sigma).max(initial=0.0))
         return replace(self, values=values, basis=basis, reach=max(self.reach, reach),
                        dimension=max(self.dimension, len(more.values)))  # fmt: skip
 
@@ -188,8 +189,7 @@ class Disc:
             return state - known @ (known.conj().T @ state) if known.shape[1] else state
 
         start = without(shifted.start(known.shape[1]))
-        limit = max(EACH * wanted + MORE, 2 * dimension)
-        return arnoldi(lambda state: without(shifted.apply(state)), start, enough, (dimension, limit))
+        return arnoldi(lambda state: without(shifted.apply(state)), start, enough, (dimension, EACH * wanted + MORE))
 
 
 def disc(quadratic: Quadratic, sigma: complex, speed: float | None = None) -> Disc:

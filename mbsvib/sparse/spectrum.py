@@ -57,9 +57,11 @@ WIDE = 0.5
 # Share of a disc on the real axis within a ring that is searched: lightly damped modes are at its rim.
 WITHIN = 0.9
 # Pairs of eigenvalues 0 come out as large as this beside the largest.
-NOISE = 1e-8
+NOISE = 1e-6
 # Eigenvalues with a smaller share of imaginary part may be real.
 REAL = 1e-6
+# Eigenvalues of a disc and of its subspace are the same up to this share of their distance from the shift.
+SAME = 1e-5
 # Residual of eigenvalues that are known roughly, and rounds of finding where they are.
 ROUGH, ROUNDS = 0.1, 40
 # Eigenvalues equally near are taken with each other up to this share of their distance.
@@ -129,6 +131,8 @@ class Search:
                 return None
             if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1]) + sigma):
                 answer = self._solved(rigid, [first, *self._left(first, wanted)])
+                if answer is None:
+                    return None
                 if first.reach >= (1.0 + TIES) * (self.centre + self._distance(answer) + sigma):
                     return answer
             wanted += max(4, wanted // 3)
@@ -179,7 +183,8 @@ class Search:
             return []
         return [first.left().grown(wanted)]
 
-    def _solved(self, rigid: Array, discs: list[Disc]) -> Answer:
+    def _solved(self, rigid: Array, discs: list[Disc]) -> Answer | None:
+        """Modes out of the subspace of some discs; None if it lacks eigenvalues that are in the first one."""
         basis = rigid
         for each in discs:
             basis = joined(self.quadratic, basis, parts(each.motions()), abs(each.shifted.sigma))
@@ -187,7 +192,10 @@ class Search:
         def apart(values: Complex) -> Array:
             return np.asarray(np.max([each.apart(values) for each in discs], axis=0))
 
-        return converged(self.quadratic, basis, rigid.shape[1], self.choose, apart, self.form)
+        answer = converged(self.quadratic, basis, rigid.shape[1], self.choose, apart, self.form)
+        known = discs[0].values[np.abs(discs[0].values) > SAME * discs[0].reach]
+        off = np.abs(known[:, None] - answer[1].eigenvalues).min(axis=1, initial=np.inf)
+        return answer if (off <= SAME * np.abs(known - discs[0].shifted.sigma)).all() else None
 
     def _nearest(self, first: Disc, rigid: int) -> float:
         """Distance of the last mode wanted, or more: every conjugate pair is a mode of its own, and a rigid motion."""
