@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import acos, cos, pi, sqrt
 from typing import TYPE_CHECKING, Any, Self
 
@@ -50,7 +50,8 @@ class Body(Part):
     def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
         if pose.stays(self.name):
             return self
-        return replace(self, position=pose.centre_of(self.name), orientation=pose.axes(self.name, self.orientation))
+        axes = pose.axes(self.name, self.orientation)
+        return Body(self.name, self.mass, self.inertia, pose.centre_of(self.name), axes)
 
 
 def make(name: str, mass: Any, inertia: Any, position: Any, orientation: Any) -> Body:

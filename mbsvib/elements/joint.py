@@ -141,10 +141,6 @@ def make(
         raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
                          element=who, field="second")  # fmt: skip
     kind, free = _kind(kind, free, who)
-    if free is None:
-        (freedom, locked), successive = _SUBSPACES[kind], KINDS[kind].successive
-    else:
-        (freedom, locked), successive = subspaces(free), len(_rotations(free)) == 2
     if position is not None:
         position = check.vector(position, who, "position")
     elif kind not in NEEDS_NO_POINT:
@@ -161,6 +157,7 @@ def make(
                                  f"to end; leave it out.", element=who, field=field)  # fmt: skip
     elif end is not None:
         raise ModelError(f"{who}: end is for distance joints; a {kind} joint has none.", element=who, field="end")
+    freedom = None
     if kind == "universal":
         axis2 = None if axis2 is None else check.vector(axis2, who, "axis2")
         axes, freedom = _universal(axis, axis2, orientation, who)
@@ -176,15 +173,63 @@ def make(
                 check.frame_along(check.axis(axis, who, "axis"))  # fmt: skip
     if kind == "screw":
         pitch = check.number(pitch, who, "pitch", "the advance per radian [m/rad] (lead / 2 pi)")
-        freedom = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
-        locked = tuple((d, (0.0, 0.0, 1.0, 0.0, 0.0, -pitch) if d == "z" else row) for d, row in locked)
     elif pitch is not None:
         raise ModelError(f"{who}: pitch is for screw joints; a {kind} joint has none.",
                          element=who, field="pitch")  # fmt: skip
+    return _built((name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
+                   free, end), axes, freedom)  # fmt: skip
+
+
+def _built(words: tuple[Any, ...], axes: Matrix3, freedom: Named | None) -> Joint:
+    """Build a joint of its words, with its directions in world axes; ``freedom`` where these are not the kind's."""
+    _, kind, _, _, position, _, _, _, pitch, free, end = words
+    if free is None:
+        (usual, locked), successive = _SUBSPACES[kind], KINDS[kind].successive
+    else:
+        (usual, locked), successive = subspaces(free), len(_rotations(free)) == 2
+    if kind == "screw":
+        usual = (("rz", (0.0, 0.0, pitch, 0.0, 0.0, 1.0)),)
+        locked = tuple((d, (0.0, 0.0, 1.0, 0.0, 0.0, -pitch) if d == "z" else row) for d, row in locked)
+    freedom = freedom or usual
     if axes is not check.IDENTITY:
         freedom, locked = _in_world(axes, freedom, locked)
-    return Joint(name, kind, first, second, position, None if orientation is None else axes, axis, axis2, pitch,
-                 free, end, axes, freedom, locked, position if end is None else end, successive)  # fmt: skip
+    derived_fields: tuple[Any, ...] = (axes, freedom, locked, position if end is None else end, successive)
+    return Joint(*words, *derived_fields)
+
+
+def elsewhere(
+    joint: Joint, position: Vector | None, end: Vector | None = None, axes: Matrix3 | None = None,
+    axis: Vector | None = None, axis2: Vector | None = None,
+) -> Joint:  # fmt: skip
+    """Return a joint in another pose, where nothing of it that could be refused has changed.
+
+    Parameters
+    ----------
+    joint : Joint
+        The joint as described.
+    position, end : tuple of float
+        Its points there [m].
+    axes : tuple of tuple of float, optional
+        Its axes there (columns); default: along ``axis``, and of a universal joint ``axis2``, or along its rod.
+    axis, axis2 : tuple of float, optional
+        Its axis, and the axis of a universal joint in the second body.
+
+    Returns
+    -------
+    Joint
+        What ``add_joint`` would make of these values.
+    """
+    who, freedom, orientation = f"joint '{joint.name}'", None, None
+    if axes is not None:
+        axes = orientation = check.orthonormal(axes)
+    elif axis2 is not None:
+        axes, freedom = _universal(axis, axis2, None, who)
+    elif axis is not None:
+        axes = check.frame_along(check.axis(axis, who, "axis"))
+    elif position is not None and end is not None:
+        axes = check.frame_along(_rod(position, end, who))
+    return _built((joint.name, joint.kind, joint.first, joint.second, position, orientation, axis, axis2, joint.pitch,
+                   joint.free, end), axes or joint.axes, freedom)  # fmt: skip
 
 
 def _in_world(axes: Matrix3, *directions: Named) -> list[Named]:

@@ -1,23 +1,25 @@
-"""Joints in finite motion: the words of a joint in another pose; what it does there, ``joint_rules`` tells."""
+"""Joints in finite motion: a joint in another pose; what it does there, ``joint_rules`` tells."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbsvib.common.arguments import DIRECTIONS
+from mbsvib.elements.joint import elsewhere
 from mbsvib.errors import NoWordsError
 from mbsvib.linalg.rotations import exponential, logarithm
 
 if TYPE_CHECKING:
-    from mbsvib.common.arguments import Vector
+    from mbsvib.common.arguments import Matrix3
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Joint
     from mbsvib.elements.joint import Six
     from mbsvib.equilibrium.pose import Pose
 
 ALONG_AXIS = frozenset({"revolute", "prismatic", "cylindrical", "screw"})
+ORIGIN = (0.0, 0.0, 0.0)
 # sin of the angle by which the frame of a custom joint may have left the one that its locked translations need
 SKEWED = 1e-12
 
@@ -33,41 +35,37 @@ def two_axes(joint: Joint) -> tuple[Six, Six]:
     return one, two
 
 
-def _rod(joint: Joint) -> tuple[Vector, Vector]:
-    """Where a rod begins on the first and ends on the second body."""
-    return joint.position or (0.0, 0.0, 0.0), joint.end or (0.0, 0.0, 0.0)
-
-
-def words_at(joint: Joint, pose: Pose) -> dict[str, Any]:
-    """Return the words of a joint in another pose, so that it holds its bodies to the same relative motions.
+def in_pose(joint: Joint, pose: Pose) -> Joint:
+    """Return a joint in another pose, where it holds its bodies to the same relative motions.
 
     Raises
     ------
     ModelError
         If it has two successive rotations and locked translations whose axes no longer go with them.
     """
-    words = joint.words()
     if joint.kind == "distance":
-        begin, end = _rod(joint)
-        return words | {"position": pose.point(joint.first, begin), "end": pose.point(joint.second, end)}
-    if joint.position is not None:
-        words["position"] = pose.point(joint.second, joint.position)
-    free = rotations(joint)
+        begin, end = joint.position or ORIGIN, joint.end or ORIGIN
+        return elsewhere(joint, pose.point(joint.first, begin), pose.point(joint.second, end))
+    position = None if joint.position is None else pose.point(joint.second, joint.position)
     if joint.successive:
-        one, two = two_axes(joint)
-        one, two = pose.direction(joint.first, one), pose.direction(joint.second, two)
+        one, two = (pose.direction(body, axis) for body, axis in zip((joint.first, joint.second), two_axes(joint),
+                                                                     strict=True))  # fmt: skip
         if joint.kind == "universal":
-            return {key: value for key, value in words.items() if key != "orientation"} | {"axis": one, "axis2": two}
-        words["orientation"] = _frame(joint, np.array(one), np.array(two), free, pose)
+            return elsewhere(joint, position, axis=one, axis2=two)
+        axes = as_matrix(_frame(joint, np.array(one), np.array(two), rotations(joint), pose))
     elif joint.axis is not None and joint.kind in ALONG_AXIS:
-        words["axis"] = pose.direction(joint.first, joint.axis)
-        return words
-    elif len(free) == 2:
-        words["orientation"] = halfway(joint, pose)
+        return elsewhere(joint, position, axis=pose.direction(joint.first, joint.axis))
+    elif joint.kind != "spherical" and len(rotations(joint)) == 2:
+        axes = as_matrix(halfway(joint, pose))
     else:
-        words["orientation"] = pose.axes(joint.first, joint.axes)
-    words.pop("axis", None)
-    return words
+        axes = pose.axes(joint.first, joint.axes)
+    return elsewhere(joint, position, axes=axes)
+
+
+def as_matrix(axes: Array) -> Matrix3:
+    """Return axes as tuples of numbers."""
+    one, two, three = axes.tolist()
+    return tuple(one), tuple(two), tuple(three)
 
 
 def halfway(joint: Joint, pose: Pose) -> Array:

@@ -7,12 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import lapack, qr
+from scipy.linalg import blas, lapack, qr
 
 from mbsvib.equilibrium.couplers import terms, travelled
 from mbsvib.equilibrium.pose_kinematics import pose_kinematics
 from mbsvib.kinematics.loops import EPS, RANK_FACTOR
 from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,6 +31,10 @@ CORRECTIONS = 25
 # Singular values of the scaled loop equations below this are redundant rows. Rows are of the size of one; in loops that
 # are redundant as a whole the largest value is rounding too, and what they are open by then moves nothing.
 RANK = 1e-9
+# Pivots above this share of the largest are those of full rank, however rank is decided.
+FULL = 1e-4
+# A change of norm below 1 takes no eigenvalue of 1 to 0; this leaves room for rounding.
+NEARBY = 0.9
 # Loops count as closed when they are open by no more than this share of their size, and get no closer.
 CLOSED = 1e-13
 # What is open by so few roundings gets no closer.
@@ -167,13 +172,36 @@ def close(at: Stance, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance
         scale = here.scale[allowed]
         step = np.zeros(len(here.scale))
         limit = max(RANK, here.rounding)
-        step[allowed] = -scale * _smallest(here.closure[:, allowed] * scale, error, limit)
+        step[allowed] = -scale * smallest(here.closure[:, allowed] * scale, error, limit)
         here = here.moved(step)
     return best, left
 
 
-def _smallest(a: Array, right: Array, limit: float) -> Array:
-    """The smallest solution of a x = right in the sense of least squares, without singular values up to ``limit``."""
+def smallest(a: Array, right: Array, limit: float = RANK) -> Array:
+    """Return the smallest solution of a x = right in the sense of least squares.
+
+    Parameters
+    ----------
+    a : array, shape (k, n)
+        Scaled equations.
+    right : array, shape (k,)
+        Their right-hand side.
+    limit : float
+        Singular values up to it, or up to this share of the largest, are those of redundant rows.
+
+    Returns
+    -------
+    array, shape (n,)
+        The solution.
+    """
+    packed, order, tau = pivoted_qr(a)
+    n, pivots = a.shape[1], np.abs(packed.diagonal())
+    full = 0 < len(pivots) == n and pivots[-1] > max(FULL, 100.0 * limit) * max(1.0, pivots[0])
+    if full:  # beyond doubt: there is one solution
+        turned = lapack.dormqr("L", "T", packed, tau, right[:, None], 64)[0]
+        result = np.empty(n)
+        result[order] = blas.dtrsm(1.0, packed[:n], turned[:n])[:, 0]
+        return result
     u, values, v = np.linalg.svd(a, full_matrices=False)
     kept = values > limit * max(1.0, float(values.max(initial=0.0)))
     return np.asarray((u[:, kept].T @ right / values[kept]) @ v[kept])
@@ -191,5 +219,8 @@ def same_side(here: Stance, there: Stance, depends: NDArray[np.bool_]) -> bool:
     if len(before) > before.shape[1]:  # some rows are redundant
         rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
         before, after = before[rows], after[rows]
+    _, _, change, failed = lapack.dgesv(before, after - before)
+    if not failed and np.abs(change).sum(axis=0).max(initial=0.0) < NEARBY:
+        return True  # no eigenvalue of 1 + change is anywhere near 0
     alpha, _, beta, *_, info = lapack.dggev(after, before, compute_vl=0, compute_vr=0)
     return info == 0 and bool((alpha * beta > 0.0).all())

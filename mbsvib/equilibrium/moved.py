@@ -13,7 +13,7 @@ from mbsvib.common.expected import names
 from mbsvib.equilibrium.articulation import stiffened
 from mbsvib.equilibrium.bending import alone, bent
 from mbsvib.equilibrium.linear_range import warn_beyond
-from mbsvib.equilibrium.motion import close, same_side, stance
+from mbsvib.equilibrium.motion import close, same_side, smallest, stance
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import ModelError, nearest
@@ -165,8 +165,7 @@ def _dependent(here: Stance, depends: NDArray[np.bool_], independent: Array) -> 
     """First guess of the dependent coordinates for a step of the independent ones."""
     phi = here.closure * here.scale
     right = phi[:, ~depends] @ (independent / here.scale[~depends])
-    solution = np.linalg.lstsq(phi[:, depends], -right, rcond=1e-9)[0]
-    return np.asarray(solution * here.scale[depends])
+    return smallest(phi[:, depends], -right) * here.scale[depends]
 
 
 def _near(here: Stance, there: Stance) -> bool:

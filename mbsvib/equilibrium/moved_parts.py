@@ -61,7 +61,7 @@ def _static(part: Maxwell) -> Spring:
 
 def _words(part: Any, pose: Pose, relaxed: bool) -> dict[str, Any] | Part:
     if isinstance(part, Joint):
-        return part if pose.stays(part.first) and pose.stays(part.second) else joints.words_at(part, pose)
+        return part if pose.stays(part.first) and pose.stays(part.second) else joints.in_pose(part, pose)
     if isinstance(part, Composed):
         return rigid.words_at(part, pose)  # type: ignore[arg-type]
     result: dict[str, Any] | Part = part.in_pose(pose, relaxed)

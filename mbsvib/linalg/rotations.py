@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 # Below this angle [rad] the series of the coefficients are as exact as their closed forms, and do not divide by zero.
 SMALL = 0.05
+# An angle [rad] beside which nothing else counts, and that can be divided by.
+LEAST = 1e-150
 # Rotations with a cosine below this are next to half a turn.
 HALF_TURN = -0.99
 _IDENTITY = np.eye(3)
@@ -33,10 +35,12 @@ def exponential(w: Array) -> Array:
 
     exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2,  a = |w|
     """
-    angle = np.sqrt((w * w).sum(axis=-1))[..., None, None]
-    matrix = skew(w)
-    half = 0.5 * np.sinc(0.5 / np.pi * angle) ** 2
-    return np.asarray(_IDENTITY + np.sinc(angle / np.pi) * matrix + half * (matrix @ matrix))
+    # sin(a) / a is 1 for the least angle that is kept
+    angle = np.maximum(np.sqrt((w * w).sum(axis=-1)), LEAST)[..., None, None]
+    matrix, half = skew(w), 0.5 * angle
+    return np.asarray(
+        _IDENTITY + (np.sin(angle) / angle) * matrix + 0.5 * np.square(np.sin(half) / half) * (matrix @ matrix)
+    )
 
 
 def logarithm(rotation: Array) -> Array:
