@@ -10,13 +10,9 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import names
-<<<<<<< HEAD
 from mbsvib.equilibrium.articulation import stiffened
 from mbsvib.equilibrium.bending import alone, bent
 from mbsvib.equilibrium.linear_range import warn_beyond
-=======
-from mbsvib.equilibrium.flexible_parts import stiffened
->>>>>>> 6654459 (Take joints to another pose without checking them again)
 from mbsvib.equilibrium.motion import close, same_side, smallest, stance
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.equilibrium.pose import start

@@ -49,8 +49,10 @@ def told_apart(system: SparseEquations, basis: Array, rigid: int) -> tuple[Array
     left = (basis - n @ share)[:, rigid:]
     rows = system.elastic_rows
     size = np.sqrt(np.abs(system.stiffness) + np.abs(system.damping))[:, None]
-    energy, before = (np.linalg.norm(size * (rows @ part), axis=0) + np.linalg.norm(system.inertia_factor @ part, axis=0)
-                      for part in (left, basis[:, rigid:]))  # fmt: skip
+    energy, before = (
+        np.linalg.norm(size * (rows @ part), axis=0) + np.linalg.norm(system.inertia_factor @ part, axis=0)
+        for part in (left, basis[:, rigid:])
+    )
     mass = orthonormal(system.inertia_factor, basis[:, :rigid], left[:, energy > NOTHING * before])
     acts = np.flatnonzero(system.damping)
     weight = np.sqrt(np.abs(system.damping[acts]))[:, None]

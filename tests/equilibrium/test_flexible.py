@@ -104,7 +104,7 @@ def test_arms_that_move_bend_the_beam_that_they_are_on(share):
     if share == 1.0:  # the stretched arms are a column that the beam's force does not turn
         assert not there.linearize().modes().stable
     else:
-        with pytest.raises(mv.EquilibriumError, match="unbalanced moment .* by the displacements"):
+        with pytest.raises(mv.EquilibriumError, match=r"unbalanced moment .* by the displacements"):
             there.linearize()
 
 
