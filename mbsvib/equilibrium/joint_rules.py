@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.arguments import frame_along
-from mbsvib.linalg.rotations import axial, exponential, logarithm
-from mbsvib.linalg.vectors import cross
+from mbsvib.linalg.rotations import axial, exponential, logarithm, skew
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,7 +45,8 @@ class Joints:
 
     def gap(self, pose: Pose) -> Array:
         """Return p_b - p_a (k, 3) in a pose [m]."""
-        return pose.points(self.second, self.end) - pose.points(self.first, self.start)
+        ends = pose.points(np.concatenate((self.second, self.first)), np.concatenate((self.end, self.start)))
+        return np.asarray(ends[: len(self.first)] - ends[len(self.first) :])
 
 
 Axes = Callable[[Joints, "Pose"], "Array"]
@@ -67,9 +67,14 @@ class Rule:
     opening: Opening | None = None
 
 
+def _cross(a: Array, b: Array) -> Array:
+    """Return the vector products of (k, 3)."""
+    return np.asarray((skew(a) @ b[..., None])[..., 0])
+
+
 def _normal(joints: Joints, pose: Pose) -> Array:
     """The cross product of the axis in the first and that in the second body."""
-    return cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
+    return _cross(pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two))
 
 
 def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
@@ -96,16 +101,16 @@ def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
 def _between_axes(joints: Joints, pose: Pose) -> Array:
     """Axes along the one in the first body, along the normal of both, and across."""
     one = pose.vectors(joints.first, joints.one)
-    normal = cross(one, pose.vectors(joints.second, joints.two))
+    normal = _cross(one, pose.vectors(joints.second, joints.two))
     normal /= np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
     result = np.empty((*one.shape, 3))
-    result[..., 0], result[..., 1], result[..., 2] = one, normal, cross(normal, one)
+    result[..., 0], result[..., 1], result[..., 2] = one, normal, _cross(normal, one)
     return result
 
 
 def _off_angle(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     one, two = pose.vectors(joints.first, joints.one), pose.vectors(joints.second, joints.two)
-    normal = cross(one, two)
+    normal = _cross(one, two)
     change = (joints.one * joints.two).sum(axis=-1) - (one * two).sum(axis=-1)
     return gap, (change / (normal * normal).sum(axis=-1))[:, None] * normal
 

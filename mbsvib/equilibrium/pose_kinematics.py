@@ -19,7 +19,7 @@ from mbsvib.equilibrium.joint_rules import in_groups
 from mbsvib.equilibrium.pose import IDENTITY, start
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.relative_motion import twists
+from mbsvib.kinematics.relative_motion import Twists, twists
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS, span
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from mbsvib.equilibrium.joint_rules import Joints, Rule
     from mbsvib.equilibrium.pose import Pose
     from mbsvib.kinematics.loops import Cuts
-    from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
 
@@ -70,7 +69,9 @@ class PoseKinematics:
         linear, angular = np.ascontiguousarray((turn.take(self.turner, axis=0) @ self.vectors).transpose(2, 1, 0))
         point = np.ascontiguousarray(pose.points(self.holder, self.point).T)
         n, cuts = len(self.coordinates.names), self.cuts
-        coordinates = replace(self.coordinates, linear=linear[:, :n], angular=angular[:, :n], point=point[:, :n])
+        described = self.coordinates
+        coordinates = Twists(described.names, linear[:, :n], angular[:, :n], point[:, :n], described.path,
+                             described.turns, described.pitch)  # fmt: skip
         if cuts is None:
             return coordinates, None
         end = n + len(cuts.rows.first)
@@ -134,24 +135,26 @@ class Tree:
         sums = np.add.reduceat(np.concatenate((coordinates.linear, coordinates.angular)) * q, self.start, axis=1).T
         rotations, shifts = exponential(sums[:, 3:]), sums.take(self.group, axis=0)[:, :3]
         own = rotations.take(self.group, axis=0)
-        own[self.then[0]] = own[self.then[0]] @ rotations[self.then[1]]
+        if self.then.size:
+            own[self.then[0]] = own[self.then[0]] @ rotations[self.then[1]]
         if len(self.rod):
             shifts[self.rod] = self._swing(pose, coordinates, shifts[self.rod])
         # the second body goes from x to p + shift + rotation (x - p), the first one the other way round
         arm = here.take(self.body, axis=0) - coordinates.point.take(self.start[self.group], axis=1).T
-        arm[self.back] -= shifts[self.back]
-        shifts[self.back] *= -1.0
-        own[self.back] = own[self.back].swapaxes(-1, -2)
+        if len(self.back):
+            arm[self.back] -= shifts[self.back]
+            shifts[self.back] *= -1.0
+            own[self.back] = own[self.back].swapaxes(-1, -2)
         centre, turn = here.copy(), np.empty((len(here), 3, 3))
         centre[self.body] += shifts + ((own - IDENTITY) @ arm[..., None])[..., 0]
         turn[:] = IDENTITY
         turn[self.body] = own
         for body, parent in self.levels:
-            carried, before = turn[parent], here[parent]
-            turn[body] = carried @ turn[body]
-            there = centre[body]
-            centre[body] = there + (centre[parent] - before) + (
-                (carried - IDENTITY) @ (there - before)[..., None])[..., 0]  # fmt: skip
+            # with the parent: x goes on by how far it went, and by its rotation less 1 times the arm
+            hung, before, there = turn.take(parent, axis=0), here.take(parent, axis=0), centre.take(body, axis=0)
+            turn[body] = hung @ turn.take(body, axis=0)
+            went = centre.take(parent, axis=0) - before
+            centre[body] = there + went + ((hung - IDENTITY) @ (there - before)[..., None])[..., 0]
         return pose.moved_to(centre, turn)
 
     def _swing(self, pose: Pose, coordinates: Twists, across: Array) -> Array:
