@@ -9,6 +9,7 @@ import numpy as np
 
 from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.joint_carriers import carriers
+from mbsvib.equations.statement import JointRows, joint_rows
 from mbsvib.equations.wrench_pairs import Pairs
 
 if TYPE_CHECKING:
@@ -28,7 +29,8 @@ class Acting:
     those of all forces and moments in it; ``pairs`` (6, applied) are the wrenches on the second bodies, then ``first``
     and ``second`` (pairs,), ``start`` and ``end`` (3, pairs) of all pairs. ``owners`` are the names of all pairs and of
     the bodies, ``terms`` the rows of geometric stiffness. The joints of the open tree carry ``tree`` (6, joints, 1),
-    and ``loops`` (6 joints, locked rows) is what multipliers add to that in all joints.
+    and ``loops`` (6 joints, locked rows) is what multipliers add to that in all joints. ``rows`` are those of ``terms``
+    in joint coordinates.
     """
 
     ways: Carriers
@@ -43,6 +45,7 @@ class Acting:
     terms: GeometricTerms
     tree: Array
     loops: Array
+    rows: JointRows
 
 
 def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -> Acting:
@@ -77,10 +80,10 @@ def acting(applied: Applied, felt: Felt, scene: Scene, memory: dict[str, Any]) -
     second = np.concatenate((applied.pairs.second, ways.second))
     start = np.concatenate((applied.pairs.start, ways.start), axis=1)
     end = np.concatenate((applied.pairs.end, ways.point), axis=1)
+    terms = geometric_terms(Pairs(first, second, start, end, end, end), applied, felt, position)
     memory["acting"] = result = Acting(
         ways, wrench, sizes, np.concatenate((applied.pairs.force, applied.pairs.torque)), first, second, start, end,
         (*applied.names, *(joint.name for joint in topology.joints), *topology.bodies),
-        geometric_terms(Pairs(first, second, start, end, end, end), applied, felt, position),
-        ways.of_tree(wrench[:, :, None]), ways.of_locked(scene.cuts),
+        terms, ways.of_tree(wrench[:, :, None]), ways.of_locked(scene.cuts), joint_rows(terms.rows, scene.coordinates),
     )  # fmt: skip
     return result

@@ -18,7 +18,7 @@ Geradin & Cardona, Flexible Multibody Dynamics (2001).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,8 +77,9 @@ class GeometricTerms:
 
     ``rows`` and ``row`` are those of a contribution; ``first``, ``second`` and ``owner`` are its weights: six squares
     for each of ``bodies`` that a force acts on, products of ``turning`` rows with rotations, products of two successive
-    rotations, squares across lines. Forces act on bodies ``ends`` (2 pairs,) at ``arms`` (3, 2 pairs) with ``sign``,
-    which is 0 for follower loads: ``load_stiffness`` has these. ``twist`` (k, 3, 6) times a wrench is the moment of the
+    rotations, squares across lines. The forces of pairs ``ends`` (e,), one body after the other and for each from
+    ``start`` (bodies,) on, act at ``arms`` (3, e) with ``sign``, which is 0 for follower loads: ``load_stiffness`` has
+    these. ``twist`` (k, 3, 6) times a wrench is the moment of the
     rows ``lever`` (k,), v x f + 1/2 w x tau.
     """
 
@@ -90,6 +91,7 @@ class GeometricTerms:
     owner: Index
     bodies: Index
     ends: Index
+    start: Index
     arms: Array
     sign: Array
     turning: Index
@@ -117,20 +119,21 @@ class GeometricTerms:
         half = 0.5 * (torque.take(felt.two[0], axis=1) * felt.cross).sum(axis=0)
         tension = -(force.take(felt.line_owner, axis=1) * felt.line).sum(axis=0) / felt.length
         value = np.concatenate((self._of_bodies(force), np.ones(len(self.turning)), half, tension))
-        return Contribution.of(replace(self.rows, moment=moment), row=self.row,
-                               stiffness=Weights(self.first, self.second, value, self.owner))  # fmt: skip
+        rows = Rows(self.rows.first, self.rows.second, self.rows.point, self.rows.force, moment)
+        return Contribution.of(rows, row=self.row, stiffness=Weights(self.first, self.second, value, self.owner))
 
     def _of_bodies(self, force: Array) -> Array:
         """Weights of the squares of six rotations of each body: about x, y, z, and the sums of two of these.
 
         With H = tr(S) 1 - sym S, theta . H theta = sum of H_xy (theta_x + theta_y)^2 and of the rest times theta_x^2.
         """
-        outer = ((self.sign * np.tile(force, 2))[:, None] * self.arms).reshape(9, -1).T
-        sums, bound = np.zeros((2, int(self.ends.max(initial=0)) + 1, 9))
-        np.add.at(sums, self.ends, outer)
-        np.add.at(bound, self.ends, np.abs(outer))
-        values = sums[self.bodies] @ SQUARES.T
-        values[np.abs(values) <= ZERO_FORM * bound[self.bodies].max(axis=1, initial=0.0)[:, None]] = 0.0
+        if not len(self.bodies):
+            return np.zeros(0)
+        acting = force.take(self.ends, axis=1) * self.sign
+        outer = (acting[:, None] * self.arms).reshape(9, -1)
+        values = np.add.reduceat(outer, self.start, axis=1).T.dot(SQUARES.T)
+        bound = np.maximum.reduce(np.add.reduceat(np.abs(outer), self.start, axis=1))
+        values[np.abs(values) <= ZERO_FORM * bound[:, None]] = 0.0
         return np.asarray(values.reshape(-1))
 
 
@@ -157,7 +160,8 @@ def geometric_terms(pairs: Pairs, applied: Applied, felt: Felt, position: Array)
     ends = np.concatenate((pairs.first, pairs.second))
     sign = np.concatenate((-np.ones(count), np.ones(count)))
     sign.reshape(2, count)[:, : applied.loads][:, applied.follower] = 0.0
-    bodies = np.unique(ends[ends < ground])
+    order = np.argsort(ends, kind="stable")[: np.count_nonzero(ends < ground)]  # ground is the last
+    bodies, start_of = np.unique(ends[order], return_index=True)
     six, turning = 6 * len(bodies), np.flatnonzero(felt.carrier < ground)
     swings, lines = np.flatnonzero(felt.line_carrier < ground), len(felt.line_owner)
     of_bodies = turns(bodies.repeat(6), np.tile(SUMS.T, len(bodies)), ground)
@@ -173,6 +177,7 @@ def geometric_terms(pairs: Pairs, applied: Applied, felt: Felt, position: Array)
         np.concatenate((number, six + turning, six + felt.two[1], across)),
         np.concatenate((number, start + np.arange(len(turning)), six + felt.two[2], across)),
         np.concatenate((count + bodies.repeat(6), felt.owner[turning], felt.two[0], felt.line_owner)),
-        bodies, ends, np.concatenate(pairs.arms(position), axis=1), sign, turning,
+        bodies, order % count if count else order, start_of, np.concatenate(pairs.arms(position), axis=1)[:, order],
+        sign[order], turning,
         skew(parts.transpose(2, 0, 1)).swapaxes(1, 2).reshape(-1, 3, 6), slice(start, start + len(turning)),
     )  # fmt: skip

@@ -79,7 +79,7 @@ def load(
     if unsymmetric is not None:
         parts.append(unsymmetric)
     every = Contribution.join(parts)
-    moved = minimal_rows(every, scene.coordinates, reduction, motion)
+    moved = minimal_rows(every, scene.coordinates, reduction, motion, known.rows if unsymmetric is None else None)
     rows, stiffness, owner = signed_squares(every.stiffness, moved)
     idle = _without_effect(rows, stiffness, known, pairs, motion)
     if np.count_nonzero(idle):

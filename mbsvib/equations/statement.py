@@ -6,6 +6,7 @@ stays a sum of weighted squares, of which no digit is lost in modes.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from mbsvib.kinematics.relative_motion import relative_motion
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.contribution import Contribution, Weights
+    from mbsvib.elements.rows import Rows
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
 
@@ -23,7 +25,40 @@ if TYPE_CHECKING:
 ZERO_ENTRY = 64.0 * EPS
 
 
-def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction, motion: Array) -> Array:
+@dataclass(frozen=True, slots=True)
+class JointRows:
+    """What the tree says of rows: those ``alone`` are rotations of bodies, the ``others`` stand in ``between`` (k, n),
+    in joint coordinates.
+    """
+
+    alone: Index
+    others: Index
+    between: Array
+
+
+def joint_rows(rows: Rows, coordinates: Twists) -> JointRows:
+    """Return relative displacements in joint coordinates, but for rotations of bodies.
+
+    Parameters
+    ----------
+    rows : Rows
+        Relative displacements.
+    coordinates : Twists
+        The joint coordinates of the tree.
+
+    Returns
+    -------
+    JointRows
+        Which rows are rotations, and the others.
+    """
+    turns = (rows.first == len(coordinates.path) - 1) & ~rows.force.any(axis=0)
+    others = (~turns).nonzero()[0]
+    return JointRows(turns.nonzero()[0], others, relative_motion(coordinates, rows.take(others)).dense(0, len(others)))
+
+
+def minimal_rows(
+    part: Contribution, coordinates: Twists, reduction: Reduction, motion: Array, known: JointRows | None = None
+) -> Array:
     """Return the rows of a contribution in minimal coordinates.
 
     Parameters
@@ -36,21 +71,19 @@ def minimal_rows(part: Contribution, coordinates: Twists, reduction: Reduction, 
         The minimal ones.
     motion : array, shape (bodies, 6, m)
         Motion of the bodies in minimal coordinates, of which their rotations are parts.
+    known : JointRows, optional
+        ``joint_rows(part.rows, coordinates)``, where it is known already.
 
     Returns
     -------
     array, shape (count, m)
         Rows, with exact zeros where loops hold them still.
     """
-    rows = part.rows
-    turns = (rows.first == len(motion)) & ~rows.force.any(axis=0)
-    alone, others = turns.nonzero()[0], (~turns).nonzero()[0]
-    base = np.empty((len(turns), motion.shape[2]))
-    rotations = motion.take(rows.second.take(alone), axis=0)[:, 3:]
-    base[alone] = (rows.moment.take(alone, axis=1).T[:, None] @ rotations)[:, 0]
-    if len(others):
-        between = relative_motion(coordinates, rows.take(others)).dense(0, len(others))
-        base[others] = reduction.apply_exactly(between)
+    rows, known = part.rows, known or joint_rows(part.rows, coordinates)
+    base = np.empty((len(rows.first), motion.shape[2]))
+    rotations = motion.take(rows.second.take(known.alone), axis=0)[:, 3:]
+    base[known.alone] = (rows.moment.take(known.alone, axis=1).T[:, None] @ rotations)[:, 0]
+    base[known.others] = reduction.apply_exactly(known.between)
     if part.count == len(base):
         return base
     result = np.zeros((part.count, base.shape[1]))
@@ -76,12 +109,12 @@ def signed_squares(weights: Weights, rows: Array) -> tuple[Array, Array, Index]:
         Signed weights, and whose they are.
     """
     same = weights.first == weights.second
-    pairs = np.flatnonzero(~same)
-    own = np.flatnonzero(same)
-    one, other = rows[weights.first[pairs]], weights.value[pairs, None] * rows[weights.second[pairs]]
-    squares, half = products(one, other)
-    return (np.concatenate((rows[weights.first[own]], squares)), np.concatenate((weights.value[own], half)),
-            np.concatenate((weights.owner[own], weights.owner[pairs], weights.owner[pairs])))  # fmt: skip
+    pairs, own = (~same).nonzero()[0], same.nonzero()[0]
+    first, second, value = weights.first, weights.second, weights.value
+    other = value.take(pairs)[:, None] * rows.take(second.take(pairs), axis=0)
+    squares, half = products(rows.take(first.take(pairs), axis=0), other)
+    return (np.concatenate((rows.take(first.take(own), axis=0), squares)), np.concatenate((value.take(own), half)),
+            weights.owner.take(np.concatenate((own, pairs, pairs))))  # fmt: skip
 
 
 def products(one: Array, other: Array) -> tuple[Array, Array]:
