@@ -109,7 +109,7 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
         return None
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
-        summed = _rounding(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else 0.0
+        summed = _rounding(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else None
         errors = _classical_errors(pairs, basis, gamma, summed)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
@@ -160,12 +160,14 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
     """Return both roots of lambda^2 + gamma lambda + square = 0 for every mode, (m, 2), without cancellation."""
     half = 0.5 * gamma
     omega: Array = np.sqrt(np.abs(square))
-    inside = np.where(square > 0.0, (half - omega) * (half + omega), half * half - square)
+    inside = (half - omega) * (half + omega)
+    if np.count_nonzero(square > 0.0) < len(square):
+        inside = np.where(square > 0.0, inside, half * half - square)
     root = np.sqrt(np.abs(inside))
     pairs: Complex = np.empty((len(square), 2), dtype=complex)
     if np.count_nonzero(inside < 0.0) == len(inside):
-        pairs.real = 0.0 - half[:, None]
-        pairs.imag[:, 0], pairs.imag[:, 1] = root, -root
+        pairs.real, pairs.imag[:, 0] = 0.0 - half[:, None], root
+        np.negative(root, out=pairs.imag[:, 1])
         return pairs
     big = -(half + np.where(half >= 0.0, root, -root))
     small = np.divide(square, big, out=np.zeros_like(big), where=big != 0.0)
@@ -181,20 +183,18 @@ def _rounding(rows: Array, damping: Array, shapes: Array) -> Array:
     return np.asarray(4.0 * EPS * np.einsum("...s,...sm->...m", np.abs(damping), terms))
 
 
-def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array, summed: Array | float) -> Array:
+def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array, summed: Array | None) -> Array:
     """First-order errors of the roots: those of omega, of the same order of gamma, and of gamma's own sum."""
-    first, second = pairs.T
-    size = np.abs(pairs)
-    gap, moves = np.abs(first - second)[:, None], size > 0.0
+    size, gap = np.abs(pairs), np.abs(pairs[:, 0] - pairs[:, 1])[:, None]
     moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * np.maximum(size[:, 0], size[:, 1])
     # stiffness of both signs may cancel to an omega of exactly zero, whose relative error is not finite
     spread = np.multiply(basis.errors, moved, out=np.zeros(len(moved)), where=moved > 0.0)[:, None]
-    spread = spread + np.reshape(summed, (-1, 1)) * size
-    # at critical damping the root moves with the square root of a perturbation
-    worst = np.sqrt(spread)
-    np.minimum(np.divide(spread, gap, out=worst.copy(), where=gap > 0.0), worst, out=worst)
-    relative: Array = np.divide(worst, size, out=np.zeros(size.shape), where=moves)
-    relative += 2.0 * EPS * moves
+    if summed is not None:
+        spread = spread + summed[:, None] * size
+    # a root moves by spread / gap, at critical damping with the square root of a perturbation
+    weight = np.maximum(gap, np.sqrt(spread)) * size
+    relative: Array = np.divide(spread, weight, out=np.zeros(size.shape), where=weight > 0.0)
+    relative += 2.0 * EPS * (size > 0.0)
     return relative
 
 
