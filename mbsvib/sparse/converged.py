@@ -17,7 +17,7 @@ import numpy as np
 
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
-from mbsvib.sparse.first_order import told_apart
+from mbsvib.sparse.first_order import independent, told_apart
 from mbsvib.sparse.reduction import reduced
 
 if TYPE_CHECKING:
@@ -109,6 +109,8 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
     array, shape (size, n + new)
         The motions.
     """
+    if not more.shape[1]:
+        return basis
     w = quadratic.w
     old = w @ basis
     length = np.linalg.norm(w @ more, axis=0)
@@ -128,7 +130,7 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
 
 
 def converged(
-    quadratic: Quadratic, basis: Array, rigid: int, choose: Callable[[Modes], Index],
+    quadratic: Quadratic, mass: Array, light: Array, rigid: int, choose: Callable[[Modes], Index],
     apart: Callable[[Complex], Array], form: type[Equations],
 ) -> tuple[Equations, Modes, Array, Index]:  # fmt: skip
     """Return the small system of a subspace that has grown until chosen modes are those of the whole system.
@@ -137,8 +139,8 @@ def converged(
     ----------
     quadratic : Quadratic
         P(s) of the whole system.
-    basis : array, shape (size, n)
-        Motions to start with.
+    mass, light : array, shape (size, n)
+        Motions to start with, and others that move no mass.
     rigid : int
         Number of the first ones that meet no spring.
     choose : callable
@@ -154,9 +156,10 @@ def converged(
         The small system, its modes, a bound of the relative error of each eigenvalue by what the subspace lacks, and
         which modes were chosen.
     """
+    system = quadratic.system
     for _ in range(ROUNDS):
-        basis, massless = told_apart(quadratic.system, basis, rigid)
-        small = reduced(quadratic.system, basis, rigid, form, massless)
+        basis = np.concatenate((mass, light), axis=1)
+        small = reduced(system, basis, rigid, form, light.shape[1])
         result: Modes = dense_modes(small, RTOL)
         chosen = choose(result)
         vectors = eigenvectors(result, chosen)
@@ -169,9 +172,11 @@ def converged(
                 if wanted]  # fmt: skip
         if not more:
             break
-        speed, before = float(np.abs(vectors.values).max()), basis.shape[1]
-        basis = joined(quadratic, basis, parts(np.concatenate(more, axis=1)), speed)
-        if basis.shape[1] == before:
+        speed = float(np.abs(vectors.values).max())
+        new, massless = told_apart(system, parts(np.concatenate(more, axis=1)))
+        mass = joined(quadratic, mass, new, speed)
+        light = independent(system, np.concatenate((light, massless), axis=1))
+        if mass.shape[1] + light.shape[1] == basis.shape[1]:
             break
     bound = np.zeros(len(result.eigenvalues))
     bound[vectors.number] = errors

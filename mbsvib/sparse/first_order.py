@@ -7,7 +7,7 @@ z moves.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,68 +23,45 @@ NEW = 1e-10
 NOTHING = 1e-12
 
 
-def told_apart(system: SparseEquations, basis: Array, rigid: int) -> tuple[Array, int]:
-    """Return a basis that spans what another one does, and how many motions without mass are its last ones.
+def told_apart(system: SparseEquations, motions: Array) -> tuple[Array, Array]:
+    """Return what motions are where the own coordinates of massless motions rest, and their massless parts.
 
     Parameters
     ----------
     system : SparseEquations
         The whole system.
-    basis : array, shape (size, n)
+    motions : array, shape (size, n)
         Motions.
-    rigid : int
-        Number of the first ones, which are kept as they are.
 
     Returns
     -------
     array, shape (size, k)
-        The first motions, others M-orthonormal with these, and some without mass; k is at most 2 n.
-    int
-        Number of the last.
+        Motions that move mass; those of which no more than rounding is left are none of them.
+    array, shape (size, r)
+        Independent motions that move none, of unit damping.
     """
     if system.separation is None or not system.massless:
-        return basis, 0
+        return motions, np.zeros((len(motions), 0))
     n, own = system.separation.damped, system.separation.own
-    share = basis[own] / np.asarray(n[own, np.arange(len(own))]).reshape(-1, 1)
-    left = (basis - n @ share)[:, rigid:]
-    rows = system.elastic_rows
+    light = n @ (motions[own] / np.asarray(n[own, np.arange(len(own))]).reshape(-1, 1))
+    left = motions - light
     size = np.sqrt(np.abs(system.stiffness) + np.abs(system.damping))[:, None]
-    energy, before = (
-        np.linalg.norm(size * (rows @ part), axis=0) + np.linalg.norm(system.inertia_factor @ part, axis=0)
-        for part in (left, basis[:, rigid:])
-    )
-    mass = orthonormal(system.inertia_factor, basis[:, :rigid], left[:, energy > NOTHING * before])
+    rest, whole = (np.linalg.norm(size * (system.elastic_rows @ part), axis=0)
+                   + np.linalg.norm(system.inertia_factor @ part, axis=0) for part in (left, motions))  # fmt: skip
+    return left[:, rest > NOTHING * whole], independent(system, light)
+
+
+def independent(system: SparseEquations, light: Array) -> Array:
+    """Return independent motions (size, r), of unit damping, that span some (size, n) that move no mass."""
     acts = np.flatnonzero(system.damping)
-    weight = np.sqrt(np.abs(system.damping[acts]))[:, None]
-    light = _independent(share, weight * (rows[acts] @ (n @ share)))
-    return np.concatenate((mass, n @ light), axis=1), light.shape[1]
-
-
-def orthonormal(factor: Any, first: Array, more: Array) -> Array:
-    """Return motions with others M-orthonormal beside them, M = W^T W for a factor W."""
-    old = np.linalg.qr(factor @ first)[0]
-    upper = old.T @ (factor @ first)
-    length = np.linalg.norm(factor @ more, axis=0)
-    more = more[:, length > 0.0] / length[length > 0.0]
-    for _ in range(2):
-        rows = factor @ more
-        share = old.T @ rows
-        more, rows = more - first @ np.linalg.solve(upper, share), rows - old @ share
-        _, singular, right = np.linalg.svd(rows, full_matrices=False)
-        kept = singular > NEW
-        more = more @ (right[kept].T / singular[kept])
-    return np.concatenate((first, more), axis=1)
-
-
-def _independent(share: Array, rows: Array) -> Array:
-    """Independent combinations of columns, of unit damping; ``rows`` are their rates in dampers."""
-    length = np.linalg.norm(rows, axis=0)
+    rates = np.sqrt(np.abs(system.damping[acts]))[:, None] * (system.elastic_rows[acts] @ light)
+    length = np.linalg.norm(rates, axis=0)
     used = length > NOTHING * length.max(initial=0.0)
     if not used.any():
-        return np.zeros((len(share), 0))
-    _, singular, right = np.linalg.svd(rows[:, used] / length[used], full_matrices=False)
+        return light[:, used]
+    _, singular, right = np.linalg.svd(rates[:, used] / length[used], full_matrices=False)
     kept = singular > NEW
-    return np.asarray((share[:, used] / length[used]) @ (right[kept].T / singular[kept]))
+    return np.asarray((light[:, used] / length[used]) @ (right[kept].T / singular[kept]))
 
 
 def following(system: SparseEquations, basis: Array) -> Array:

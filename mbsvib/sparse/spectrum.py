@@ -16,7 +16,7 @@ from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.converged import RTOL, converged, joined, parts
 from mbsvib.sparse.disc import disc
-from mbsvib.sparse.first_order import following, told_apart
+from mbsvib.sparse.first_order import following, independent, told_apart
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.operator import BRAKED, operator
 from mbsvib.sparse.quadratic import Quadratic
@@ -101,8 +101,8 @@ def general_modes(
         result = search.ring() if near else search.lowest()
         if result is not None:
             return result
-    basis, massless = told_apart(system, following(system, coordinates(system)), 0)
-    small = reduced(system, basis, 0, form, massless)
+    mass, light = told_apart(system, following(system, coordinates(system)))
+    small = reduced(system, np.concatenate((mass, light), axis=1), 0, form, light.shape[1])
     every: Modes = dense_modes(small, RTOL)
     return small, every, np.zeros(len(every.eigenvalues)), choose(every)
 
@@ -129,7 +129,8 @@ class Search:
             first = first.grown(wanted)
             if len(first.values) < self.count:
                 return None
-            if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1]) + sigma):
+            slow = bool(self.quadratic.system.massless)
+            if first.reach >= (1.0 + TIES) * (self.centre + self._nearest(first, rigid.shape[1], slow) + sigma):
                 answer = self._solved(rigid, [first, *self._left(first, wanted)])
                 if answer is None:
                     return None
@@ -185,21 +186,26 @@ class Search:
 
     def _solved(self, rigid: Array, discs: list[Disc]) -> Answer | None:
         """Modes out of the subspace of some discs; None if it lacks eigenvalues that are in the first one."""
-        basis = rigid
+        system, basis, light = self.quadratic.system, rigid, rigid[:, :0]
         for each in discs:
-            basis = joined(self.quadratic, basis, parts(each.motions()), abs(each.shifted.sigma))
+            mass, massless = told_apart(system, parts(each.motions()))
+            basis = joined(self.quadratic, basis, mass, abs(each.shifted.sigma))
+            light = independent(system, np.concatenate((light, massless), axis=1))
 
         def apart(values: Complex) -> Array:
             return np.asarray(np.max([each.apart(values) for each in discs], axis=0))
 
-        answer = converged(self.quadratic, basis, rigid.shape[1], self.choose, apart, self.form)
+        answer = converged(self.quadratic, basis, light, rigid.shape[1], self.choose, apart, self.form)
         known = discs[0].values[np.abs(discs[0].values) > SAME * discs[0].reach]
         off = np.abs(known[:, None] - answer[1].eigenvalues).min(axis=1, initial=np.inf)
         return answer if (off <= SAME * np.abs(known - discs[0].shifted.sigma)).all() else None
 
-    def _nearest(self, first: Disc, rigid: int) -> float:
-        """Distance of the last mode wanted, or more: every conjugate pair is a mode of its own, and a rigid motion."""
-        turns = np.abs(first.values[first.values.imag > REAL * np.abs(first.values)])
+    def _nearest(self, first: Disc, rigid: int, slow: bool = False) -> float:
+        """Distance of the last mode wanted, or more: every conjugate pair is a mode of its own, and a rigid motion; and
+        if ``slow`` every real eigenvalue, of which some may be pairs.
+        """
+        values = first.values[first.values.imag > (-REAL if slow else REAL) * np.abs(first.values)]
+        turns = np.abs(values[np.abs(values) > ZERO * first.reach])
         distance = np.sort(np.abs(np.append(turns, np.zeros(rigid)) - self.centre))
         return float(distance[self.count - 1]) if len(distance) >= self.count else np.inf
 
