@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeVar
 
-from mbsvib.elements import Maxwell
 from mbsvib.equations.assembly import is_small
 from mbsvib.equations.assembly import linearized as dense_equations
 from mbsvib.equations.equations import Equations
@@ -65,8 +64,7 @@ def wants_sparse(
                 raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
                                  field=word)  # fmt: skip
         return True
-    if (method == "dense" or independent is not None or values is not None or not model.bodies
-            or _is_unsymmetric(model) or _has_massless_bodies(model)):  # fmt: skip
+    if method == "dense" or independent is not None or values is not None or not model.bodies or _is_unsymmetric(model):
         return False
     topology = span(model, cut)
     return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
@@ -75,13 +73,6 @@ def wants_sparse(
 def _is_unsymmetric(model: Mechanism) -> bool:
     """Tell whether rotors, follower loads or torques make the equations unsymmetric, whose modes are computed dense."""
     return bool(model.rotors) or any(load.follower or any(load.torque) for load in model.loads.values())
-
-
-def _has_massless_bodies(model: Mechanism) -> bool:
-    """Tell whether there are massless bodies or Maxwell elements, whose damped motions have dense modes only."""
-    heavy = frozenset() if model.pieces is None else model.pieces.nodes
-    return (any(isinstance(part, Maxwell) for part in model.springs.values())
-            or any(body.mass == 0.0 and body.name not in heavy for body in model.bodies.values()))  # fmt: skip
 
 
 def linearized(

@@ -14,11 +14,12 @@ import numpy as np
 
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
+from mbsvib.modes.general import is_general
 from mbsvib.modes.undamped import undamped
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.frequency_response import frequency_response as dense_response
 from mbsvib.sparse.operator import operator
-from mbsvib.sparse.response import frequency_response
+from mbsvib.sparse.response import frequency_response, static_compliance
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -34,7 +35,8 @@ E = TypeVar("E", bound=Equations)
 def corrected(system: SparseEquations, small: E, count: int) -> E:
     """Return the system of the lowest modes with the static displacements of all others in its D.
 
-    D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the modes kept, free motions left aside
+    D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the modes kept, free motions left aside; what the
+    small system does at rest in place of the sum where spin, circulatory forces or motions without mass count
 
     Parameters
     ----------
@@ -53,8 +55,13 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     Raises
     ------
     ResponseError
-        If free motions are not all among the modes, or cannot be told from slow ones.
+        If free motions are not all among the modes, or cannot be told from slow ones, or there are any where spin,
+        circulatory forces or motions without mass count.
     """
+    if is_general(small):
+        # G(0) - G_small(0); K is regular, or static_compliance refuses
+        whole = static_compliance(system) - system.D
+        return replace(small, D=small.D + (whole - small.Cq @ np.linalg.solve(small.K, small.B)))
     t = operator(system, None, system.dof)
     rigid = t.rigid.shape[1]
     basis = undamped(small, RTOL)

@@ -229,11 +229,6 @@ def test_modes_where_all_nodes_follow_from_statics(n):
     assert_allclose(sparse.reduced(1).D, dense.D, rtol=1e-13)
 
 
-def test_modes_of_damped_nodes_are_refused_by_name():
-    with pytest.raises(mv.ResponseError, match=r"as leg0\.z.*not computed sparse yet.*method='dense'"):
-        isolated(3).linearize(method="sparse").modes(2)
-
-
 def test_point_masses_on_a_long_chain_are_no_search():
     """Each stands still where the one before does: no part of thousands of coordinates is made."""
     system = mv.library.pendulum_chain(800).linearize(method="sparse")
