@@ -30,11 +30,12 @@ def lacking(at: Stance, forces: Balance) -> tuple[str, dict[str, Any]]:
     """
     share = np.abs(forces.residual / np.where(forces.acting > 0.0, forces.acting, 1.0))
     worst = int(np.argmax(np.abs(forces.residual) / np.where(forces.size > 0.0, forces.size, 1.0)))
-    name = forces.names[worst]
+    coordinate = int(forces.reduction.independent[worst])
+    name = at.coordinates.names[coordinate]
     owner = name.rpartition(".")[0]
     joint = at.described.joints.get(owner)
     body = owner if joint is None else joint.first if joint.second == "ground" else joint.second
-    unit = "N m" if at.coordinates.turns[at.coordinates.names.index(name)] else "N"
+    unit = "N m" if at.coordinates.turns[coordinate] else "N"
     missing = -float(forces.residual[worst])
     kind = "moment" if unit == "N m" else "force"
     what = (f"unbalanced {kind} on body '{body}', {missing:.6g} {unit} missing along '{name}' ({share[worst]:.1e} of "
