@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 B = TypeVar("B", bound=BatchEquations)
 
 # Pieces of a batch whose largest array has this many numbers stay in a cache, and take more time than calls do.
-PIECE = 2**18
+PIECE = 2**19
 # Pivots of a scaled mass matrix below this are looked at by the check of single systems, whose limit is lower.
 SUSPECT_MASS = 1e-12
 
