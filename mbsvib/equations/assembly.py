@@ -106,7 +106,7 @@ def assembled(
     planar = check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
     kept, turns = reduction.independent.tolist(), coordinates.turns.take(reduction.independent).tolist()
     names = tuple([coordinates.names[i] for i in kept])
-    found = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
+    terms = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
     separation = statics = None
     said = model if origin is None else origin
     parts: tuple[Part, ...] = (  # in the order in which the model lists its parameters
@@ -116,24 +116,24 @@ def assembled(
     if scene.loads is not None:
         from mbsvib.equations.loaded import load
 
-        statics = load(scene, relative, reduction, found, model.name, checked, phi)
+        terms, statics = load(scene, relative, reduction, terms, model.name, checked, phi)
     undetermined: tuple[Undetermined, ...] = () if statics is None else statics.undetermined
     if scene.port.wrench_outputs:
         from mbsvib.equations.joint_forces import joint_force_rows
 
-        undetermined = joint_force_rows(model, scene, relative, reduction, found, statics)
+        terms, undetermined = joint_force_rows(model, scene, relative, reduction, terms, statics)
     if model.rotors:
         from mbsvib.equations.spin_terms import with_spin
 
-        found = with_spin(model, scene, reduction, found)
+        terms = with_spin(model, scene, reduction, terms)
     if scene.inertia.whole:
-        check_mass(found["M"], names)
+        check_mass(terms.M, names)
     else:
         from mbsvib.elements.maxwell_rows import given
         from mbsvib.equations.massless_separation import separate
 
         parts = given(parts)
-        found, stays, separation = separate(scene, reduction, found, names, model, independent)
+        terms, stays, separation = separate(scene, reduction, terms, names, model, independent)
         names, turns = tuple([names[i] for i in stays]), [turns[i] for i in stays]
     if model.pieces is not None:
         parts = model.pieces.declared(parts)
@@ -141,7 +141,7 @@ def assembled(
         name=model.name, coordinates=names,
         coordinate_units=tuple(["rad" if turn else "m" for turn in turns]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
-        output_units=scene.port.output_units, bodies=scene.topology.bodies, **found,
+        output_units=scene.port.output_units, bodies=scene.topology.bodies, **terms.named(),
         provenance=Provenance(
             scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
             ports=(*model.inputs.values(), *model.outputs.values()), origin=origin, planar=planar,

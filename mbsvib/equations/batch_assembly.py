@@ -144,10 +144,9 @@ def _matrices(
     phi = scene.closure(relative)
     if phi.ndim == 3:
         reduction = reduce_batch(scene, values, phi, chosen, first)
-    result = matrices(scene, relative, reduction)
-    result["closure"] = None if reduction is chosen.reduction else reduction.matrix
-    _check_masses(result["M"], names, first)
-    return result
+    terms = matrices(scene, relative, reduction)
+    _check_masses(terms.M, names, first)
+    return terms.named() | {"closure": None if reduction is chosen.reduction else reduction.matrix}
 
 
 def _check_masses(mass: Array, names: tuple[str, ...], first: int) -> None:

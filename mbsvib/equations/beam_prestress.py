@@ -101,7 +101,7 @@ def carried(
     relative = view.relative()
     reduction = reduce(view.coordinates, view.cuts, view.closure(relative),
                        arms=partial(arm, view.topology, view.position))  # fmt: skip
-    found = matrices(view, relative, reduction)
+    terms = matrices(view, relative, reduction)
     names = [name for beam in beams for name in beam.element_names]
     place = {name: i for i, name in enumerate(names)}
     which = [(row, place[view.elements[owner].name]) for row, owner in enumerate(view.springs.owner.tolist())
@@ -111,8 +111,8 @@ def carried(
     direction = view.springs.unit[springs].argmax(axis=1)
     apart = relative.dense(view.locked, relative.shape[0])
     opened = [apart[springs]]
-    felt, root = [found["elastic_rows"][springs]], [np.sqrt(found["stiffness"][springs])]
-    known = [_deformations(beams)[element, direction] * -found["stiffness"][springs]]
+    felt, root = [terms.elastic_rows[springs]], [np.sqrt(terms.stiffness[springs])]
+    known = [_deformations(beams)[element, direction] * -terms.stiffness[springs]]
     elastic = None if view.shared is None else view.shared.elastic
     if elastic is not None:
         every = elastic.composite.of(apart[len(apart) - len(elastic.composite.rows.first) :])
@@ -125,7 +125,7 @@ def carried(
     rows, before = np.concatenate(felt), np.concatenate(known)
     residual = np.zeros(rows.shape[1])
     if view.loads is not None:
-        residual = load(view, relative, reduction, found, model.name, checked=False).residual
+        residual = load(view, relative, reduction, terms, model.name, checked=False)[1].residual
     forces = before + spread(rows, np.concatenate(opened), np.concatenate(root), -residual - before @ rows)
     preload = np.zeros((len(names), 6))
     preload[element, direction] = forces[: len(springs)]

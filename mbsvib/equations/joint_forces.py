@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.scene import Scene
     from mbsvib.equations.self_stress import SelfStress, Undetermined
     from mbsvib.equations.statics import Statics
+    from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.mechanism import Mechanism
@@ -50,10 +51,10 @@ class _Motion:
 
 
 def joint_force_rows(
-    model: Mechanism, scene: Scene, relative: Triplets, reduction: Reduction, found: Mapping[str, Any],
+    model: Mechanism, scene: Scene, relative: Triplets, reduction: Reduction, terms: Terms,
     statics: Statics | None,
-) -> tuple[Undetermined, ...]:  # fmt: skip
-    """Fill in the rows of outputs that are forces in joints, or all forces on a body or the ground.
+) -> tuple[Terms, tuple[Undetermined, ...]]:  # fmt: skip
+    """Return the terms with the rows of outputs that are forces in joints, or all forces on a body or the ground.
 
     Parameters
     ----------
@@ -65,20 +66,20 @@ def joint_force_rows(
         Its relative displacements.
     reduction : Reduction
         Its minimal coordinates.
-    found : mapping
-        Its matrices; rows of Cq, Cv, Ca and D are changed in place.
+    terms : Terms
+        Its matrices, without these rows of Cq, Cv, Ca and D.
     statics : Statics or None
         The forces at the pose, if anything loads it.
 
     Returns
     -------
-    tuple of Undetermined
-        Which of these outputs redundant constraints leave open.
+    tuple of Terms and tuple of Undetermined
+        The matrices, and which of these outputs redundant constraints leave open.
     """
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
     ways = carriers(scene.topology, position)
     to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
-    still = np.concatenate((found["body_motion"], np.zeros((1, *found["body_motion"].shape[1:]))))
+    still = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
     motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
     elastic, damping, inerters = _of_springs(scene, relative, reduction, position)
     inertia = -_inertia(scene.bodies, still)
@@ -105,18 +106,18 @@ def joint_force_rows(
         carried_by = {key: to_joints(part) for key, part in parts.items()}
         if statics is not None and change is not None:
             carried_by["Cq"] = _in_every_pose(carried_by["Cq"] + change.moments, to_joints, statics, change)
-    asked = {}
+    asked, rows = {}, {key: getattr(terms, key).copy() for key in parts}
     for row, kind, place, wrench in scene.port.wrench_outputs:
         if kind == "joint":
             axes = np.array(scene.topology.joints[place].axes)
             pull = -np.concatenate((axes @ wrench[:3], axes @ wrench[3:]))
             asked[list(model.outputs)[row]] = (place, pull)
             for key, part in carried_by.items():
-                found[key][row] = pull @ part[:, place]
+                rows[key][row] = pull @ part[:, place]
         else:
-            _sum(found, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
+            _sum(rows, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
     names = [joint.name for joint in scene.topology.joints]
-    return tuple([stress.undetermined(names, asked) for stress in to_joints.stress])
+    return replace(terms, **rows), tuple([stress.undetermined(names, asked) for stress in to_joints.stress])
 
 
 def _in_every_pose(changed: Array, to_joints: Reactions, statics: Statics, change: _Change) -> Array:
@@ -135,18 +136,18 @@ def _in_every_pose(changed: Array, to_joints: Reactions, statics: Statics, chang
 
 
 def _sum(
-    found: Mapping[str, Any], row: int, body: int, wrench: Array, momentum: Mapping[str, Array], position: Array,
+    rows: Mapping[str, Array], row: int, body: int, wrench: Array, momentum: Mapping[str, Array], position: Array,
     change: _Change | None,
 ) -> None:  # fmt: skip
     """All forces on a body are its change of momentum; what the ground lacks of that, the bodies have."""
-    found["Cq"][row] = 0.0
+    rows["Cq"][row] = 0.0
     for key, part in momentum.items():
         if body < part.shape[1] - 1:
-            found[key][row] = -wrench @ part[:, body]
+            rows[key][row] = -wrench @ part[:, body]
         else:
-            found[key][row] = wrench @ _about_origin(part, position)
+            rows[key][row] = wrench @ _about_origin(part, position)
     if change is not None and body == position.shape[1] - 1:
-        found["Cq"][row] = wrench @ change.of_loads
+        rows["Cq"][row] = wrench @ change.of_loads
 
 
 def _of_rotors(model: Mechanism, scene: Scene, motion: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,19 +15,20 @@ from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import Pairs
 
 if TYPE_CHECKING:
-    from mbsvib.common.arrays import Array, Index
+    from mbsvib.common.arrays import Array
     from mbsvib.equations.applied_forces import Acting
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.terms import Terms
     from mbsvib.equations.wrenches import Mask
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
 
 
 def load(
-    scene: Scene, relative: Triplets, reduction: Reduction, found: dict[str, Any], name: str, checked: bool = True,
+    scene: Scene, relative: Triplets, reduction: Reduction, terms: Terms, name: str, checked: bool = True,
     phi: Array | None = None,
-) -> Statics:
-    """Add to the matrices of a mechanism what its loads do, and return the forces at its pose.
+) -> tuple[Terms, Statics]:
+    """Return the terms of a mechanism with what its loads add to the stiffness, and the forces at its pose.
 
     Parameters
     ----------
@@ -37,8 +38,8 @@ def load(
         Its relative displacements.
     reduction : Reduction
         Its minimal coordinates.
-    found : dict
-        Its matrices and factors; K, ``circulatory``, the rows, their values and owners are replaced.
+    terms : Terms
+        Its matrices and factors without loads.
     name : str
         Name of the model.
     checked : bool
@@ -48,8 +49,8 @@ def load(
 
     Returns
     -------
-    Statics
-        Forces applied and in joints.
+    tuple of Terms and Statics
+        The matrices and factors under load, and the forces applied and in joints.
 
     Raises
     ------
@@ -59,11 +60,11 @@ def load(
     assert scene.loads is not None
     applied, felt, memory = scene.loads
     known = acting(applied, felt, scene, memory)
-    motion = found["body_motion"]
+    motion = terms.body_motion
     reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
     residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion, reach)
     if checked:
-        check_balance(residual, size, found["K"], scene, reduction, name)
+        check_balance(residual, size, terms.K, scene, reduction, name)
     phi = scene.closure(relative) if phi is None else phi
     to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, phi, known.loops)
     carried = to_joints.closed(known.tree)[:, :, 0]
@@ -85,11 +86,8 @@ def load(
     if np.count_nonzero(idle):
         rows[:, idle] = 0.0
     used = (stiffness * rows.any(axis=1)).nonzero()[0]
-    add_rows(found, rows.take(used, axis=0), stiffness.take(used), len(scene.owners) + owner.take(used))
-    found["circulatory"] = antisymmetric(every.circulatory, moved) if unsymmetric is not None else None
-    if found["circulatory"] is not None:
-        found["K"] = found["K"] + found["circulatory"]
-    return statics
+    terms = terms.with_rows(rows.take(used, axis=0), stiffness.take(used), len(scene.owners) + owner.take(used))
+    return terms.with_antisymmetric(None, antisymmetric(every.circulatory, moved)), statics
 
 
 def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, motion: Array) -> Mask:
@@ -104,22 +102,3 @@ def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, 
     rounding = ROUNDING * reach * (lengths * each[:-1, None]).T.dot(lengths)
     result: Mask = (np.abs((rows * stiffness[:, None]).T.dot(rows)) <= rounding).all(axis=1)
     return result
-
-
-def add_rows(found: dict[str, Any], rows: Array, stiffness: Array, owner: Index) -> None:
-    """Put rows of stiffness without damping behind those that a mechanism has, and add them to K.
-
-    Parameters
-    ----------
-    found : dict
-        Matrices and factors of the mechanism, changed in place.
-    rows : array, shape (rows, m)
-        Rows in minimal coordinates.
-    stiffness, owner : array, shape (rows,)
-        Signed values, and whose they are.
-    """
-    for key, value in (("elastic_rows", rows), ("stiffness", stiffness), ("damping", np.zeros(len(rows))),
-                       ("row_owner", owner)):  # fmt: skip
-        found[key] = np.concatenate((found[key], value))
-    more = rows.T.dot(stiffness[:, None] * rows)
-    found["K"] = found["K"] + 0.5 * (more + more.T)

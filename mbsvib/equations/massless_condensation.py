@@ -10,7 +10,7 @@ Source: Guyan, AIAA J. 3 (1965) 380, where exact: no mass and no damper acts on 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.terms import Terms
 
 # Coordinates that a condensed motion moves itself are taken for dependent ones, unless others tie it this much more.
 PREFERENCE = 1e-2
@@ -48,8 +49,8 @@ class Condensation:
 
 
 def condense(
-    null: Array, found: Mapping[str, Any], unit: Array, names: tuple[str, ...], pinned: NDArray[np.bool_],
-    bodies: tuple[str, ...] = (),
+    null: Array, terms: Terms, unit: Array, names: tuple[str, ...], pinned: NDArray[np.bool_],
+    bodies: tuple[str, ...] = (), acting: Mapping[str, Array] | None = None,
 ) -> Condensation:  # fmt: skip
     """Return the static condensation of motions that feel neither mass nor damper.
 
@@ -59,7 +60,7 @@ def condense(
     ----------
     null : array, shape (m, k)
         The motions N.
-    found : mapping of str to array
+    terms : Terms
         The matrices and factors of the system.
     unit : array, shape (m,)
         One unit of length of each coordinate.
@@ -69,6 +70,8 @@ def condense(
         Coordinates that the user wants to keep.
     bodies : tuple of str
         Names of the bodies, for refusals.
+    acting : mapping of str to array, shape (rows, m), optional
+        Forces of the ``circulatory`` term in other directions than those of the coordinates.
 
     Returns
     -------
@@ -80,8 +83,8 @@ def condense(
     ModelError
         If no spring holds one of the motions, or a pinned coordinate cannot be kept.
     """
-    _check_held(null, found, unit, names, bodies)
-    follows, forces = _solved(null, found, names)
+    _check_held(null, terms, unit, names, bodies, acting or {})
+    follows, forces = _solved(null, terms, names)
     # own coordinates of the motions first: the others then keep their meaning beside a force that acts on a node too
     weight = np.where((null != 0.0).any(axis=1), 1.0, PREFERENCE) * np.where(pinned, PREFERENCE**2, 1.0)
     order = pivoted_qr(follows * (unit * weight))[1]
@@ -103,15 +106,16 @@ def condense(
 
 
 def _check_held(
-    null: Array, found: Mapping[str, Any], unit: Array, names: tuple[str, ...], bodies: tuple[str, ...]
-) -> None:
+    null: Array, terms: Terms, unit: Array, names: tuple[str, ...], bodies: tuple[str, ...],
+    acting: Mapping[str, Array],
+) -> None:  # fmt: skip
     """Refuse motions without mass and damper that no spring feels either."""
-    parts = [found["elastic_rows"][found["stiffness"] != 0.0]]
-    if found.get("circulatory") is not None:
-        parts.append(found.get("circulatory_rows", found["circulatory"]))
+    parts = [terms.elastic_rows[terms.stiffness != 0.0]]
+    if terms.circulatory is not None:
+        parts.append(acting.get("circulatory", terms.circulatory))
     loose = unfelt(parts, null, unit)[0]
     if loose.shape[1]:
-        moves = np.abs(found["body_motion"] @ loose[:, 0]).max(axis=1)
+        moves = np.abs(terms.body_motion @ loose[:, 0]).max(axis=1)
         light = [name for name, size in zip(bodies, moves.tolist(), strict=False) if size > NOTHING * moves.max()]
         raise unheld(loose[:, 0], unit, names, "no spring or damper holds it", light)
 
@@ -132,13 +136,13 @@ def unheld(
     )  # fmt: skip
 
 
-def _solved(null: Array, found: Mapping[str, Any], names: tuple[str, ...]) -> tuple[Array, Array]:
+def _solved(null: Array, terms: Terms, names: tuple[str, ...]) -> tuple[Array, Array]:
     """Return X = (N^T K N)^-1 N^T K, exactly the identity on N but for rounding, and (N^T K N)^-1 N^T B."""
-    pushed = null.T @ found["B"]
-    pushed[np.abs(pushed) <= 64.0 * EPS * (np.abs(null).T @ np.abs(found["B"]))] = 0.0
-    used = found["stiffness"] != 0.0
-    k, rows = found["stiffness"][used], found["elastic_rows"][used]
-    if found.get("circulatory") is None and (k > 0.0).all():
+    pushed = null.T @ terms.B
+    pushed[np.abs(pushed) <= 64.0 * EPS * (np.abs(null).T @ np.abs(terms.B))] = 0.0
+    used = terms.stiffness != 0.0
+    k, rows = terms.stiffness[used], terms.elastic_rows[used]
+    if terms.circulatory is None and (k > 0.0).all():
         # least squares on the rows: as accurate as the springs' stiffness, however wide it spans
         rows = rows * np.sqrt(k)[:, None]
         rows = rows[(rows @ null).any(axis=1)]  # others would leave rounding where nothing acts
@@ -149,14 +153,14 @@ def _solved(null: Array, found: Mapping[str, Any], names: tuple[str, ...]) -> tu
         follows: Array = blas.dtrsm(1.0, r, q.T @ rows) / size[:, None]
         forces: Array = blas.dtrsm(1.0, r, blas.dtrsm(1.0, r, pushed / size[:, None], trans_a=1)) / size[:, None]
         return follows, forces
-    square = null.T @ found["K"] @ null
+    square = null.T @ terms.K @ null
     size = np.sqrt(np.abs(square).sum(axis=1))
     size[size == 0.0] = 1.0
     scaled = square / size[:, None] / size
     if 1.0 / np.linalg.cond(scaled) < CANCELS:
         left = np.linalg.svd(scaled)[2][-1] / size
         raise unheld(null @ left, np.ones(len(names)), names, "the springs that hold it cancel each other")
-    right = np.concatenate((null.T @ found["K"], pushed), axis=1) / size[:, None]
+    right = np.concatenate((null.T @ terms.K, pushed), axis=1) / size[:, None]
     solution = np.linalg.solve(scaled, right) / size[:, None]
     m = null.shape[0]
     return solution[:, :m], solution[:, m:]

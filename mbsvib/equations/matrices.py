@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.ports import port_matrices
+from mbsvib.equations.terms import Terms
 from mbsvib.kinematics.relative_motion import body_motion
 from mbsvib.linalg.products import gram, product
 
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
 
 def matrices(
     scene: Scene, relative: Triplets, reduction: Reduction, acting: NDArray[np.bool_] | None = None
-) -> dict[str, Any]:
-    """Return the matrices of a mechanism and their factors, by the names that a system has for them.
+) -> Terms:
+    """Return the matrices of a mechanism and their factors.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ def matrices(
 
     Returns
     -------
-    dict of str to array
+    Terms
         M, C, K, B, Cq, Cv, Ca, D, the factors of M, K and C, and the motion of the bodies.
     """
     springs, locked, felt = scene.springs, scene.locked, len(scene.springs.owner)
@@ -67,9 +68,9 @@ def matrices(
         base = every[..., ports_end:, :]
         of_bodies, factor = (scene.shared.inertia_rows(part, base) for part in (of_bodies, factor))
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
-    return {
-        "M": gram(factor), "C": product(rows, c), "K": product(rows, k),
-        **port_matrices(scene.port, seen, springs, elastic, scene.inertia, of_bodies, scene.position, scene.shared),
-        "inertia_factor": factor, "elastic_rows": rows, "stiffness": k, "damping": c, "row_owner": owner,
-        "body_motion": motion,
-    }  # fmt: skip
+    seen_by_ports: Any = port_matrices(scene.port, seen, springs, elastic, scene.inertia, of_bodies, scene.position,
+                                       scene.shared)  # fmt: skip
+    return Terms(
+        gram(factor), product(rows, c), product(rows, k), **seen_by_ports,
+        inertia_factor=factor, elastic_rows=rows, stiffness=k, damping=c, row_owner=owner, body_motion=motion,
+    )  # fmt: skip

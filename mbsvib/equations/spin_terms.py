@@ -9,8 +9,8 @@ Source: Genta, Dynamics of Rotating Systems (2005), for gyroscopic matrices and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Spring
     from mbsvib.equations.scene import Scene
+    from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
@@ -75,8 +76,8 @@ def _antisymmetric(matrix: Array) -> Weights:
     return Weights(first[used], second[used], value[used], np.zeros(len(used), dtype=np.intp))
 
 
-def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[str, Any]) -> dict[str, Any]:
-    """Return the matrices of a mechanism with what its rotors add.
+def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, terms: Terms) -> Terms:
+    """Return the terms of a mechanism with what its rotors add.
 
     Parameters
     ----------
@@ -86,12 +87,12 @@ def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[
         The same in numbers.
     reduction : Reduction
         Its minimal coordinates.
-    found : dict of str to array
-        Its matrices without spin.
+    terms : Terms
+        Its matrices and factors without spin.
 
     Returns
     -------
-    dict of str to array
+    Terms
         The same with ``gyroscopic`` and ``circulatory``, where they are not zero, and as part of C and K.
 
     Raises
@@ -100,16 +101,9 @@ def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[
         If a spin is not steady, or a body is not symmetric about the axis on which it spins.
     """
     part = spin_contribution(model, scene.bodies, scene.elements)
-    rows = minimal_rows(part, scene.coordinates, reduction, found["body_motion"])
-    _with_forces(model, scene, reduction, found)
-    result = dict(found)
-    for name, letter, weights in (("gyroscopic", "C", part.gyroscopic), ("circulatory", "K", part.circulatory)):
-        matrix = antisymmetric(weights, rows)
-        if matrix is not None:
-            before = found.get(name)
-            result[name] = matrix if before is None else before + matrix
-            result[letter] = found[letter] + matrix
-    return result
+    rows = minimal_rows(part, scene.coordinates, reduction, terms.body_motion)
+    return replace(terms, Cq=_with_forces(model, scene, reduction, terms.Cq)).with_antisymmetric(
+        antisymmetric(part.gyroscopic, rows), antisymmetric(part.circulatory, rows))  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,17 +184,17 @@ def rotating_dampers(
     return result
 
 
-def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, found: dict[str, Any]) -> None:
-    """Take what rotating dampers do on that account to the outputs that are forces in them."""
-    if not scene.port.force_outputs:
-        return
-    for damper in rotating_dampers(model, scene.bodies, scene.elements):
+def _with_forces(model: Mechanism, scene: Scene, reduction: Reduction, outputs: Array) -> Array:
+    """Cq with what rotating dampers do on that account in the outputs that are forces in them."""
+    result = outputs.copy() if scene.port.force_outputs else outputs
+    for damper in rotating_dampers(model, scene.bodies, scene.elements) if scene.port.force_outputs else ():
         for row, owner, wrench in scene.port.force_outputs:
             spring = scene.elements[owner]
             if spring.name == damper.name and isinstance(spring, Bushing):
                 axes = np.array(spring.orientation)
-                found["Cq"][row] -= np.concatenate((axes @ wrench[:3], axes @ wrench[3:])) @ damper.wrench(
+                result[row] -= np.concatenate((axes @ wrench[:3], axes @ wrench[3:])) @ damper.wrench(
                     scene.coordinates, reduction)  # fmt: skip
+    return result
 
 
 def _check_surroundings(model: Mechanism) -> None:

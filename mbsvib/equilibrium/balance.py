@@ -91,16 +91,16 @@ def balance(at: Stance, independent: Sequence[str] | None = None) -> Balance:
         warnings.simplefilter("ignore", NearSingularWarning)
         reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative), independent,
                            arms=partial(arm, numbers.topology, numbers.position))  # fmt: skip
-    found = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
+    terms = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
     kept = reduction.independent
     residual = acting = np.zeros(len(kept))
     if numbers.loads is not None:
         from mbsvib.equations.loaded import load
 
-        statics = load(numbers, relative, reduction, found, model.name, checked=False)
+        terms, statics = load(numbers, relative, reduction, terms, model.name, checked=False)
         residual, acting = statics.residual, statics.size
     names = tuple([coordinates.names[k] for k in kept.tolist()])
     lengths = at.scale[kept]
-    size = np.maximum(acting, EPS / RESOLVED * (np.abs(found["K"]) @ lengths))
-    scale = lengths * elastic_scale(at.described, names, found["K"].diagonal() * lengths**2)
-    return Balance(reduction, names, residual, acting, size, found["K"], scale)
+    size = np.maximum(acting, EPS / RESOLVED * (np.abs(terms.K) @ lengths))
+    scale = lengths * elastic_scale(at.described, names, terms.K.diagonal() * lengths**2)
+    return Balance(reduction, names, residual, acting, size, terms.K, scale)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib.equations.massless_null_motion import EPS, ROW_RANK, Scale
 from mbsvib.equations.massless_separation import Separation, resolved
+from mbsvib.equations.terms import Terms
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -196,31 +197,30 @@ class _Parts:
         seen = [matrix[:, part].tocsr() for matrix in self.c]
         which = np.flatnonzero(sum(np.diff(matrix.indptr) for matrix in seen))
         m = len(part)
-        found: dict[str, Any] = {
-            "M": np.zeros((m, m)), "K": rows.T @ (k[:, None] * rows), "C": rows.T @ (c[:, None] * rows),
-            "inertia_factor": np.zeros((0, m)), "elastic_rows": rows, "stiffness": k, "damping": c, "row_owner": row,
-            "B": self.b[part].toarray(), "D": np.zeros((len(which), self.b.shape[1])),
-            **{key: matrix[which].toarray() for key, matrix in zip(("Cq", "Cv", "Ca"), seen, strict=True)},
-        }  # fmt: skip
-        for key, into, matrix in zip(("circulatory", "gyroscopic"), "KC", self.antisymmetric, strict=True):
+        body, moved = self._moved(part)
+        cq, cv, ca = (matrix[which].toarray() for matrix in seen)
+        terms, acting = Terms(
+            np.zeros((m, m)), rows.T @ (c[:, None] * rows), rows.T @ (k[:, None] * rows), self.b[part].toarray(),
+            cq, cv, ca, np.zeros((len(which), self.b.shape[1])), np.zeros((0, m)), rows, k, c, row, moved,
+        ), {}  # fmt: skip
+        for key, matrix in zip(("circulatory", "gyroscopic"), self.antisymmetric, strict=True):
             if matrix is not None:
                 forces = matrix[:, part]
-                found[key] = (self.motions.shapes[:, part].T @ forces).toarray()
-                found[f"{key}_rows"] = forces[np.unique(forces.tocsc().indices)].toarray()
-                found[into] = found[into] + found[key]
-        body, found["body_motion"] = self._moved(part)
+                terms = terms.with_antisymmetric(**{"circulatory": None, "gyroscopic": None} | {
+                    key: (self.motions.shapes[:, part].T @ forces).toarray()})  # fmt: skip
+                acting[key] = forces[np.unique(forces.tocsc().indices)].toarray()
         ports = [self.ports[0][i] for i in which.tolist()], self.ports[1]
         names = tuple(self.names[part].tolist())
-        found, condensed, slow = resolved(
-            np.eye(m), found, np.ones(m), Scale(1.0, np.ones(m), EPS * m), names,
-            tuple([self.bodies[i] for i in body.tolist()]), ports, np.zeros(m, dtype=bool),
+        terms, condensed, slow = resolved(
+            np.eye(m), terms, np.ones(m), Scale(1.0, np.ones(m), EPS * m), names,
+            tuple([self.bodies[i] for i in body.tolist()]), ports, np.zeros(m, dtype=bool), acting,
         )  # fmt: skip
         follows, static, gone = np.eye(m), np.zeros((m, 0)), []
         if condensed is not None:
             follows, static = condensed.transform, condensed.motions
             gone = [names[i] for i in condensed.dependent.tolist()]
-        damped = follows @ found.get("null_inertia", np.zeros((follows.shape[1], 0)))
-        return _Answer(gone, list(slow), which, found["D"], self._unit(part, static), self._unit(part, damped))
+        damped = follows @ (np.zeros((follows.shape[1], 0)) if terms.null_inertia is None else terms.null_inertia)
+        return _Answer(gone, list(slow), which, terms.D, self._unit(part, static), self._unit(part, damped))
 
     def _moved(self, part: Index) -> tuple[Index, Array]:
         """Numbers of the bodies that some motions move, and their displacements (bodies, 6, n)."""

@@ -1,0 +1,76 @@
+"""The terms of equations of motion in minimal coordinates: matrices, and the factors that they are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Index
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Matrices and factors of M q'' + C q' + K q = B u, y = Cq q + Cv q' + Ca q'' + D u, as ``Equations`` has them.
+
+    In many variants arrays may have an axis of variants in front.
+    """
+
+    M: Array
+    C: Array
+    K: Array
+    B: Array
+    Cq: Array
+    Cv: Array
+    Ca: Array
+    D: Array
+    inertia_factor: Array
+    elastic_rows: Array
+    stiffness: Array
+    damping: Array
+    row_owner: Index
+    body_motion: Array
+    gyroscopic: Array | None = None
+    circulatory: Array | None = None
+    massless: int = 0
+    null_inertia: Array | None = None
+
+    def named(self) -> dict[str, Any]:
+        """Return all terms by their names."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+    def with_rows(self, rows: Array, stiffness: Array, owner: Index) -> Terms:
+        """Return the terms with more rows of stiffness without damping, K + D^T diag(k) D.
+
+        Parameters
+        ----------
+        rows : array, shape (rows, m)
+            Rows in minimal coordinates.
+        stiffness, owner : array, shape (rows,)
+            Signed values, and whose they are.
+
+        Returns
+        -------
+        Terms
+            The sum.
+        """
+        more = rows.T.dot(stiffness[:, None] * rows)
+        return replace(
+            self, K=self.K + 0.5 * (more + more.T), elastic_rows=np.concatenate((self.elastic_rows, rows)),
+            stiffness=np.concatenate((self.stiffness, stiffness)),
+            damping=np.concatenate((self.damping, np.zeros(len(rows)))),
+            row_owner=np.concatenate((self.row_owner, owner)),
+        )  # fmt: skip
+
+    def with_antisymmetric(self, gyroscopic: Array | None, circulatory: Array | None) -> Terms:
+        """Return the terms with antisymmetric matrices (m, m) or None added to C and to K."""
+        result = self
+        if gyroscopic is not None:
+            before = 0.0 if self.gyroscopic is None else self.gyroscopic
+            result = replace(result, gyroscopic=before + gyroscopic, C=self.C + gyroscopic)
+        if circulatory is not None:
+            before = 0.0 if self.circulatory is None else self.circulatory
+            result = replace(result, circulatory=before + circulatory, K=self.K + circulatory)
+        return result
