@@ -108,6 +108,8 @@ def elastic_scale(model: Mechanism, names: Sequence[str], energy: Array) -> Arra
     array, shape (m,)
         sqrt(least stiffness of all / own) where that is less than one, and one of all other coordinates.
     """
+    if not model.composed:
+        return np.ones(len(names))
     owners = {name for part in model.composed.values() for name in (part.name, *part.made, *_joints(part))}
     elastic = np.array([name.rpartition(".")[0] in owners for name in names], dtype=bool) & (energy > 0.0)
     result = np.ones(len(names))

@@ -30,6 +30,8 @@ M = TypeVar("M", bound=Mechanism)
 
 # The longest step [rad, mechanism sizes] of the coordinates that are asked for, and the shortest that is still tried.
 LONGEST, SHORTEST = 0.1, 1e-5
+# So many steps are tried on the way, shorter ones included.
+STEPS = 80
 
 
 def alone(model: M) -> M:
@@ -65,17 +67,19 @@ def bent(mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]) 
     except (ModelError, SingularPoseError):
         return None
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
-    while done < 1.0:
+    for _ in range(STEPS + int(longest / LONGEST)):
         share = min(step, 1.0 - done)
         reached = _follow(here, forces, names, share * target)
         if reached is not None:
             (here, forces), done = reached, done + share
+            if done >= 1.0:
+                return here, forces
             step = min(2.0 * step, LONGEST / max(longest, LONGEST))
         elif share * longest < SHORTEST:
-            return None
+            break
         else:
             step = 0.5 * share
-    return here, forces
+    return None
 
 
 def _follow(here: Stance, forces: Balance, names: list[str], by: Array) -> tuple[Stance, Balance] | None:
