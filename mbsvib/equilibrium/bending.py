@@ -59,6 +59,8 @@ def bent(mechanism: Mechanism, values: Mapping[str, float], cut: Sequence[str]) 
     """
     here = stance(mechanism, start(mechanism), cut)
     names = list(values)
+    if not set(names) <= set(here.coordinates.names):
+        return None
     scale = here.scale[[here.coordinates.names.index(name) for name in names]]
     target = np.array([values[name] for name in names])
     longest = float(np.abs(target / scale).max(initial=0.0))

@@ -108,6 +108,11 @@ def test_arms_that_move_bend_the_beam_that_they_are_on(share):
             there.linearize()
 
 
+def test_coordinates_that_are_cut_do_not_move_beams():
+    with pytest.raises(mv.ModelError, match=r"'base\.rz' is no joint coordinate"):
+        arms().moved({"base.rz": 0.01}, cut=["base"])
+
+
 def hanging(tilt, elements=4, **material):
     """A pendulum on the tip of a beam, described at an angle."""
     model = mv.Model("hanging", gravity=(0, 0, -G))
