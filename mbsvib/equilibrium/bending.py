@@ -13,6 +13,7 @@ import numpy as np
 
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.equilibrium.motion import close, stance
 from mbsvib.equilibrium.path import CLOSED, FOUND, NEWTON_STEPS, newton_step
 from mbsvib.equilibrium.pose import start
@@ -36,7 +37,7 @@ STEPS = 80
 
 def alone(model: M) -> M:
     """Return a mechanism whose beams and superelements, without forces in their pose, are all that resists."""
-    parts: Any = {name: replace(part, displacements=None) for name, part in model.composed.items()}  # type: ignore[call-arg]
+    parts = {part.name: replace(part, displacements=None) for part in flexible(model)}
     return articulated(model.with_parts(composed=parts, springs={}, loads={}, inputs={}, outputs={}, gravity=None))
 
 

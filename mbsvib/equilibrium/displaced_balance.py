@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from mbsvib.equations.statics import BALANCE
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.equilibrium.messages import lacking
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.moved_parts import bare
@@ -30,7 +31,7 @@ def check_displacements(model: Mechanism) -> None:
     EquilibriumError
         If more is left over than ``BALANCE`` of the forces that should cancel.
     """
-    if all(getattr(part, "displacements", None) is None for part in model.composed.values()):
+    if all(part.displacements is None for part in flexible(model)):
         return
     jointed = bare(articulated(model))
     at = stance(jointed, start(jointed))

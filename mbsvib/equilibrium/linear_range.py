@@ -10,6 +10,7 @@ import numpy as np
 
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.rows import Rows
+from mbsvib.equilibrium.flexible_parts import flexible
 from mbsvib.errors import LargeDisplacementWarning
 from mbsvib.kinematics.relative_motion import relative_motion
 
@@ -46,13 +47,12 @@ def warn_beyond(there: Mechanism, at: Stance, reduction: Reduction) -> None:
     LargeDisplacementWarning
         If nodes have turned by ``TURNED``, or a beam whose ends are held apart sags by ``SAG`` of its thickness.
     """
-    for part in there.composed.values():
-        bent = getattr(part, "displacements", None)
-        if bent is None:
+    for part in flexible(there):
+        if part.displacements is None:
             continue
         kind = type(part).__name__.lower()
-        nodes = len(part.points) if isinstance(part, Beam) else len(getattr(part, "nodes", ()))
-        six = np.array(bent).reshape(-1)[: 6 * nodes].reshape(-1, 6)
+        nodes = len(part.points) if isinstance(part, Beam) else len(part.nodes)
+        six = np.array(part.displacements).reshape(-1)[: 6 * nodes].reshape(-1, 6)
         angle = float(np.sqrt(np.square(six[:, 3:]).sum(axis=1)).max())
         if angle > TURNED:
             _warn(f"{kind} '{part.name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of "

@@ -23,6 +23,7 @@ from mbsvib.mechanism.mechanism import Mechanism
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mbsvib.common.arrays import Array
     from mbsvib.equilibrium.motion import Stance
     from mbsvib.equilibrium.path import Found
     from mbsvib.equilibrium.pose import Pose
@@ -59,13 +60,19 @@ def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equili
     before = balance(first)
     if before.share <= FOUND:
         there = _described(model, pose)
-        return Equilibrium(there, 0, (before.share,), (), displacements(pose))
+        return Equilibrium(there, 0, (before.share,), (), _displacements(model, pose))
     found = descend(first) if snap or not _held(first) else follow(first)
     if found.stopped:
         raise _unreachable(found)
     there = _described(model, found.stance.pose)
     warn_beyond(there, found.stance, found.balance.reduction)
-    return Equilibrium(there, found.steps, found.residuals, found.shares, displacements(found.stance.pose))
+    return Equilibrium(there, found.steps, found.residuals, found.shares, _displacements(model, found.stance.pose))
+
+
+def _displacements(model: Mechanism, pose: Pose) -> dict[str, Array]:
+    """How far bodies and nodes are from where they were described; internal coordinates are no bodies."""
+    carriers = {name for part in model.superelements.values() for name in part.carriers}
+    return {name: six for name, six in displacements(pose).items() if name not in carriers}
 
 
 def _described(model: M, pose: Pose) -> M:
