@@ -126,7 +126,10 @@ def carried(
     residual = np.zeros(rows.shape[1])
     if view.loads is not None:
         residual = load(view, relative, reduction, terms, model.name, checked=False)[1].residual
-    forces = before + spread(rows, np.concatenate(opened), np.concatenate(root), -residual - before @ rows)
+    open_rows, size = np.concatenate(opened), np.concatenate(root)
+    forces = before + spread(rows, open_rows, size, -residual - before @ rows)
+    if reduced:  # rows that feel many coordinates lose digits, which a second look finds again
+        forces = forces + spread(rows, open_rows, size, -residual - forces @ rows)
     preload = np.zeros((len(names), 6))
     preload[element, direction] = forces[: len(springs)]
     result = {}
