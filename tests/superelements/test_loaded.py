@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 import mbsvib as mv
+from tests.beams.reference import matrices
 
 G = np.array([1.0, -2.0, -9.0])
 NODES = {"left": np.array([0.3, 0.1, -0.1]), "mid": np.array([0.7, 0.0, 0.1]), "right": np.array([1.1, 0.2, 0.0])}
@@ -172,6 +173,21 @@ def test_gravity_on_what_the_mass_does_not_tell():
     model.add_bushing("k", "ground", "lump.node", (0, 0, 0), (1e3,) * 6, preload=(0, 0, 9.81, 0, 0, 0))
     with pytest.raises(mv.ModelError, match=r"superelement 'lump': its mass for translations .* \[1\.0, 2\.0, 3\.0\]"):
         model.equilibrium()
+
+
+def test_a_cantilever_under_its_weight():
+    """One element with its consistent mass: tip and slope are those of the text books."""
+    length, area, second, modulus, rho = 0.8, 3e-4, 2e-8, 7e10, 2700.0
+    k, m = (np.array(part) for part in matrices(length, area, second, 5e-9, 1e-8, modulus, 2.6e10, rho))
+    for nodes in ({"root": (0, 0, 0), "tip": (length, 0, 0)}, {"tip": (length, 0, 0), "root": (0, 0, 0)}):
+        order = np.arange(12) if next(iter(nodes)) == "root" else np.r_[6:12, 0:6]
+        model = mv.Model("weight", gravity=(0, 0, -9.81))
+        model.add_superelement("rod", m[np.ix_(order, order)], None, k[np.ix_(order, order)], nodes,
+                               bodies={"root": "ground"})  # fmt: skip
+        six = model.equilibrium(report=True).displacements["rod.tip"]
+        load = rho * area * 9.81
+        assert six[2] == pytest.approx(-load * length**4 / (8 * modulus * second), rel=1e-9)
+        assert six[4] == pytest.approx(load * length**3 / (6 * modulus * second), rel=1e-9)
 
 
 def test_files_keep_the_displacements(tmp_path):
