@@ -48,6 +48,9 @@ def test_small_scenes_are_not_lost_in_overhead():
     assert calls(library.stewart) < 4000  # 1958
     assert calls(model.linearize) < 1400  # 701
     assert calls(lambda: modes(system, 1e-10, clean=False)) < 160  # 78
+    assert calls(lambda: model.moved({"leg1.head.ry": 0.01})) < 4400  # 2217
+    coupled = library.stewart_isolator().linearize()
+    assert calls(lambda: modes(coupled, 1e-10, clean=False)) < 430  # 216
 
 
 def test_variants_in_one_pass():
