@@ -73,12 +73,12 @@ class Stance:
         """The size of the mechanism [m]."""
         return self.kinematics.size
 
-    @property
+    @cached_property
     def scale(self) -> Array:
         """Units (n,) in which all joint coordinates are of like size: 1 rad, or the size of the mechanism."""
         return np.where(self.kinematics.coordinates.turns, 1.0, self.size)
 
-    @property
+    @cached_property
     def rounding(self) -> float:
         """How far loops may be open as points are rounded relative to the origin, in units of ``size``."""
         points = self.coordinates.point
@@ -94,7 +94,7 @@ class Stance:
             phi = np.concatenate((phi, self.cuts.couplings.dense(self.coordinates)))
         return np.asarray(phi * self.cuts.row_scale(self.size)[:, None])
 
-    @property
+    @cached_property
     def openings(self) -> Array:
         """How far loops and couplers are open, one value for each row of ``closure``, in the same units."""
         if self.cuts is None:

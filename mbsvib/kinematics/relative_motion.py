@@ -323,6 +323,6 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
 
 def _noise(*vectors: Array) -> Array:
     """Rounding of entries made of f, m, v, w, p_r and p_k, vectors (3, entries) or (3, entries, variants)."""
-    force, moment, linear, angular, point, start = (np.abs(array).max(axis=0) for array in vectors)
+    force, moment, linear, angular, point, start = (np.maximum.reduce(np.abs(array)) for array in vectors)
     noise: Array = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
     return noise
