@@ -1,5 +1,7 @@
 """The first rung of the ladder: a bound that is known beforehand, and factors looked at only where it is not enough."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -112,3 +114,29 @@ def test_rows_with_one_entry():
     assert single_entries(rows) is None
     rows[1] = 0.0
     assert single_entries(rows) is None
+
+
+def test_coupled_modes_in_a_basis_that_mixes():
+    """The eigensolver's shapes are no modes to the last digit, the eigenvalues that are made of them are."""
+    system = mv.library.stewart_isolator().linearize()
+    quick, clean = modes(system, 1e-12, clean=False), modes(system, 1e-12)
+    assert quick.mixed > 1e-13
+    assert clean.mixed == 0.0
+    off = np.abs(quick.eigenvalues - clean.eigenvalues)
+    assert (off <= (quick.errors + clean.errors) * np.abs(clean.eigenvalues)).all()
+    assert_allclose(quick.eigenvalues, clean.eigenvalues, rtol=2e-15, atol=0)
+    assert quick.errors.max() <= 1e-12
+
+
+def test_damping_that_commutes_is_told_in_a_basis_that_mixes():
+    system = mv.library.stewart_isolator().linearize()
+    w, k = system.inertia_factor, system.stiffness
+    none = np.zeros(len(w))
+    rayleigh = replace(
+        system, elastic_rows=np.concatenate((system.elastic_rows, w)), stiffness=np.concatenate((k, none)),
+        damping=np.concatenate((1e-5 * k, none + 0.3)), row_owner=np.zeros(len(k) + len(w), dtype=int),
+        C=0.3 * system.M + 1e-5 * system.K,
+    )  # fmt: skip
+    result = modes(rayleigh, 1e-10, clean=False)
+    assert result.classical == "damping commutes with mass and stiffness"
+    assert_allclose(-result.pairs[:, 0].real, 0.15 + 0.5e-5 * result.natural**2, rtol=1e-9)
