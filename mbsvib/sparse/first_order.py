@@ -64,6 +64,13 @@ def independent(system: SparseEquations, light: Array) -> Array:
     return np.asarray((light[:, used] / length[used]) @ (right[kept].T / singular[kept]))
 
 
+def heaviest(system: SparseEquations, mass: Array) -> Array:
+    """Return as many of all motions (size, n), in which own coordinates of massless motions rest, as move mass."""
+    rows = system.inertia_factor @ mass
+    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
+    return np.asarray(mass[:, np.sort(pivoted_qr(rows)[1][: system.dof - system.massless])])
+
+
 def following(system: SparseEquations, basis: Array) -> Array:
     """Return motions in which those that springs alone hold, of no mass, follow the others from statics.
 

@@ -16,7 +16,7 @@ from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.modes import modes as dense_modes
 from mbsvib.sparse.converged import RTOL, converged, joined, parts
 from mbsvib.sparse.disc import disc
-from mbsvib.sparse.first_order import following, independent, told_apart
+from mbsvib.sparse.first_order import following, heaviest, independent, told_apart
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.operator import BRAKED, operator
 from mbsvib.sparse.quadratic import Quadratic
@@ -102,6 +102,8 @@ def general_modes(
         if result is not None:
             return result
     mass, light = told_apart(system, following(system, coordinates(system)))
+    if light.shape[1]:
+        mass = heaviest(system, mass)
     small = reduced(system, np.concatenate((mass, light), axis=1), 0, form, light.shape[1])
     every: Modes = dense_modes(small, RTOL)
     return small, every, np.zeros(len(every.eigenvalues)), choose(every)

@@ -104,3 +104,21 @@ def test_what_floats_on_maxwell_elements(n, static, count):
     modes, expected = sparse.modes(count), dense.modes().nearest(count, 0.0)
     assert modes.rigid == expected.rigid
     assert_same_eigenvalues(modes.eigenvalues, expected.eigenvalues, rtol=1e-10)
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_massless_motions_that_are_no_coordinates(count):
+    """Point masses on oblique ball joints spin about the line to the joint, which dampers resist, and move nothing."""
+    rng = np.random.default_rng(5)
+    model = mv.Model("bobs")
+    for i in range(2):
+        model.add_body(f"bob{i}", 1.0 + i, (0, 0, 0), rng.uniform(-1, 1, size=3))
+        model.add_joint(f"ball{i}", "spherical", "ground", f"bob{i}", rng.uniform(-1, 1, size=3))
+        model.add_bushing(f"k{i}", "ground", f"bob{i}", (0, 0, 0), tuple(rng.uniform(1, 9, 6)), (0.1,) * 6)
+    model.add_body("free", 3.0, (0, 0, 0), rng.uniform(-1, 1, size=3))
+    model.add_bushing("link", "bob0", "free", (0, 0, 0), tuple(rng.uniform(1, 9, 6)), tuple(rng.uniform(0.1, 0.9, 6)))
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    assert (sparse.dof, sparse.massless) == (dense.dof, dense.massless) == (12, 5)
+    found, expected = sparse.modes(12), dense.modes()
+    assert_same_eigenvalues(found.eigenvalues, expected.eigenvalues, rtol=1e-11)
+    assert np.isin(np.round(sparse.modes(count).eigenvalues, 8), np.round(expected.eigenvalues, 8)).all()
