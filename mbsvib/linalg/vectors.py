@@ -6,14 +6,18 @@ from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from scipy.sparse import csr_array
 
     Field = NDArray[Any]  # real or complex
+
+
+# Entries of a matrix that is dense whatever is in it: to hold only some of them costs more than to multiply with all.
+DENSE = 16_000
 
 
 def cross(a: Field, b: Field) -> Field:
@@ -61,6 +65,28 @@ def incidence_sum(incidence: csr_array, wrench: Field) -> Field:
     """Return sums of wrenches (w, 6, n) that a matrix (rows, w) picks, (rows, 6, n)."""
     total: Field = incidence @ wrench.reshape(len(wrench), prod(wrench.shape[1:]))
     return total.reshape(incidence.shape[0], *wrench.shape[1:])
+
+
+def entries_matrix(value: Any, row: Any, column: Any, shape: tuple[int, int]) -> Any:
+    """Return a matrix of some entries, those at one place added up: dense where it is small, else sparse.
+
+    Parameters
+    ----------
+    value, row, column : array, shape (n,)
+        Entries and where they are.
+    shape : tuple of int
+        Rows and columns.
+
+    Returns
+    -------
+    array or csr_array
+        What multiplies in the same way.
+    """
+    if shape[0] * shape[1] > DENSE:
+        return csr_array((value, (row, column)), shape=shape)
+    result = np.zeros(shape)
+    np.add.at(result, (row, column), value)
+    return result
 
 
 def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import terms, with_couplers
 from mbsvib.kinematics.relative_motion import body_motion, relative_motion
+from mbsvib.linalg.vectors import entries_matrix
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ class Constraints:
     """
 
     wrench: Array
-    closing: csr_array
-    share: csr_array
+    closing: Any
+    share: Any
     swing: Array
     carried: Index
     arm: Array
@@ -95,8 +95,8 @@ def constraints(
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(
         wrench,
-        csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-        csr_array(share), body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
+        entries_matrix(np.ones(len(joint)), joint, np.arange(len(joint)), (len(topology.joints), len(joint))), share,
+        body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
         behind[dependent], origin - coordinates.point[:, dependent].T, twist,
         np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
     )  # fmt: skip

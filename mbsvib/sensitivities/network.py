@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from mbsvib.elements import Maxwell
+from mbsvib.elements.beam import Beam
+from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.torsion_spring import TorsionSpring
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Bushing, Joint, Spring
     from mbsvib.elements.part import Part
@@ -21,6 +25,10 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.constraint_forces import Constraints
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.shared_wrenches import SharedForces, Spin
+
+
+# Parts that are made of bodies and connections, or act on these, with rules of their own.
+MADE = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
 
 
 @dataclass(frozen=True)
@@ -49,14 +57,14 @@ class Network:
     position: Array
     axes: Array
     point: Array
-    relative: csr_array | Array
+    relative: Any
     stiffness: Array
     damping: Array
     tree: tuple[tuple[int, int], ...]
     behind: Index
     sign: Array
-    acting: csr_array
-    closing: csr_array | None
+    acting: Any
+    closing: Any
     constraints: Constraints | None
     origin: Array
     displacements: Array
@@ -74,6 +82,20 @@ class Network:
         """Whether masses and dampers of the network may not be all that the system has."""
         return self.bare or bool(self.limits) or any(
             part is not None for part in (self.shared, self.spin, self.inertance))  # fmt: skip
+
+    @cached_property
+    def named(self) -> dict[str, tuple[str, int, Any]]:
+        """Kind, number and part of each name: of bodies and connections, and of parts that are made of these."""
+        joints = len(self.joints)
+        result: dict[str, tuple[str, int, Any]] = {}
+        for kind, shift, members in (("body", 0, self.bodies), ("joint", 0, self.joints),
+                                     ("spring", joints, self.springs)):  # fmt: skip
+            result.update({part.name: (kind, shift + i, part) for i, part in enumerate(members)})
+        for i, part in enumerate(() if self.bare else self.parts):
+            for kind, what in MADE.items():
+                if isinstance(part, what):
+                    result[part.name] = kind, i, part
+        return result
 
     @cached_property
     def damped(self) -> bool:

@@ -12,7 +12,7 @@ from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import expanded
-from mbsvib.linalg.vectors import transformed
+from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, is_loaded, limits
@@ -205,13 +205,13 @@ def _carried(system: Equations) -> tuple[Index, Array]:
     return behind, sign
 
 
-def _incidence(first: Index, second: Index, bodies: int) -> csr_array:
+def _incidence(first: Index, second: Index, bodies: int) -> Any:
     """+1 for the second and -1 for the first body of each of n connections, (bodies, n)."""
     n = len(first)
     row, column = np.concatenate((second, first)), np.tile(np.arange(n), 2)
     value = np.repeat([1.0, -1.0], n)
     moves = row < bodies
-    return csr_array((value[moves], (row[moves], column[moves])), shape=(bodies, n))
+    return entries_matrix(value[moves], row[moves], column[moves], (bodies, n))
 
 
 def _inertance(springs: Sequence[Bushing | Spring]) -> Array | None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from scipy.sparse import csr_array
-
 from mbsvib.kinematics.relative_motion import relative_motion, twists
+from mbsvib.linalg.vectors import entries_matrix
 from mbsvib.sensitivities.constraint_forces import constraints
 
 if TYPE_CHECKING:
@@ -18,7 +17,8 @@ if TYPE_CHECKING:
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.sensitivities.constraint_forces import Constraints
+    from mbsvib.linalg.vectors import entries_matrix
+from mbsvib.sensitivities.constraint_forces import Constraints
 
 
 class Kinematics(Protocol):
@@ -61,7 +61,7 @@ class JointCoordinates:
     def relative(self, rows: Rows) -> Any:
         """Return relative displacements over the joint coordinates."""
         found = relative_motion(self.coordinates, rows)
-        return csr_array((found.value, (found.row, found.column)), shape=found.shape)
+        return entries_matrix(found.value, found.row, found.column, found.shape)
 
     def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
         """Return what closes loops and couples coordinates."""

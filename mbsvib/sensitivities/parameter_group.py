@@ -7,11 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.elements import Joint, Maxwell
-from mbsvib.elements.beam import Beam
-from mbsvib.elements.coupler import Coupling
-from mbsvib.elements.rotor import Rotor
-from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.sensitivities import beam_rules
 from mbsvib.sensitivities.coupler_rules import coupler_rule
 from mbsvib.sensitivities.maxwell_rules import maxwell_rule
@@ -35,8 +30,6 @@ _SINGLE: dict[str, Callable[..., Any]] = {
     "beam": beam_rules.beam_rule, "coupler": coupler_rule, "maxwell": maxwell_rule, "rotor": rotor_rule,
     "torsion": torsion_rule,
 }  # fmt: skip
-_SINGLE_PARTS = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor,
-                 "torsion": TorsionSpring}  # fmt: skip
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")
 _PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
@@ -81,12 +74,15 @@ def have_rules(network: Network, parameters: Sequence[Parameter]) -> NDArray[np.
     array of bool, shape (parameters,)
         Whether a rule holds for each.
     """
-    parts = _parts(network)
-    known: dict[tuple[str, str], bool] = {}
-    for parameter in parameters:
-        own = (parameter.part, parameter.field)
-        if own not in known:
-            known[own] = _has_rule(network, parameter, parts.get(parameter.part))
+    parts, known = network.named, {}
+    if not network.limits and network.spin is None and not network.bare:
+        return np.array([(part in parts and field not in FORCES and parts[part][0] != "beam")
+                         or _has_rule(network, field, parts.get(part))
+                         for part, field in ((each.part, each.field) for each in parameters)],
+                        dtype=np.bool_)  # fmt: skip
+    for each in parameters:
+        if (each.part, each.field) not in known:
+            known[each.part, each.field] = _has_rule(network, each.field, parts.get(each.part))
     return np.array([known[each.part, each.field] for each in parameters], dtype=np.bool_)
 
 
@@ -105,51 +101,43 @@ def groups_by_rule(network: Network, entries: Sequence[Parameter]) -> tuple[Para
     tuple of ParameterGroup
         Groups of those that have a rule.
     """
-    parts = _parts(network)
+    parts = network.named
     return tuple(numbered_groups(network, [(place, each) for place, each in enumerate(entries) if each.part in parts
                                            and each.field not in FORCES]))  # fmt: skip
 
 
 def numbered_groups(network: Network, members: Sequence[tuple[int, Parameter]]) -> list[ParameterGroup]:
     """Return the groups of parameters that have a rule, each with the number of its row."""
-    parts = _parts(network)
+    parts = network.named
     members_of: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
-    for place, parameter in members:
-        kind, number, part = parts[parameter.part]
-        index = parameter.index
-        slot = 0 if not index else index[0] if len(index) == 1 else _PAIR[index[0], index[1]]
-        apart = (isinstance(part, Joint) and part.end is not None) or (
-            kind == "body" and parameter.field == "position" and number in network.floating)  # fmt: skip
-        own: Any = (number, index) if kind in _SINGLE else type(part)
-        key = (kind, parameter.field, own, len(index), apart)
-        members_of.setdefault(key, []).append((place, number, slot))
+    before = own_field = depth = None
+    for place, entry in members:
+        name, field, index = entry.part, entry.field, entry.index
+        if (name, field, len(index)) != before:
+            before, depth = (name, field, len(index)), len(index)
+            kind, number, part = parts[name]
+            apart = (kind == "joint" and part.end is not None) or (
+                kind == "body" and field == "position" and number in network.floating)  # fmt: skip
+            if kind not in _SINGLE:
+                own_field = members_of.setdefault((kind, field, type(part), depth, apart), [])
+        if kind in _SINGLE:
+            own_field = members_of.setdefault((kind, field, (number, index), depth, apart), [])
+        assert own_field is not None
+        own_field.append((place, number, 0 if not depth else index[0] if depth == 1 else _PAIR[index[0], index[1]]))
     return [_group(network, key, members) for key, members in members_of.items()]
 
 
-def _parts(network: Network) -> dict[str, tuple[str, int, Any]]:
-    """Kind, number and part of each name."""
-    joints = len(network.joints)
-    parts: dict[str, tuple[str, int, Any]] = {}
-    for kind, shift, members in (("body", 0, network.bodies), ("joint", 0, network.joints),
-                                 ("spring", joints, network.springs)):  # fmt: skip
-        parts.update((part.name, (kind, shift + i, part)) for i, part in enumerate(members))
-    if not network.bare:
-        for kind, what in _SINGLE_PARTS.items():
-            parts.update((part.name, (kind, i, part)) for i, part in enumerate(network.parts) if isinstance(part, what))
-    return parts
-
-
-def _has_rule(network: Network, parameter: Parameter, known: tuple[str, int, Any] | None) -> bool:
+def _has_rule(network: Network, field: str, known: tuple[str, int, Any] | None) -> bool:
     """Whether a parameter acts by what its own part does alone."""
-    if known is None or parameter.field in FORCES:
+    if known is None or field in FORCES:
         return False
-    if network.spin is not None and _turns_along(network.spin, parameter.field, *known):
+    if network.spin is not None and _turns_along(network.spin, field, *known):
         return False
-    if known[0] == "beam" and not beam_rules.has_rule(known[2], parameter.field):
+    if known[0] == "beam" and not beam_rules.has_rule(known[2], field):
         return False
     # the tension of a spring with a free length comes from its stiffness
-    pulls = parameter.field == "stiffness" and getattr(known[2], "free_length", None) is not None
-    return all((known[0], parameter.field) in limit and not pulls for limit in network.limits)
+    pulls = field == "stiffness" and getattr(known[2], "free_length", None) is not None
+    return all((known[0], field) in limit and not pulls for limit in network.limits)
 
 
 def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
