@@ -7,7 +7,7 @@ the equilibrium gives way, with the forces R that are left over along them:
 dF/dp = F_p + F_q dq/dp,  R_q dq/dp = -R_p
 
 The partial derivatives are extrapolated differences (11 digits); variants need not balance. Where a model had to find
-its equilibrium far from where it is described, each variant finds its own.
+its equilibrium far from where it is described, or beams have bent on the way to it, each variant finds its own.
 """
 
 from __future__ import annotations
@@ -160,6 +160,12 @@ class Variants:
         return came.origin
 
     @cached_property
+    def _settles(self) -> bool:
+        """Whether each variant finds its own equilibrium: as this one did, or as beams bend anew."""
+        return self.system.provenance.settled or any(
+            getattr(part, "displacements", None) is not None for part in self._model.composed.values())  # fmt: skip
+
+    @cached_property
     def _cut(self) -> tuple[str, ...]:
         topology = self.system.provenance.topology
         own = self._model.joints
@@ -230,7 +236,7 @@ class Variants:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             model = self._model.with_values(values) if values else self._model
-            if own.provenance.settled:
+            if self._settles:
                 _, variant = settled(model, independent=own.coordinates, cut=self._cut, method="dense")
             else:
                 if motion:
@@ -243,7 +249,7 @@ class Variants:
         if variant.coordinates != own.coordinates or not np.array_equal(kept, before):
             raise _OtherMobility
         statics: Statics | None = variant.provenance.statics
-        left = np.zeros(len(kept)) if statics is None or own.provenance.settled else statics.residual
+        left = np.zeros(len(kept)) if statics is None or self._settles else statics.residual
         return np.concatenate([*(getattr(variant, key).reshape(-1) for key in MATRICES), left])
 
 

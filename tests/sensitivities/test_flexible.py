@@ -63,3 +63,20 @@ def test_places_and_modal_damping():
         for row, name in zip(found, names, strict=True):
             step = step_of(system.parameters, name)
             assert_derivative(row, difference(model, system, name, eigenvalues), values, step, 1e-7)
+
+
+def test_a_beam_that_bends_under_its_load_bends_anew():
+    """Every variant of a beam that equilibrium has bent is in an equilibrium of its own."""
+    model = mv.Model("shelf", gravity=(0, 0, -9.81))
+    model.add_body("tip", 2.0, (0.02, 0.03, 0.04), position=(1.0, 0, 0))
+    model.add_beam("rod", "ground", "tip", start=(0, 0, 0), end=(1.0, 0, 0), material=METAL, elements=2,
+                   section={"type": "circle", "radius": 0.008})  # fmt: skip
+    model = model.equilibrium()
+    system, step = model.linearize(), 1e-3
+    names = ["gravity.z", "tip.mass"]
+    found = system.eigenvalue_sensitivities(names)
+    for row, name in zip(found, names, strict=True):
+        near, far = (eigenvalues(model.with_values({name: model.parameters[name] + s * step}).equilibrium().linearize())
+                     for s in (1, -1))  # fmt: skip
+        expected = (near - far) / (2 * step)
+        assert row == pytest.approx(expected, rel=1e-5, abs=1e-7 * np.abs(expected).max())
