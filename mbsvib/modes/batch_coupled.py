@@ -1,10 +1,10 @@
-"""Modes that dampers couple, of all variants at once, where all modes oscillate.
+"""Modes that dampers couple, of all variants at once.
 
 In the basis of the undamped modes (lambda^2 + lambda Gamma + Omega^2) y = 0, and conjugates are solutions too. Light
 damping leaves every y near a unit vector: from there, corrections through the resolvent, the sum of y y^T / (slope (s -
-lambda)) over all eigenvalues, square the error each time. Where they do not converge at once, the eigenvalues of the
-state matrix in energy coordinates are the start. A last correction uses the factors of M, C and K and bounds what is
-left.
+lambda)) over all eigenvalues, square the error each time. Where they do not converge at once, or modes creep, the
+eigenvalues of the state matrix in energy coordinates are the start. A last correction uses the factors of M, C and K
+and bounds what is left.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mbsvib.modes.damped import CORRECTION, EPS, quadratic_roots
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
 
     Mask = NDArray[np.bool_]
 
@@ -45,8 +45,20 @@ class Forms:
     spread: Array
 
 
-def oscillating(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
-    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0 where all modes oscillate.
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Eigenvalues ``values`` (k, h) and vectors ``y`` (k, m, h) of the variants ``which`` (k,): first ``turning`` with
+    positive imaginary parts, which stand for their conjugates too, then real ones.
+    """
+
+    which: Index
+    values: Complex
+    y: Complex
+    turning: int
+
+
+def starts(gamma: Array, square: Array) -> list[Start]:
+    """Return eigenvalues and vectors of (lambda^2 + lambda Gamma + Omega^2) y = 0.
 
     Parameters
     ----------
@@ -57,19 +69,24 @@ def oscillating(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
 
     Returns
     -------
-    values : array, shape (n, m)
-        Of each pair the eigenvalue with positive imaginary part.
-    y : array, shape (n, m, m)
-        Vectors, one column for each.
-    oscillates : array, shape (n,)
-        Where all modes do.
+    list of Start
+        Variants by how many modes oscillate.
     """
+    m = square.shape[1]
     values, y, converged = _from_unit_vectors(gamma, square)
     rest = np.flatnonzero(~converged)
-    oscillates = np.ones(len(gamma), dtype=bool)
-    if len(rest):
-        values[rest], y[rest], oscillates[rest] = _by_eigensolver(gamma[rest], square[rest])
-    return values, y, oscillates
+    if not len(rest):
+        return [Start(np.arange(len(gamma)), values, y, m)]
+    found, vectors, turning = _by_eigensolver(gamma[rest], square[rest])
+    oscillates = turning == m
+    values[rest[oscillates]], y[rest[oscillates]] = found[oscillates, :m], vectors[oscillates, :, :m]
+    converged[rest[oscillates]] = True
+    which = np.flatnonzero(converged)
+    result = [Start(which, some(values, which), some(y, which), m)] if len(which) else []
+    for count in np.unique(turning[~oscillates]).tolist():
+        own = turning == count
+        result.append(Start(rest[own], found[own, : 2 * m - count], vectors[own][..., : 2 * m - count], count))
+    return result
 
 
 def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
@@ -124,8 +141,10 @@ def _corrected(gamma: Array, square: Array, values: Complex, y: Complex) -> tupl
     return values - step, result, np.where(together.any(axis=(1, 2)), np.inf, change)
 
 
-def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
-    """Eigenvalues of the state matrix [0 Omega; -Omega -Gamma], whose velocity parts are the vectors."""
+def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Index]:
+    """Eigenvalues of the state matrix [0 Omega; -Omega -Gamma], whose velocity parts are the vectors: those with
+    positive imaginary part, whose number comes with them, then real ones, then the others.
+    """
     n, m = square.shape
     omega, at = np.sqrt(square), np.arange(m)
     a = np.zeros((n, 2 * m, 2 * m))
@@ -134,14 +153,13 @@ def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask
     a[:, m:, m:] = -gamma
     values, right = np.linalg.eig(a)
     values, right = values.astype(complex), right[:, m:].astype(complex)
-    turns = values.imag > 0.0
-    oscillates = (np.count_nonzero(turns, axis=1) == m) & (np.count_nonzero(values.imag, axis=1) == 2 * m)
-    first = np.argsort(~turns, axis=1, kind="stable")[:, :m]
-    return np.take_along_axis(values, first, 1), np.take_along_axis(right, first[:, None], 2), oscillates
+    order = np.argsort(-np.sign(values.imag), axis=1, kind="stable")
+    return (np.take_along_axis(values, order, 1), np.take_along_axis(right, order[:, None], 2),
+            np.count_nonzero(values.imag > 0.0, axis=1))  # fmt: skip
 
 
 def refined(
-    forms: Forms, values: Complex, y: Complex, square: Array, errors: Array
+    forms: Forms, values: Complex, y: Complex, square: Array, errors: Array, turning: int
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
     """Improve eigenvalues by their two-sided Rayleigh quadratics and vectors by what the others see of the residual.
 
@@ -149,16 +167,18 @@ def refined(
     ----------
     forms : Forms
         The matrices in the basis of undamped modes.
-    values, y : array, shape (n, m) and (n, m, m)
-        Eigenvalues with positive imaginary part, and vectors.
+    values, y : array, shape (n, h) and (n, m, h)
+        Eigenvalues and vectors as in ``Start``.
     square, errors : array, shape (n, m)
         Undamped modes and the relative errors of their frequencies.
+    turning : int
+        How many eigenvalues stand for their conjugates too.
 
     Returns
     -------
     values, y, slopes : array
         Eigenvalues, vectors of unit length, and y^T (2 lambda + Gamma) y.
-    bound : array, shape (n, m)
+    bound : array, shape (n, h)
         Relative errors of the eigenvalues.
     mendable : array, shape (n,)
         The largest of them, without what errors of the undamped modes add.
@@ -183,8 +203,12 @@ def refined(
         seen, apart = np.abs(share), np.abs(distance)
         if share is shares[0]:
             apart[:, at, at] = np.inf
+        else:  # real ones are their own conjugates
+            seen[:, turning:] = 0.0
         doubt += np.einsum("vij,vij->vj", seen, np.divide(seen, apart, out=np.ones_like(seen), where=apart > seen))
         near = (CORRECTION * apart <= seen) | (distance == 0.0)
+        if share is not shares[0]:
+            near[:, turning:] = True
         share[near] = 0.0
         np.divide(share, distance, out=share, where=~near)
     reach = slope * speed
@@ -196,6 +220,7 @@ def refined(
     relative = np.divide(np.abs(step), speed, out=np.ones_like(speed), where=speed > 0.0)
     bound = np.minimum(np.where(small, bound, np.maximum(bound, relative)), 1.0)
     y = y - _combined(parts, *shares)
+    y.imag[:, :, turning:] = improved.imag[:, turning:] = 0.0
     y /= _lengths(y)
     slopes = np.einsum("vij,vij->vj", y, 2.0 * wide * y + _times(forms.damping, y))
     return improved, y, slopes, bound, mendable.max(axis=1, initial=0.0)

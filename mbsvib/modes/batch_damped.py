@@ -1,8 +1,8 @@
 """Damped modes of all variants at once: the formulas of ``mbsvib.modes.damped`` over arrays with an axis of variants.
 
-Classical damping is told variant by variant. Where damping couples the modes the common case is solved here, all
-modes oscillating and accurate as they come; variants in which some creep, or strong dampers leave errors that can be
-mended, are told apart, so that they can be solved one by one.
+Classical damping is told variant by variant. Where damping couples the modes the common case is solved here, modes
+that are accurate as they come; variants in which strong dampers leave errors that can be mended are told apart, so that
+they can be solved one by one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.modes.batch_coupled import Forms, oscillating, refined, some
+from mbsvib.modes.batch_coupled import Forms, Start, refined, some, starts
 from mbsvib.modes.damped import (
     CLASSICAL,
     COMMUTES,
@@ -21,6 +21,7 @@ from mbsvib.modes.damped import (
     NO_DAMPER,
     Damped,
     _classical_errors,
+    _pair,
     _rounding,
     quadratic_roots,
 )
@@ -109,10 +110,12 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     errors[alone] = _classical_errors(roots, each, diagonal, summed[alone].reshape(-1)).reshape(len(alone), m, 2)
     together = np.flatnonzero(~simple & settled)
     if len(together):
-        mendable, *found = _coupled(batch, basis, gamma[together], together)
-        for array, value in zip((pairs, vectors, slopes, errors), found, strict=True):
-            array[together] = value
-        settled[together] = mendable <= MARGIN * rtol  # as a single system: what is in doubt is solved by itself
+        for start in starts(some(gamma, together), np.abs(some(basis.square, together))):
+            which = together[start.which]
+            mendable, *found = _coupled(batch, basis, gamma, start, which)
+            for array, value in zip((pairs, vectors, slopes, errors), found, strict=True):
+                array[which] = value
+            settled[which] = mendable <= MARGIN * rtol  # as a single system: what is in doubt is solved by itself
     return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, settled)
 
 
@@ -148,21 +151,29 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
 
 
 def _coupled(
-    batch: BatchEquations, basis: UndampedBatch, gamma: Array, which: Index
-) -> tuple[Array, Complex, Complex, Complex, Array]:
-    """The largest error that can be mended, infinite where not all modes oscillate; pairs, vectors, slopes, errors."""
-    shapes, square = some(basis.shapes, which), some(basis.square, which)
-    values, y, oscillates = oscillating(gamma, np.abs(square))
-    rows, factor = some(batch.elastic_rows, which), some(batch.inertia_factor, which)
+    batch: BatchEquations, basis: UndampedBatch, gamma: Array, start: Start, which: Index
+) -> tuple[Array, Any, Complex, Any, Array]:
+    """The largest error that can be mended; pairs, vectors, slopes, errors of variants of which as many modes turn."""
+    shapes, rows, factor = (some(array, which) for array in (basis.shapes, batch.elastic_rows, batch.inertia_factor))
     h, e, cancel = factor @ shapes, rows @ shapes, np.abs(rows) @ np.abs(shapes)
     forms = Forms(
-        h.swapaxes(1, 2) @ h, gamma, e.swapaxes(1, 2) @ (e * some(batch.stiffness, which)[:, :, None]),
+        h.swapaxes(1, 2) @ h, some(gamma, which), e.swapaxes(1, 2) @ (e * some(batch.stiffness, which)[:, :, None]),
         cancel.swapaxes(1, 2) @ (np.abs(e) * np.abs(some(batch.damping, which))[:, :, None]),
     )  # fmt: skip
-    values, y, slope, bound, mendable = refined(forms, values, y, square, some(basis.errors, which))
-    order = np.argsort(np.abs(values), axis=1, kind="stable")
-    if not (order == np.arange(order.shape[1])).all():
-        values, slope = np.take_along_axis(values, order, 1), np.take_along_axis(slope, order, 1)
-        bound, y = np.take_along_axis(bound, order, 1), np.take_along_axis(y, order[:, None], 2)
-    pairs, vectors, slopes = (np.stack((part, part.conj()), axis=-1) for part in (values, y, slope))
-    return np.where(oscillates, mendable, np.inf), pairs, vectors, slopes, np.stack((bound, bound), axis=-1)
+    values, y, slope, bound, mendable = refined(forms, start.values, start.y, some(basis.square, which),
+                                                some(basis.errors, which), start.turning)  # fmt: skip
+    m, turning = y.shape[1], np.arange(start.turning).repeat(2).reshape(1, -1, 2)
+    if start.turning == m:
+        chosen = np.broadcast_to(turning, (len(values), m, 2))
+    else:  # real ones in pairs by shape
+        chosen = np.array([_pair(*one, 0, 0) for one in zip(values, y, strict=True)])
+    size = np.abs(values)
+    natural = np.take_along_axis(size, chosen[..., 0], 1) * np.take_along_axis(size, chosen[..., 1], 1)
+    chosen = np.take_along_axis(chosen, np.argsort(natural, axis=1, kind="stable")[..., None], 1)
+    flat = chosen.reshape(len(values), -1)
+    pairs, slopes = (np.take_along_axis(part, flat, 1).reshape(-1, m, 2) for part in (values, slope))
+    vectors = np.take_along_axis(y, flat[:, None], 2).reshape(-1, m, m, 2)
+    upper = chosen[..., 0] < start.turning
+    for part, oscillates in ((pairs, upper), (slopes, upper), (vectors, upper[:, None])):
+        np.conjugate(part[..., 1], out=part[..., 1], where=oscillates)
+    return mendable, pairs, vectors, slopes, np.take_along_axis(bound, flat, 1).reshape(-1, m, 2)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mbsvib.modes import batch_coupled
-from mbsvib.modes.batch_coupled import oscillating
+from mbsvib.modes.batch_coupled import starts
 from tests.support.compare import nearest_pairs
 
 
@@ -27,16 +27,21 @@ def check(gamma, square, values, y):
         assert_allclose(residual, 0.0, atol=1e-11 * np.abs(y[i]).max() * square[i].max())
 
 
+def oscillating(gamma, square):
+    """All variants, of which all modes oscillate."""
+    (start,) = starts(gamma, square)
+    assert (start.turning, len(start.which)) == (square.shape[1], len(square))
+    return start
+
+
 @pytest.mark.parametrize("size", [1e-8, 1e-3, 0.03, 0.2])
 def test_both_starts_find_the_same(size, monkeypatch):
     gamma, square = forms(size)
-    values, y, oscillates = oscillating(gamma, square)
-    assert oscillates.all()
-    check(gamma, square, values, y)
+    one = oscillating(gamma, square)
+    check(gamma, square, one.values, one.y)
     monkeypatch.setattr(batch_coupled, "STEPS", 0)
-    again, _, oscillates = oscillating(gamma, square)
-    assert oscillates.all()
-    assert_allclose(np.sort_complex(values), np.sort_complex(again), rtol=1e-9)
+    other = oscillating(gamma, square)
+    assert_allclose(np.sort_complex(one.values), np.sort_complex(other.values), rtol=1e-9)
 
 
 def test_no_eigensolver_is_needed_where_damping_is_light(monkeypatch):
@@ -52,6 +57,9 @@ def test_modes_of_one_frequency_and_modes_that_creep():
     square = np.array([[4.0, 4.0, 9.0], [4.0, 4.0, 9.0], [4.0, 4.0, 9.0]])
     rows = np.array([[1.0, 2.0, 0.5], [1.0, -1.0, 2.0]])
     gamma = np.array([0.1 * np.outer(rows[0], rows[0]), 0.02 * rows.T @ rows, 50.0 * rows.T @ rows])
-    values, y, oscillates = oscillating(gamma, square)
-    assert oscillates.tolist() == [True, True, False]
-    check(gamma[:2], square[:2], values[:2], y[:2])
+    one, other = starts(gamma, square)
+    assert (one.which.tolist(), one.turning, other.which.tolist()) == ([0, 1], 3, [2])
+    check(gamma[:2], square[:2], one.values, one.y)
+    assert other.values.shape[1] == 6 - other.turning
+    expected = np.linalg.eigvals(np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(square[2]), -gamma[2]]]))
+    assert_allclose(np.sort_complex(other.values[0]), np.sort_complex(expected[expected.imag >= 0.0]), rtol=1e-9)
