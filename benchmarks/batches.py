@@ -56,9 +56,9 @@ SWEEPS = {
     ),
     "Stewart, 12 joints x y z": (
         library.stewart,
-        lambda m, *a: shifted(m, [n for n in parts_of(m, "joints", "position") if ".slide." not in n], *a), "60",
+        lambda m, *a: shifted(m, [n for n in parts_of(m, "joints", "position") if ".slide." not in n], *a), "40",
     ),
-    "Stewart, one joint z": (library.stewart, lambda m, *a: shifted(m, ["leg3.head.position.z"], *a), "60"),
+    "Stewart, one joint z": (library.stewart, lambda m, *a: shifted(m, ["leg3.head.position.z"], *a), "40"),
     "Stewart, 13 masses": (library.stewart, lambda m, *a: scaled(m, parts_of(m, "bodies", "mass"), *a), ""),
     "Stewart, all at once": (
         library.stewart,

@@ -187,7 +187,7 @@ def body_motion(coordinates: Twists, position: Array) -> Array:
 
     Source: Jiang, Chen & Luo (2011), open-loop constraint matrix B'.
     """
-    if max(array.ndim for array in (position, coordinates.linear, coordinates.angular, coordinates.point)) > 2:
+    if position.ndim + coordinates.linear.ndim + coordinates.angular.ndim + coordinates.point.ndim > 8:
         return _body_motion_of_variants(coordinates, position)
     sign = coordinates.path[:-1, None].astype(float)
     angular, point = coordinates.angular.take(CYCLE, axis=0), coordinates.point.take(CYCLE, axis=0)
@@ -249,7 +249,7 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     column = flat - width * row
     signs = sign.reshape(-1).take(flat)
     vectors = (rows.force, rows.moment, coordinates.linear, coordinates.angular, rows.point, coordinates.point)
-    if max(array.ndim for array in vectors) > 2:
+    if sum([array.ndim for array in vectors]) > 12:
         value = _of_variants(vectors, row, column)
         value *= signs[:, None]
         return Triplets(row, column, value.T, sign.shape)
@@ -314,15 +314,17 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
     small = size < LARGEST
     if np.count_nonzero(small) + np.count_nonzero(value) == value.size:  # what is small is zero
         return
-    at = (small if value.ndim == 1 else (small & (value != 0.0)).any(axis=1)).nonzero()[0]
-    noise = _noise(*(array.take(at, axis=1) for array in vectors))
+    if value.ndim == 1:
+        at = small.nonzero()[0]
+        value[at[size.take(at) <= _noise(*np.abs(np.array(vectors).take(at, axis=2)).max(axis=1))]] = 0.0
+        return
+    at = (small & (value != 0.0)).any(axis=1).nonzero()[0]
     some = value.take(at, axis=0)
-    some[np.abs(some) <= noise] = 0.0
+    some[np.abs(some) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
     value[at] = some
 
 
-def _noise(*vectors: Array) -> Array:
-    """Rounding of entries made of f, m, v, w, p_r and p_k, vectors (3, entries) or (3, entries, variants)."""
-    force, moment, linear, angular, point, start = (np.maximum.reduce(np.abs(array)) for array in vectors)
+def _noise(force: Array, moment: Array, linear: Array, angular: Array, point: Array, start: Array) -> Array:
+    """Rounding of entries made of f, m, v, w, p_r and p_k, whose sizes these are."""
     noise: Array = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
     return noise
