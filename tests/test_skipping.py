@@ -148,9 +148,9 @@ def test_springs_that_nothing_moves_are_left_out():
     relative = scene.relative()
     reduction = assembly.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
     whole = assembly.matrices(scene, relative, reduction)
-    assert len(whole["stiffness"]) == 12
+    assert len(whole.stiffness) == 12
     for key in MATRICES:
-        assert_array_equal(getattr(system, key), whole[key], err_msg=key)
+        assert_array_equal(getattr(system, key), getattr(whole, key), err_msg=key)
 
 
 @pytest.mark.parametrize("kind", ["undamped", "proportional", "commuting"])

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.rule_terms import Rule, Terms
 
 
-def rotor_rule(network: Network, rotor: Rotor, field: str, _: tuple[int, ...] = ()) -> Rule:
+def rotor_rule(network: Network, rotor: Rotor, field: str, index: tuple[int, ...] = ()) -> Rule:
     """Return the rule by which a number of a rotor enters the equations.
 
     Parameters
@@ -26,6 +26,8 @@ def rotor_rule(network: Network, rotor: Rotor, field: str, _: tuple[int, ...] = 
         The rotor.
     field : str
         "speed" or "inertia", in both of which the angular momentum is linear.
+    index : tuple of int
+        Empty, as both are single numbers.
 
     Returns
     -------

@@ -52,6 +52,11 @@ class SharedForces:
             Displacements of the nodes.
         powers : tuple of three arrays
             Factors of stiffness, damping and inertia.
+
+        Returns
+        -------
+        array, shape (b, 6, ...)
+            Forces and moments.
         """
         stiff, rate, square = powers
         rows, weighted = self.rows(nodes), []
