@@ -10,9 +10,8 @@ import numpy as np
 from scipy.linalg import blas, lapack, qr
 
 from mbsvib.equilibrium.couplers import terms, travelled
-from mbsvib.equilibrium.pose_kinematics import pose_kinematics
+from mbsvib.equilibrium.pose_kinematics import locked, pose_kinematics
 from mbsvib.kinematics.loops import EPS, RANK_FACTOR
-from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.qr import pivoted_qr
 
 if TYPE_CHECKING:
@@ -87,12 +86,11 @@ class Stance:
     @cached_property
     def closure(self) -> Array:
         """Phi (locked rows, n): what cut joints and couplers lock, in units of 1 rad and the size of the mechanism."""
-        if self.cuts is None:
-            return np.zeros((0, len(self.coordinates.names)))
-        phi = relative_motion(self.coordinates, self.cuts.rows).dense(0, len(self.cuts.rows.first))
-        if self.cuts.couplings is not None:
-            phi = np.concatenate((phi, self.cuts.couplings.dense(self.coordinates)))
-        return np.asarray(phi * self.cuts.row_scale(self.size)[:, None])
+        if self.cuts is None or self.pose.as_described:
+            phi = self.kinematics.closure
+        else:
+            phi = locked(self.coordinates, self.cuts)
+        return phi if self.cuts is None else phi * self.cuts.row_scale(self.size)[:, None]
 
     @cached_property
     def openings(self) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +19,7 @@ from mbsvib.equilibrium.joint_rules import in_groups
 from mbsvib.equilibrium.pose import IDENTITY, start
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import with_couplers
-from mbsvib.kinematics.relative_motion import Twists, twists
+from mbsvib.kinematics.relative_motion import Twists, relative_motion, twists
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS, span
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 ORIGIN = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PoseKinematics:
     """What the kinematics of a mechanism need in all of its poses; ``size`` [m] is the size of the mechanism.
 
@@ -82,6 +82,11 @@ class PoseKinematics:
             couplings = replace(couplings, measured=measured)
         return coordinates, replace(cuts, rows=rows, couplings=couplings)
 
+    @cached_property
+    def closure(self) -> Array:
+        """What cut joints and couplers lock in the pose as described, (locked rows, n); see ``locked``."""
+        return np.zeros((0, len(self.coordinates.names))) if self.cuts is None else locked(self.coordinates, self.cuts)
+
     def openings(self, pose: Pose, cuts: Cuts) -> Array:
         """Return how far cut joints are open, one value [m, rad] for each of their locked rows in this pose."""
         gap, turn = np.zeros((2, len(self.topology.cut), 3))
@@ -92,6 +97,12 @@ class PoseKinematics:
         joint, rows = cuts.joint[: len(cuts.rows.first)], cuts.rows
         along = rows.force * gap.take(joint, axis=0).T + rows.moment * turn.take(joint, axis=0).T
         return np.asarray(along.sum(axis=0))
+
+
+def locked(coordinates: Twists, cuts: Cuts) -> Array:
+    """Return what cut joints and couplers lock, relative displacements [m, rad] (locked rows, n)."""
+    phi = relative_motion(coordinates, cuts.rows).dense(0, len(cuts.rows.first))
+    return phi if cuts.couplings is None else np.concatenate((phi, cuts.couplings.dense(coordinates)))
 
 
 @dataclass(frozen=True, slots=True)
