@@ -87,8 +87,8 @@ def condense(
     follows, forces = _solved(null, terms, names)
     # own coordinates of the motions first: the others then keep their meaning beside a force that acts on a node too
     weight = np.where((null != 0.0).any(axis=1), 1.0, PREFERENCE) * np.where(pinned, PREFERENCE**2, 1.0)
-    order = pivoted_qr(follows * (unit * weight))[1]
     k = null.shape[1]
+    order = pivoted_qr(follows * (unit * weight))[1] if k < len(names) else np.arange(k)
     dependent = np.sort(order[:k])
     if pinned[dependent].any():
         name = names[int(dependent[pinned[dependent]][0])]

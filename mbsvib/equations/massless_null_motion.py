@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import blas
+from scipy.linalg import blas, lapack
 
 from mbsvib.linalg.qr import pivoted_qr
 
@@ -28,6 +28,8 @@ EPS = float(np.finfo(float).eps)
 RANK_FACTOR = 50.0
 # Rows of unit length that depend on each other differ by rounding of the geometry, far below this.
 ROW_RANK = 1e-11
+# Squared pivots of such rows, and pivots of M, each column over what it could be, are no rounding above this.
+BEYOND_DOUBT = 1e-10
 # Entries of B'' below this (of coordinates scaled to lengths) are rounding of the loops.
 CLOSURE_NOISE = 1e-13
 
@@ -136,9 +138,14 @@ def unfelt(parts: Sequence[Array], null: Array, unit: Array) -> tuple[Array, Ind
         acts = size > 0.0
         moved.append((rows[acts] / size[acts, None]) @ null)
     felt = np.concatenate(moved) if moved else np.zeros((0, null.shape[1]))
+    if not felt.any():
+        return null, np.zeros(0, dtype=np.intp)
+    factor, failed = lapack.dpotrf(felt.T @ felt)
+    if not failed and float(factor.diagonal().min()) ** 2 > BEYOND_DOUBT:
+        return null[:, :0], np.arange(null.shape[1])
     inside, _, _ = null_space(felt, np.ones(null.shape[1]), ROW_RANK)
     rank = null.shape[1] - inside.shape[1]
-    return null @ inside, pivoted_qr(felt)[1][:rank]
+    return null @ inside, np.arange(rank) if not inside.shape[1] else pivoted_qr(felt)[1][:rank]
 
 
 def own_coordinates(null: Array) -> tuple[Index, Index]:

@@ -13,7 +13,15 @@ from scipy.linalg import lapack
 
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.massless_condensation import CANCELS, Condensation, condense, unheld
-from mbsvib.equations.massless_null_motion import RANK_FACTOR, cleaned, null_space, possible, scale_of, unfelt
+from mbsvib.equations.massless_null_motion import (
+    BEYOND_DOUBT,
+    RANK_FACTOR,
+    cleaned,
+    null_space,
+    possible,
+    scale_of,
+    unfelt,
+)
 from mbsvib.equations.terms import Terms
 from mbsvib.equations.unresisted_motion import largest, unmoved
 from mbsvib.errors import ModelError, SingularPoseError
@@ -34,8 +42,6 @@ if TYPE_CHECKING:
 
 # Pivots kept and dropped closer than this leave in doubt what is massless.
 RANK_GAP = 1e3
-# Pivots of M, each column over what it could be, above this are no rounding.
-BEYOND_DOUBT = 1e-10
 # What inputs do at once is zero below this share of the terms it is the sum of.
 AT_ONCE = 1e-12
 

@@ -68,6 +68,8 @@ def unmoved(rows: Array, before: Array, kept: NDArray[np.intp]) -> Array:
     motion large.
     """
     result, pattern = rows.copy(), rows != 0.0
+    if not rows.size:
+        return result
     scale, motions = _scales(np.abs(before))[1][kept], free_motions(before)[kept]
     if not motions.shape[1]:
         return result
