@@ -21,24 +21,7 @@ if TYPE_CHECKING:
 
 
 def coupler_rule(network: Network, coupler: Coupling, field: str, index: tuple[int, ...]) -> Rule:
-    """Return the rule by which a number of a coupler enters the equations.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    coupler : Coupling
-        The coupler.
-    field : str
-        A field of it.
-    index : tuple of int
-        The entry of the field.
-
-    Returns
-    -------
-    callable
-        Terms of one entry.
-    """
+    """Return the rule by which a number of a coupler enters the equations."""
     assert network.constraints is not None
     names = [part.name for part in network.parts if isinstance(part, Coupling)]
     row = network.constraints.pull.shape[0] - len(names) + names.index(coupler.name)

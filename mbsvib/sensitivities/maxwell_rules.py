@@ -22,24 +22,7 @@ if TYPE_CHECKING:
 
 
 def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> Rule:
-    """Return the rule by which a number of a Maxwell element enters the equations.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    part : Maxwell
-        The element.
-    field : str
-        A field of it.
-    index : tuple of int
-        The entry of the field.
-
-    Returns
-    -------
-    callable
-        Terms of one entry.
-    """
+    """Return the rule by which a number of a Maxwell element enters the equations."""
     place = {spring.name: k for k, spring in enumerate(network.springs)}
     static, spring, _ = (place[line_name(part, each)] for each in ("static_stiffness", "stiffness", "damping"))
     line, joints = np.array([part.line]), len(network.joints)

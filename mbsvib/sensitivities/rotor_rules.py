@@ -15,25 +15,8 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.rule_terms import Rule, Terms
 
 
-def rotor_rule(network: Network, rotor: Rotor, field: str, index: tuple[int, ...] = ()) -> Rule:
-    """Return the rule by which a number of a rotor enters the equations.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    rotor : Rotor
-        The rotor.
-    field : str
-        "speed" or "inertia", in both of which the angular momentum is linear.
-    index : tuple of int
-        Empty, as both are single numbers.
-
-    Returns
-    -------
-    callable
-        Terms of one entry.
-    """
+def rotor_rule(network: Network, rotor: Rotor, field: str, _: tuple[int, ...] = ()) -> Rule:
+    """Return the rule by which a number of a rotor enters the equations."""
     assert network.spin is not None
     body, per_speed = network.spin.rotor[rotor.name]
     h = per_speed if field == "speed" else per_speed * (rotor.speed / (rotor.inertia or 1.0))

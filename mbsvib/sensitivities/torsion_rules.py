@@ -17,22 +17,7 @@ if TYPE_CHECKING:
 
 
 def torsion_rule(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...] = ()) -> Rule:
-    """Return the rule by which stiffness or damping of a torsion spring enters the equations.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections, the bushing of the same name among them.
-    part : TorsionSpring
-        The spring.
-    field : str
-        "stiffness" or "damping".
-
-    Returns
-    -------
-    callable
-        Terms of one entry.
-    """
+    """Return the rule by which stiffness or damping of a torsion spring enters the equations."""
     own = next(k for k, spring in enumerate(network.springs) if spring.name == part.name)
     axis = np.array([part.axis])
 
