@@ -44,19 +44,8 @@ class SharedForces:
     on_bodies: csr_array
 
     def wrench(self, nodes: Field, powers: tuple[Field, Field, Field]) -> Field:
-        """Return the wrenches (b, 6, ...) at the centres of mass for displacements of the nodes (n, ...).
-
-        Parameters
-        ----------
-        nodes : array, shape (n, ...)
-            Displacements of the nodes.
-        powers : tuple of three arrays
-            Factors of stiffness, damping and inertia.
-
-        Returns
-        -------
-        array, shape (b, 6, ...)
-            Forces and moments.
+        """Return the wrenches (b, 6, ...) at the centres of mass for displacements of the nodes (n, ...); ``powers`` are
+        factors of stiffness, damping and inertia.
         """
         stiff, rate, square = powers
         rows, weighted = self.rows(nodes), []
@@ -93,19 +82,7 @@ class SharedForces:
 def shared_forces(
     plain: Mechanism, bodies: Sequence[Body], number: dict[str, int], ways: Kinematics
 ) -> SharedForces | None:
-    """Return what more than two bodies of a mechanism in plain parts share, or None.
-
-    Parameters
-    ----------
-    plain : Mechanism
-        The mechanism in plain parts.
-    bodies : sequence of Body
-        Its bodies as they are numbered.
-    number : dict
-        Number of each body, ground included.
-    ways : Kinematics
-        Its coordinates.
-    """
+    """Return what more than two bodies of a mechanism in plain parts share, None where nothing is."""
     if plain.pieces is None:
         return None
     shared = shared_rows(plain.pieces, number, 0)
@@ -149,15 +126,7 @@ class Spin:
 
 
 def spin(plain: Mechanism, bodies: Sequence[Body], springs: Sequence[Bushing | Spring]) -> Spin | None:
-    """Return what rotors add to the forces of a mechanism in plain parts, or None.
-
-    Parameters
-    ----------
-    plain : Mechanism
-        The mechanism in plain parts.
-    bodies, springs : sequence
-        Its bodies and its spring-dampers as they are numbered.
-    """
+    """Return what rotors add to the forces of a mechanism in plain parts, None where there are none."""
     rotors: list[Rotor] = list(plain.rotors.values())
     if not rotors:
         return None
