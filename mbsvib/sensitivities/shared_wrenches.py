@@ -44,8 +44,8 @@ class SharedForces:
     on_bodies: csr_array
 
     def wrench(self, nodes: Field, powers: tuple[Field, Field, Field]) -> Field:
-        """Return the wrenches (b, 6, ...) at the centres of mass for displacements of the nodes (n, ...); ``powers`` are
-        factors of stiffness, damping and inertia.
+        """Return the wrenches (b, 6, ...) at the centres of mass for displacements of the nodes (n, ...); ``powers``
+        are factors of stiffness, damping and inertia.
         """
         stiff, rate, square = powers
         rows, weighted = self.rows(nodes), []

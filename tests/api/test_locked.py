@@ -201,7 +201,7 @@ def test_sparse():
     assert "locked" in sparse.explain()
     u = np.ones((2, 5))
     for ask in (lambda: sparse.modes(1), lambda: sparse.reduced(1), lambda: sparse.state_space(modes=1),
-                lambda: sparse.time_response(TIME, u, modes=1), lambda: sparse.mode_sensitivities(modes=1)):  # fmt: skip
+                lambda: sparse.time_response(TIME, u, modes=1), lambda: sparse.mode_sensitivities(modes=1)):
         with pytest.raises(mv.ResponseError, match="'locked' is fully locked: it has no modes"):
             ask()
     asked = {"modes", "reduced", "state_space", "time_response", "frequency_response", "static_compliance", "reachable",
