@@ -11,6 +11,7 @@ from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import PARALLEL_DIRECTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from mbsvib.elements import BaseMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
-# sine of the angle between two directions, below which they count as one
-PARALLEL = 1e-12
 
 
 def check_turning(model: Mechanism, source: BaseMotion) -> None:
@@ -44,7 +43,7 @@ def check_turning(model: Mechanism, source: BaseMotion) -> None:
     for what, direction, hint in fixed_in_world(model):
         cross = (axis[1] * direction[2] - axis[2] * direction[1], axis[2] * direction[0] - axis[0] * direction[2],
                  axis[0] * direction[1] - axis[1] * direction[0])  # fmt: skip
-        if hypot(*cross) > PARALLEL * hypot(*axis) * hypot(*direction):
+        if hypot(*cross) > PARALLEL_DIRECTIONS * hypot(*axis) * hypot(*direction):
             raise ModelError(
                 f"base motion '{source.name}': turns the ground about {tuple(axis)}, but {what}, which does not turn "
                 f"with it; its effect grows with the angle, which the angular acceleration as an input does not give. "

@@ -19,9 +19,10 @@ import numpy as np
 from mbsvib.elements import Joint
 from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
-from mbsvib.kinematics.loops import EPS, NEAR_SINGULAR, RANK_FACTOR, Reduction, reduce
-from mbsvib.kinematics.mobility import LIMIT, _crossed, _rods, check_mobility, phi_nearby
+from mbsvib.kinematics.loops import Reduction, reduce
+from mbsvib.kinematics.mobility import _crossed, _rods, check_mobility, phi_nearby
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
 from mbsvib.mechanism.changes import rotations
 
 if TYPE_CHECKING:
@@ -167,7 +168,7 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
         for block in chosen.blocks:
             if len(block.rows) > len(block.dependent):
                 left = _solved(scene.coordinates, scene.cuts, nearby, block)[1]
-                result |= ~(left <= WELL_BELOW * LIMIT)
+                result |= ~(left <= WELL_BELOW * NEIGHBOUR_PIVOT)
     return result
 
 

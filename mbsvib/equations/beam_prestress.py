@@ -25,12 +25,7 @@ from mbsvib.elements import load as _load
 from mbsvib.elements.beam_expansion import elastic_part, middle, turned
 from mbsvib.elements.shared_rows import Node, Piece
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
-
-# Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
-NOISE = 1e-14
-# Coordinates that strain elements by less than this share of the one that strains them most, or than joints would with
-# open loops (energies, as roots), do so by the rounding of loops; stiffnesses and lengths of one beam span far less.
-STRAINED = 1e-11
+from mbsvib.linalg.rank import STRAINED, ZERO_PRESTRESS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -183,7 +178,7 @@ def spread(rows: Array, apart: Array, root: Array, needed: Array) -> Array:
         scaled = rows[:, held] * root[:, None]
         size = np.sqrt(np.square(scaled).sum(axis=0))
         found: Array = root * np.linalg.lstsq((scaled / size).T, needed[held] / size, rcond=1e-12)[0]
-        return np.where(np.abs(found / root) > NOISE * np.abs(found / root).max(initial=0.0), found, 0.0)
+        return np.where(np.abs(found / root) > ZERO_PRESTRESS * np.abs(found / root).max(initial=0.0), found, 0.0)
     # each coordinate is a deformation: what elements of the tree carry follows exactly from those where it is cut
     tree = np.array([own[j] for j in held.tolist()], dtype=np.intp)
     rest = np.setdiff1d(np.arange(len(rows)), tree)

@@ -25,7 +25,7 @@ import numpy as np
 
 from mbsvib.elements.contribution import Contribution, Weights, turns
 from mbsvib.elements.rows import Rows
-from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rank import ZERO_FORM
 from mbsvib.linalg.rotations import skew
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.wrench_pairs import Pairs
     from mbsvib.equations.wrenches import Applied
 
-# Values of a body's form below this share of the forces that make it are rounding.
-ZERO_FORM = 16.0 * EPS
 _DIAGONAL = np.arange(3)
 # what forces and what torques are multiplied with: v x f + 1/2 w x tau
 _PARTS = np.array((1.0, 0.5)).reshape(2, 1, 1)

@@ -11,6 +11,7 @@ from scipy.linalg import lapack
 from mbsvib.common.arguments import IDENTITY
 from mbsvib.elements.rows import table
 from mbsvib.errors import ModelError
+from mbsvib.linalg.rank import EPS, MASSLESS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
 
-EPS = float(np.finfo(float).eps)
-# Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
-MASSLESS = 1e-14
 _TENSOR = np.array((0, 3, 4, 3, 1, 5, 4, 5, 2))  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
 
 

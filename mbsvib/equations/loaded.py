@@ -10,9 +10,10 @@ from mbsvib.elements.contribution import Contribution
 from mbsvib.equations.applied_forces import acting
 from mbsvib.equations.reactions import reactions
 from mbsvib.equations.statement import antisymmetric, minimal_rows, signed_squares
-from mbsvib.equations.statics import ROUNDING, Statics, balance, check_balance
+from mbsvib.equations.statics import Statics, balance, check_balance
 from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import Pairs
+from mbsvib.linalg.rank import POSITION_ROUNDING
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -99,6 +100,6 @@ def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, 
     force, bodies = np.sqrt(np.square(pairs.force).sum(axis=0)), len(motion) + 1
     each = known.sizes[0] + np.bincount(pairs.first, force, bodies) + np.bincount(pairs.second, force, bodies)
     reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
-    rounding = ROUNDING * reach * (lengths * each[:-1, None]).T.dot(lengths)
+    rounding = POSITION_ROUNDING * reach * (lengths * each[:-1, None]).T.dot(lengths)
     result: Mask = (np.abs((rows * stiffness[:, None]).T.dot(rows)) <= rounding).all(axis=1)
     return result

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import blas
 
-from mbsvib.equations.massless_null_motion import EPS, unfelt
+from mbsvib.equations.massless_null_motion import unfelt
 from mbsvib.errors import ModelError
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import CANCELLING_SPRINGS, EPS, MOVES_NOTHING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,10 +30,6 @@ if TYPE_CHECKING:
 
 # Coordinates that a condensed motion moves itself are taken for dependent ones, unless others tie it this much more.
 PREFERENCE = 1e-2
-# The inverse condition of N^T K N, brought to a unit diagonal, below which springs of both signs cancel.
-CANCELS = 1e-13
-# Bodies that a motion moves by less than this share of what it moves most are none of those it is said to move.
-NOTHING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +113,7 @@ def _check_held(
     loose = unfelt(parts, null, unit)[0]
     if loose.shape[1]:
         moves = np.abs(terms.body_motion @ loose[:, 0]).max(axis=1)
-        light = [name for name, size in zip(bodies, moves.tolist(), strict=False) if size > NOTHING * moves.max()]
+        light = [name for name, size in zip(bodies, moves.tolist(), strict=False) if size > MOVES_NOTHING * moves.max()]
         raise unheld(loose[:, 0], unit, names, "no spring or damper holds it", light)
 
 
@@ -157,7 +154,7 @@ def _solved(null: Array, terms: Terms, names: tuple[str, ...]) -> tuple[Array, A
     size = np.sqrt(np.abs(square).sum(axis=1))
     size[size == 0.0] = 1.0
     scaled = square / size[:, None] / size
-    if 1.0 / np.linalg.cond(scaled) < CANCELS:
+    if 1.0 / np.linalg.cond(scaled) < CANCELLING_SPRINGS:
         left = np.linalg.svd(scaled)[2][-1] / size
         raise unheld(null @ left, np.ones(len(names)), names, "the springs that hold it cancel each other")
     right = np.concatenate((null.T @ terms.K, pushed), axis=1) / size[:, None]

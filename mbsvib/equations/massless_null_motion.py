@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import CERTAIN_MASS, CLOSURE_NOISE, DEPENDENT_ROWS, EPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,16 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
 
-EPS = float(np.finfo(float).eps)
-# Pivots of W, each column over what the bodies behind its coordinate could move at most, are zero below this many times
-# the rounding of the geometry.
-RANK_FACTOR = 50.0
-# Rows of unit length that depend on each other differ by rounding of the geometry, far below this.
-ROW_RANK = 1e-11
-# Squared pivots of such rows, and pivots of M, each column over what it could be, are no rounding above this.
-BEYOND_DOUBT = 1e-10
-# Entries of B'' below this (of coordinates scaled to lengths) are rounding of the loops.
-CLOSURE_NOISE = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +132,9 @@ def unfelt(parts: Sequence[Array], null: Array, unit: Array) -> tuple[Array, Ind
     if not felt.any():
         return null, np.zeros(0, dtype=np.intp)
     factor, failed = lapack.dpotrf(felt.T @ felt)
-    if not failed and float(factor.diagonal().min()) ** 2 > BEYOND_DOUBT:
+    if not failed and float(factor.diagonal().min()) ** 2 > CERTAIN_MASS:
         return null[:, :0], np.arange(null.shape[1])
-    inside, _, _ = null_space(felt, np.ones(null.shape[1]), ROW_RANK)
+    inside, _, _ = null_space(felt, np.ones(null.shape[1]), DEPENDENT_ROWS)
     rank = null.shape[1] - inside.shape[1]
     return null @ inside, np.arange(rank) if not inside.shape[1] else pivoted_qr(felt)[1][:rank]
 

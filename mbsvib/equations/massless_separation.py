@@ -12,22 +12,14 @@ import numpy as np
 from scipy.linalg import lapack
 
 from mbsvib.equations.inertia import check_mass
-from mbsvib.equations.massless_condensation import CANCELS, Condensation, condense, unheld
-from mbsvib.equations.massless_null_motion import (
-    BEYOND_DOUBT,
-    RANK_FACTOR,
-    cleaned,
-    null_space,
-    possible,
-    scale_of,
-    unfelt,
-)
+from mbsvib.equations.massless_condensation import Condensation, condense, unheld
+from mbsvib.equations.massless_null_motion import cleaned, null_space, possible, scale_of, unfelt
 from mbsvib.equations.terms import Terms
 from mbsvib.equations.unresisted_motion import largest, unmoved
 from mbsvib.errors import ModelError, SingularPoseError
-from mbsvib.kinematics.loops import ZERO_ENTRY
 from mbsvib.linalg.products import product
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import CANCELLING_SPRINGS, CERTAIN_MASS, RANK_FACTOR, ZERO_FEEDTHROUGH, ZERO_PRODUCT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -42,8 +34,6 @@ if TYPE_CHECKING:
 
 # Pivots kept and dropped closer than this leave in doubt what is massless.
 RANK_GAP = 1e3
-# What inputs do at once is zero below this share of the terms it is the sum of.
-AT_ONCE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +179,7 @@ def _regular(mass: Array, size: Array) -> bool:
     if float(size.min()) == 0.0:
         return False
     factor, failed = lapack.dpotrf(mass / size[:, None] / size)
-    return not failed and float(factor.diagonal().min()) ** 2 > BEYOND_DOUBT
+    return not failed and float(factor.diagonal().min()) ** 2 > CERTAIN_MASS
 
 
 def _largest(motion: Array, unit: Array, names: tuple[str, ...]) -> str:
@@ -209,7 +199,7 @@ def _condensed(terms: Terms, condensation: Condensation) -> Terms:
     """
     t, s = condensation.transform, condensation.response
     rows = terms.elastic_rows @ t
-    rows[np.abs(rows) <= ZERO_ENTRY * len(t) * largest(terms.elastic_rows, t)] = 0.0
+    rows[np.abs(rows) <= ZERO_PRODUCT * len(t) * largest(terms.elastic_rows, t)] = 0.0
     rows = _resting(rows, terms, condensation.kept)
     stays = rows.any(axis=1)
     rows, k, c, factor = rows[stays], terms.stiffness[stays], terms.damping[stays], terms.inertia_factor @ t
@@ -250,7 +240,7 @@ def _first_order(
     scale = np.sqrt(np.abs(square).sum(axis=1))
     scale[scale == 0.0] = 1.0
     scaled = square / scale[:, None] / scale
-    if 1.0 / np.linalg.cond(scaled) < CANCELS:
+    if 1.0 / np.linalg.cond(scaled) < CANCELLING_SPRINGS:
         worst = null @ (np.linalg.svd(scaled)[2][-1] / scale)
         spins = terms.gyroscopic is not None
         raise unheld(worst, unit, names, "spin alone ties it to others" if spins else
@@ -267,7 +257,7 @@ def _check_proper(
     for key in orders:
         rows = getattr(terms, key)
         seen = rows @ response
-        felt = np.abs(seen) > AT_ONCE * (np.abs(rows) @ np.abs(response))
+        felt = np.abs(seen) > ZERO_FEEDTHROUGH * (np.abs(rows) @ np.abs(response))
         if felt.any():
             i, j = np.argwhere(felt)[0].tolist()
             what = "displacement" if key == "Cv" else "displacement or velocity"
@@ -283,7 +273,7 @@ def _check_first_order(terms: Terms, outputs: Sequence[str], inputs: Sequence[st
     null = terms.null_inertia
     assert null is not None
     pushed = null.T @ terms.B
-    pushed[np.abs(pushed) <= AT_ONCE * (np.abs(null).T @ np.abs(terms.B))] = 0.0
+    pushed[np.abs(pushed) <= ZERO_FEEDTHROUGH * (np.abs(null).T @ np.abs(terms.B))] = 0.0
     if pushed.any():
         at_once = null @ lapack.dgesv(null.T @ terms.C @ null, pushed)[2]
         _check_proper(at_once, terms, outputs, inputs, ("Ca",))

@@ -23,7 +23,7 @@ import numpy as np
 
 from mbsvib.errors import UndeterminedForceWarning
 from mbsvib.kinematics.characteristic_length import length_of
-from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rank import DETERMINED, STRESS_IN_COUPLERS, ZERO_FORM
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -36,12 +36,6 @@ if TYPE_CHECKING:
 
     Asked = Mapping[str, tuple[int, Array]]
 
-# States of self-stress that are this small in all joints are shared among couplers only, and no joint feels them.
-IN_COUPLERS = 1e-10
-# Components of wrenches below this share of all, and of unit states, are rounding.
-ROUNDING = 16.0 * EPS
-# A unit wrench with a smaller part of self-stress in it is determined: 1e-9 is the accuracy promised of results.
-DETERMINED = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +100,7 @@ class SelfStress:
             amount += missing
         after = before - np.einsum("cjr,rn->cjn", self.states, amount)
         size = np.sqrt(np.square(root * before).sum(axis=(0, 1)) + np.square(amount).sum(axis=0))
-        after[np.abs(root * after) <= ROUNDING * size] = 0.0
+        after[np.abs(root * after) <= ZERO_FORM * size] = 0.0
         result = wrench.copy()
         result[:, self.joints] = after
         return result
@@ -173,10 +167,10 @@ def self_stress(joints: Index, length: float, wrenches: Array) -> SelfStress | N
     scale = np.repeat((1.0, 1.0 / length), 3)[:, None, None]
     flat = (wrenches * scale).reshape(6 * len(joints), wrenches.shape[2])
     left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
-    states = left[:, sizes > IN_COUPLERS]
+    states = left[:, sizes > STRESS_IN_COUPLERS]
     if not states.size:
         return None
-    states[np.abs(states) <= ROUNDING] = 0.0
+    states[np.abs(states) <= ZERO_FORM] = 0.0
     return SelfStress(joints, length, states.reshape(6, len(joints), -1) / scale)
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.kinematics.loops import EPS
 from mbsvib.kinematics.relative_motion import relative_motion
+from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
 
-# Entries of an antisymmetric matrix below this share of the products that make them are rounding.
-ZERO_ENTRY = 64.0 * EPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,5 +159,5 @@ def antisymmetric(weights: Weights, rows: Array) -> Array | None:
     one, other = rows[weights.first], weights.value[:, None] * rows[weights.second]
     part, size = one.T @ other, np.abs(one).T @ np.abs(other)
     result = part - part.T
-    result[np.abs(result) <= ZERO_ENTRY * (size + size.T)] = 0.0
+    result[np.abs(result) <= ZERO_SUM * (size + size.T)] = 0.0
     return result if result.any() else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import EquilibriumError
-from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rank import BALANCE, POSITION_ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,14 +25,8 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.mechanism.topology import Topology
 
-# What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off
-# by about as much, and 1e-9 is the accuracy that results are promised to; rounding leaves a thousandth of it.
-BALANCE = 1e-9
-# Positions carry rounding errors, which springs turn into forces: what so many roundings of every coordinate do is
-# allowed for on top.
-ROUNDING = 64.0 * EPS
 # A force turns about a point that is rounded with a lever of so many roundings of the largest coordinate.
-LEAST = ROUNDING / BALANCE
+LEAST = POSITION_ROUNDING / BALANCE
 _PLAIN = ("x", "y", "z", "rx", "ry", "rz")
 
 
@@ -108,7 +102,7 @@ def rounding(stiffness: Array, position: Array, turns: NDArray[np.bool_]) -> Arr
     array, shape (m,)
         Forces [N or N m].
     """
-    result: Array = ROUNDING * np.abs(stiffness) @ np.where(turns, 1.0, np.abs(position).max())
+    result: Array = POSITION_ROUNDING * np.abs(stiffness) @ np.where(turns, 1.0, np.abs(position).max())
     return result
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import DEPENDENT_ROWS, LEAST_ROW, ZERO_SUM
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,13 +21,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-EPS = float(np.finfo(float).eps)
-# Pivots of rows that depend on each other are rounding of the geometry, far below this share of their terms.
-RANK = 1e-11
-# Entries below this many roundings of their terms are zero.
-CANCELLED = 64.0 * EPS
-# Rows below this share of their terms are not scaled up any more: their rounding would come near RANK.
-NOTHING = 1e-3
 # Rounds of scaling rows and columns by their largest terms; a third one changes nothing that counts.
 ROUNDS = 2
 
@@ -34,7 +28,7 @@ ROUNDS = 2
 def product(left: Array, right: Array) -> Array:
     """Return left @ right with zeros where the terms of a sum cancel to rounding."""
     result: Array = left @ right
-    result[np.abs(result) <= CANCELLED * (np.abs(left) @ np.abs(right))] = 0.0
+    result[np.abs(result) <= ZERO_SUM * (np.abs(left) @ np.abs(right))] = 0.0
     return result
 
 
@@ -44,7 +38,7 @@ def free_motions(*parts: Array) -> Array:
     row, column = _scales(np.abs(rows))
     qr, order, _ = pivoted_qr(rows * row[:, None] * column)
     m = rows.shape[1]
-    rank = int(np.count_nonzero(np.abs(qr.diagonal()) > RANK))
+    rank = int(np.count_nonzero(np.abs(qr.diagonal()) > DEPENDENT_ROWS))
     free = np.zeros((m, m - rank))
     free[order[rank:], np.arange(m - rank)] = 1.0
     if 0 < rank < m:
@@ -78,7 +72,7 @@ def unmoved(rows: Array, before: Array, kept: NDArray[np.intp]) -> Array:
     for used in np.unique(pattern, axis=0):
         alike = np.ix_((pattern == used).all(axis=1), used)
         u, values, _ = np.linalg.svd(motions[used], full_matrices=False)
-        u = u[:, values > RANK]
+        u = u[:, values > DEPENDENT_ROWS]
         result[alike] -= ((rows[alike] * scale[used]) @ u) @ u.T / scale[used]
     return result
 
@@ -128,14 +122,14 @@ def null_pair(matrix: Array, terms: Array) -> tuple[Array, Array]:
     """
     size = sizes(matrix, terms)
     u, values, v = np.linalg.svd(matrix / size[:, None] / size)
-    rank = int(np.count_nonzero(values > RANK))
+    rank = int(np.count_nonzero(values > DEPENDENT_ROWS))
     right, left = (np.linalg.qr(part / size[:, None])[0] for part in (v[rank:].T, u[:, rank:]))
     return right, left
 
 
 def sizes(matrix: Array, terms: Array | float = 0.0) -> Array:
     """Return factors that bring the rows and columns of a square matrix to unit size, but not those of rounding."""
-    size = np.maximum(np.abs(matrix), NOTHING * terms)
+    size = np.maximum(np.abs(matrix), LEAST_ROW * terms)
     result: Array = np.sqrt(np.maximum(size.max(axis=0, initial=0.0), size.max(axis=1, initial=0.0)))
     result[result == 0.0] = 1.0
     return result

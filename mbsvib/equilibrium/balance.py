@@ -14,8 +14,9 @@ from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.articulation import elastic_scale, plain
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.errors import NearSingularWarning
-from mbsvib.kinematics.loops import EPS, reduce
+from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.relative_motion import arm
+from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

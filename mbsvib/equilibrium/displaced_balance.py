@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mbsvib.equations.statics import BALANCE
 from mbsvib.equilibrium.articulation import articulated
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.flexible_parts import flexible
@@ -13,6 +12,7 @@ from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.moved_parts import bare
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError
+from mbsvib.linalg.rank import BALANCE
 
 if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism

@@ -12,7 +12,7 @@ import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.elements.beam import Beam
-from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.linalg.rotations import exponential, logarithm
 from mbsvib.mechanism.mechanism import GROUND
 
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 
     Flexible = Beam | Superelement
 
-# Displacements of nodes against the body that carries a part are rounding up to this share of its distance from the
-# origin, or this angle [rad].
-ROUNDING = 64.0 * EPS
 
 
 def flexible(model: Mechanism) -> list[Flexible]:
@@ -102,7 +99,7 @@ def _bent(root: str, bodies: list[str], points: Array, before: Array, pose: Pose
     after = np.concatenate((before[:, :3] @ turn.T + change, rotation @ turn.T), axis=1)
     extent = float(np.abs(np.concatenate((points, there))).max())
     turned = np.abs(rotation - before[:, 3:]).max()
-    return there, after, bool(np.abs(change).max() > ROUNDING * extent or turned > ROUNDING)
+    return there, after, bool(np.abs(change).max() > ZERO_SUM * extent or turned > ZERO_SUM)
 
 
 def _beam(part: Beam, bodies: list[str], pose: Pose) -> dict[str, Any] | Part:

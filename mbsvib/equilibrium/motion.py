@@ -11,8 +11,8 @@ from scipy.linalg import blas, lapack, qr
 
 from mbsvib.equilibrium.couplers import terms, travelled
 from mbsvib.equilibrium.pose_kinematics import locked, pose_kinematics
-from mbsvib.kinematics.loops import EPS, RANK_FACTOR
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import CLOSED_EXACTLY, EPS, FULL_RANK, RANK_FACTOR, REDUNDANT_LOOPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,17 +27,10 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
 
 CORRECTIONS = 25
-# Singular values of the scaled loop equations below this are redundant rows. Rows are of the size of one; in loops that
-# are redundant as a whole the largest value is rounding too, and what they are open by then moves nothing.
-RANK = 1e-9
-# Pivots above this share of the largest are those of full rank, however rank is decided.
-FULL = 1e-4
 # A change of norm below 1 takes no eigenvalue of 1 to 0; this leaves room for rounding.
 NEARBY = 0.9
 # Loops count as closed when they are open by no more than this share of their size, and get no closer.
 CLOSED = 1e-13
-# What is open by so few roundings gets no closer.
-EXACT = 4.0 * EPS
 
 
 @dataclass(frozen=True)
@@ -165,17 +158,17 @@ def close(at: Stance, may_move: NDArray[np.bool_] | None = None) -> tuple[Stance
         if not now < left:  # it gets no closer
             break
         best, gain, left = here, left, now
-        if now <= EXACT or (now < CLOSED and now > 0.1 * gain):
+        if now <= CLOSED_EXACTLY or (now < CLOSED and now > 0.1 * gain):
             break
         scale = here.scale[allowed]
         step = np.zeros(len(here.scale))
-        limit = max(RANK, here.rounding)
+        limit = max(REDUNDANT_LOOPS, here.rounding)
         step[allowed] = -scale * smallest(here.closure[:, allowed] * scale, error, limit)
         here = here.moved(step)
     return best, left
 
 
-def smallest(a: Array, right: Array, limit: float = RANK) -> Array:
+def smallest(a: Array, right: Array, limit: float = REDUNDANT_LOOPS) -> Array:
     """Return the smallest solution of a x = right in the sense of least squares.
 
     Parameters
@@ -194,7 +187,7 @@ def smallest(a: Array, right: Array, limit: float = RANK) -> Array:
     """
     packed, order, tau = pivoted_qr(a)
     n, pivots = a.shape[1], np.abs(packed.diagonal())
-    full = 0 < len(pivots) == n and pivots[-1] > max(FULL, 100.0 * limit) * max(1.0, pivots[0])
+    full = 0 < len(pivots) == n and pivots[-1] > max(FULL_RANK, 100.0 * limit) * max(1.0, pivots[0])
     if full:  # beyond doubt: there is one solution
         turned = lapack.dormqr("L", "T", packed, tau, right[:, None], 64)[0]
         result = np.empty(n)

@@ -19,7 +19,7 @@ from mbsvib.equilibrium.balance import Balance, balance
 from mbsvib.equilibrium.load_steps import with_share
 from mbsvib.equilibrium.motion import Stance, close, same_side
 from mbsvib.errors import ModelError, NoWordsError, SingularPoseError
-from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rank import EPS, ZERO_STIFFNESS
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -34,8 +34,6 @@ CONTRACTION, NEWTON_STEPS = 0.5, 12
 SMALLEST_SHARE = 1e-3
 # Loops are closed when they are open by less than this share of the mechanism's size, or by rounding.
 CLOSED = 1e-11
-# Eigenvalues of the tangent below this share of the largest are stiffness that is not there.
-ZERO_STIFFNESS = 1e-10
 # Motions without stiffness are left alone if no more than this share of the forces acts along them; otherwise they are
 # taken to be as soft as this share of the stiffest.
 LEFT_ALONE, SOFTEST = 1e-12, 1e-6

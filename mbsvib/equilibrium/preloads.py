@@ -9,16 +9,15 @@ import numpy as np
 
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.rows import Rows
-from mbsvib.equations.statics import BALANCE
 from mbsvib.equilibrium.balance import balance
 from mbsvib.equilibrium.messages import lacking
 from mbsvib.equilibrium.motion import stance
 from mbsvib.equilibrium.moved_parts import bare
 from mbsvib.equilibrium.pose import start
 from mbsvib.errors import EquilibriumError, ModelError, nearest
-from mbsvib.kinematics.loops import EPS
 from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.products import eigenrows
+from mbsvib.linalg.rank import BALANCE, EPS, HOLDS_NOTHING
 from mbsvib.mechanism.mechanism import Mechanism
 from mbsvib.mechanism.rebuilding import changed
 
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 
 M = TypeVar("M", bound=Mechanism)
 
-# Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
-RANK = 1e-10
 # Poses of equilibrium are settled to this share of the forces; corrections larger than so many roundings are none.
 SETTLED, MOST_ROUNDING = 1e-12, 1e4
 
@@ -137,7 +134,7 @@ def _balancing(
     rows = _rows(at, springs, bases)
     each = np.repeat(weight, [len(basis) for basis in bases])
     acting = forces.scale * (rows if forces.reduction.matrix is None else rows @ forces.reduction.matrix)
-    size = each * np.linalg.lstsq((each[:, None] * acting).T, -forces.scale * forces.residual, rcond=RANK)[0]
+    size = each * np.linalg.lstsq((each[:, None] * acting).T, -forces.scale * forces.residual, rcond=HOLDS_NOTHING)[0]
     parts = np.split(size, np.cumsum([len(basis) for basis in bases])[:-1])
     return [basis.T @ part for basis, part in zip(bases, parts, strict=True)]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.geometric_stiffness import forms
-from mbsvib.kinematics.loops import EPS
+from mbsvib.linalg.rank import ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from mbsvib.modes import Modes
     from mbsvib.responses.basis import Basis
 
-# A sum of energies below this share of their sizes is rounding: a rigid-body mode, or one at the point of buckling.
-NO_ENERGY = 64.0 * EPS
 # Of a table, modes and the least share that is shown.
 SHOWN_MODES, SHOWN_SHARE = 8, 5e-4
 ELASTIC, PRELOAD, LOAD, REACTION = "elastic", "preload", "load", "reaction"
@@ -108,7 +106,7 @@ def stiffness_shares(basis: Basis, modes: Modes | None = None) -> StiffnessShare
     system, modes = basis.equations, basis.modes if modes is None else modes
     names, kinds, energy = energies(system, modes.shapes)
     total = energy.sum(axis=0)
-    rigid = np.abs(total) <= NO_ENERGY * np.abs(energy).sum(axis=0)
+    rigid = np.abs(total) <= ZERO_SUM * np.abs(energy).sum(axis=0)
     shares = np.where(rigid, 0.0, energy / np.where(rigid, 1.0, total))
     return StiffnessShares(system.name, names, kinds, modes.frequencies, shares)
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.statics import BALANCE
 from mbsvib.explain.energy_shares import ELASTIC, energies
+from mbsvib.linalg.rank import BALANCE
 
 if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import SAME_POINT
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
-# Points closer than this share of their distance from the origin, or from the centres of mass about which their bodies
-# turned, are one point, told apart by rounding.
-SAME_POINT = 1e-13
 
 
 def length_of(points: Array, *centres: Array) -> float:

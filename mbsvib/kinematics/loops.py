@@ -20,6 +20,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, nearest
 from mbsvib.kinematics.relative_motion import Twists
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, ZERO_PRODUCT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -32,18 +33,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
     Arms = Callable[[Iterable[str]], float]
 
-EPS = float(np.finfo(float).eps)
-# Entries of the scaled Phi carry a rounding error of a few eps times (distance from the origin / loop size); pivots
-# below this many times that error count as zero, however large the others are: rows and columns are of the size of one.
-RANK_FACTOR = 50.0
-# A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-12 are no longer certain.
-NEAR_SINGULAR = 1e-4
-# Sums of n products that cancel to less than this times n of their size are zero but for rounding.
-ZERO_ENTRY = 4.0 * EPS
-# Kept and dropped pivots closer than this leave the rank itself in doubt.
-RANK_GAP = 1e3
-# Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
-TIE_BREAK = 1e-6
 
 
 @dataclass(frozen=True)
@@ -108,7 +97,7 @@ class Reduction:
         if self.matrix is not None:
             exact = result[..., :count, :]
             noise = np.abs(rows[..., :count, :]) @ np.abs(self.matrix)
-            exact[np.abs(exact) <= ZERO_ENTRY * rows.shape[-1] * noise] = 0.0
+            exact[np.abs(exact) <= ZERO_PRODUCT * rows.shape[-1] * noise] = 0.0
         return result
 
 

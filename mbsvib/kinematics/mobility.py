@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.loops import RANK_FACTOR, scaled
+from mbsvib.kinematics.loops import scaled
 from mbsvib.kinematics.relative_motion import CYCLE, body_motion, relative_motion
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, PARALLEL_AXES, RANK_FACTOR
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -28,12 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.topology import Topology
 
-# The pose is moved by STEP (rad, or loop sizes) to first order; loops then close to STEP^2, and a constraint that has
-# become independent shows as a pivot of the order of STEP. The limit lies between the two.
-STEP = 1e-4
-LIMIT = 1e-6
-# Axes that differ by less are parallel: what they differ by shows in no pivot near the limit.
-PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +85,7 @@ def check_mobility(
         scale = np.where(coordinates.turns[group.columns], 1.0, group.length)
         qr, _, _ = pivoted_qr(scaled(phi[group.rows[:, None], group.columns], cuts, group.rows, scale, group.length))
         pivots = np.abs(qr.diagonal())
-        limit = max(LIMIT, RANK_FACTOR * group.noise)
+        limit = max(NEIGHBOUR_PIVOT, RANK_FACTOR * group.noise)
         rank = int(np.count_nonzero(pivots > limit * max(1.0, float(pivots.max(initial=0.0)))))
         if rank > group.rank:
             raise SingularPoseError(
@@ -114,13 +109,13 @@ def _stays_planar(coordinates: Twists, cuts: Cuts, groups: list[LoopGroup]) -> b
     if not length:
         return False
     normal = normal / length
-    if np.count_nonzero(np.abs(normal.dot(linear)) > PARALLEL):
+    if np.count_nonzero(np.abs(normal.dot(linear)) > PARALLEL_AXES):
         return False
-    if np.count_nonzero(np.abs(angular - normal[:, None] * normal.dot(angular)) > PARALLEL):
+    if np.count_nonzero(np.abs(angular - normal[:, None] * normal.dot(angular)) > PARALLEL_AXES):
         return False
     along = cuts.rows.force - normal[:, None] * normal.dot(cuts.rows.force)
-    acts = np.maximum.reduce(np.abs(along)) > PARALLEL
-    acts |= np.abs(normal.dot(cuts.rows.moment)) > PARALLEL
+    acts = np.maximum.reduce(np.abs(along)) > PARALLEL_AXES
+    acts |= np.abs(normal.dot(cuts.rows.moment)) > PARALLEL_AXES
     return all(np.count_nonzero(acts.take(group.rows)) == group.rank for group in groups)
 
 
@@ -158,7 +153,7 @@ def phi_nearby(
     direction = matrix @ np.cos(1.0 + np.arange(matrix.shape[-1]))
     length = min(group.length for group in reduction.groups if group.surplus)
     largest = (np.abs(direction) / np.where(coordinates.turns, 1.0, length)).max(axis=-1, keepdims=True, initial=1e-300)
-    motion = body_motion(coordinates, position) @ (STEP / largest * direction)[..., None, :, None]
+    motion = body_motion(coordinates, position) @ (NEIGHBOUR_STEP / largest * direction)[..., None, :, None]
     displacement = np.concatenate((motion[..., 0], np.zeros((*motion.shape[:-3], 1, 6))), axis=-2)
     translation, rotation = np.moveaxis(displacement[..., :3], -1, 0), np.moveaxis(displacement[..., 3:], -1, 0)
     centre = np.moveaxis(np.concatenate((position, np.zeros((*position.shape[:-2], 1, 3))), axis=-2), -1, 0)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.elements.rows import columns
+from mbsvib.linalg.rank import LARGEST_ROUNDING, ZERO_MOTION
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -31,10 +32,6 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
 
 
-# An entry of no more than so many roundings of what it is the sum of is zero: an axis met, or taken across.
-ROUNDING = 32.0 * float(np.finfo(float).eps)
-# An entry above this [m, rad] is none, of points up to 1e6 m off: it need not be looked at.
-LARGEST = 1e-8
 # x y z x y: both shifts of a cross product are slices of vectors with these components
 CYCLE = np.array((0, 1, 2, 0, 1))
 _FREE = tuple((d, tuple(float(i == j) for j in range(6))) for i, d in enumerate(("x", "y", "z", "rx", "ry", "rz")))
@@ -311,7 +308,7 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         f, m, v, w, p_r and p_k of each.
     """
     size = np.abs(value)
-    small = size < LARGEST
+    small = size < LARGEST_ROUNDING
     if np.count_nonzero(small) + np.count_nonzero(value) == value.size:  # what is small is zero
         return
     if value.ndim == 1:
@@ -326,5 +323,5 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
 
 def _noise(force: Array, moment: Array, linear: Array, angular: Array, point: Array, start: Array) -> Array:
     """Rounding of entries made of f, m, v, w, p_r and p_k, whose sizes these are."""
-    noise: Array = ROUNDING * (((point + start) * force + moment) * angular + force * linear)
+    noise: Array = ZERO_MOTION * (((point + start) * force + moment) * angular + force * linear)
     return noise

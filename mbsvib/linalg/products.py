@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.common.memory import MANY
+from mbsvib.linalg.rank import ZERO_EIGENVALUE
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
 
-# Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
-ZERO_EIGENVALUE = 1e-14
 
 
 def gram(factor: Array) -> Array:

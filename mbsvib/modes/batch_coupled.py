@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.modes.damped import CORRECTION, EPS, quadratic_roots
+from mbsvib.linalg.rank import EPS
+from mbsvib.modes.damped import CORRECTION, quadratic_roots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.batch_coupled import Forms, Start, refined, some, starts
 from mbsvib.modes.damped import (
     CLASSICAL,
     COMMUTES,
-    EPS,
     MARGIN,
     NO_DAMPER,
     Damped,

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.modes.undamped import EPS, SEPARATE, SMALL_ANGLE, SUSPECT
+from mbsvib.linalg.rank import EPS
+from mbsvib.modes.undamped import SEPARATE, SMALL_ANGLE, SUSPECT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 
 from mbsvib.equations.unresisted_motion import completed, product
 from mbsvib.linalg.products import product as weighted
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import forces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
 
-EPS = float(np.finfo(float).eps)
 # Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
 CLASSICAL = 1e-13
 # Shapes that mix leave that much times it of what commutes.

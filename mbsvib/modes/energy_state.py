@@ -18,21 +18,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.equations.massless_null_motion import own_coordinates
-from mbsvib.equations.unresisted_motion import (
-    RANK,
-    completed,
-    free_motions,
-    largest,
-    null_pair,
-    orthonormal,
-    product,
-    sizes,
-)
+from mbsvib.equations.unresisted_motion import completed, free_motions, largest, null_pair, orthonormal, product, sizes
 from mbsvib.linalg.products import gram
 from mbsvib.linalg.products import product as weighted
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 from mbsvib.modes.rigid_motions import unbraked
-from mbsvib.modes.undamped import EPS, WELL_CLOSED, undamped
+from mbsvib.modes.undamped import WELL_CLOSED, undamped
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -265,7 +257,7 @@ def _chains(
 def _null(rows: Array) -> Array:
     """Orthonormal motions that no row feels."""
     _, values, turn = np.linalg.svd(rows)
-    return turn[int(np.count_nonzero(values > RANK * values[0])) :].T
+    return turn[int(np.count_nonzero(values > DEPENDENT_ROWS * values[0])) :].T
 
 
 def _zeros(

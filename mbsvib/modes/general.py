@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.energy_state import EnergyState, answer, energy_state
 from mbsvib.modes.general_refinement import Spectrum, refined
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
 
-EPS = float(np.finfo(float).eps)
 # Eigenvalues this many roundings of the matrix apart are one, if their vectors look nearly dependent.
 TOGETHER = 1e3
 DEPENDENT = 0.5

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.energy_state import EnergyState
 
 
-EPS = float(np.finfo(float).eps)
 ROUNDS = 3
 # Corrections of vectors by less leave errors that are squares of it.
 SETTLED = 1e-9

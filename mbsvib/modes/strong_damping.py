@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-EPS = float(np.finfo(float).eps)
 # Eigenvalues that start with digits need one to three steps; those that start with none seldom more than ten.
 STEPS = 30
 # Steps this small leave the rest to the quotients, which square what is left.

@@ -21,6 +21,7 @@ from scipy.linalg import lapack
 
 from mbsvib.common.memory import keep_freed_memory
 from mbsvib.equations.unresisted_motion import free_motions, orthonormal
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.eigensolvers import Factors, by_factors, by_jacobi, by_products
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
 
-EPS = float(np.finfo(float).eps)
 # Stiffness of either sign whose rounding may be as large as itself is none, and the estimate knows but a fiftieth of
 # what loads have: a pendulum that turns about the vertical must not swing, nor grow.
 NONE = 0.01

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.batch import batch_modes
 from mbsvib.modes.result import RTOL, Modes
 from mbsvib.responses.basis import RESPONSE_RTOL
-from mbsvib.responses.modal_sum import CANCELLED, EPS
+from mbsvib.responses.modal_sum import CANCELLED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,6 +18,7 @@ from scipy.linalg import lapack
 from mbsvib.common.expected import angular
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.qr import sorted_qr
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import residues, sum_of_motions
 from mbsvib.responses.tiny_outputs import mended
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.basis import Basis
 
 
-EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14

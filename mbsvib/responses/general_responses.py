@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 from mbsvib.responses.general_terms import cleaned, highest_terms
 from mbsvib.responses.modal_sum import general_motions
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
 
 
-EPS = float(np.finfo(float).eps)
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of some hundred modes; for each eigenvalue, where
 # solutions that are refined take its place.

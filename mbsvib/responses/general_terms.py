@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.modes.energy_state import EnergyState
     from mbsvib.modes.general import General
 
-EPS = float(np.finfo(float).eps)
 CANCELLED = 32.0  # products that must cancel do so to this many roundings of their terms
 
 

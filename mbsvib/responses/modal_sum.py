@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.general_terms import cleaned, highest_terms, terms
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
 
 
-EPS = float(np.finfo(float).eps)
 # Products over modes that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings
 # of their terms; what is smaller than this many of them is zero.
 CANCELLED = 32.0

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import schur, solve_triangular
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-EPS = float(np.finfo(float).eps)
 # The power of s far above all poles is told at these multiples of |A|; it is a whole number within OFF, of singular
 # values that are CLEAR of rounding.
 FAR = np.array([1e3, 1e4])

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from mbsvib.modes.damped import Damped
 
 
-EPS = float(np.finfo(float).eps)
 # Rounding of a sum over modes in parts of its terms' size.
 ROUNDING = 16.0
 

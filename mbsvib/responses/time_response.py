@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib.common.expected import reals
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_steps import Exponentials, Oscillators
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 
 HOLDS = ("zero", "first")
-EPS = float(np.finfo(float).eps)
 # Condition numbers of eigenvalues up to which a sum over modes loses less than the exponential beside strong dampers.
 DEPENDENT = 1e3
 BESIDE = 1.001  # of the frequency of an undamped pole, where there is no response, it is looked at whether modes add up

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import AccuracyWarning
+from mbsvib.linalg.rank import EPS
 from mbsvib.responses.refined import Factors, Refined, refined
 from mbsvib.responses.rounding import differentiated, real_product
 
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
     Solver = Callable[[Array], Callable[[Complex], Complex]]
 
-EPS = float(np.finfo(float).eps)
 # Responses stand out from what an error of this many eps in every number of the model changes, or are zero.
 LEFT = 64.0
 # Entries whose bound exceeds this part of themselves are computed again.

@@ -18,6 +18,7 @@ import numpy as np
 
 from mbsvib.common.expected import names as listed
 from mbsvib.errors import ResponseError, nearest
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.resolvent import Resolvent
 
 
-EPS = float(np.finfo(float).eps)
 # Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.
 RANK = 2e-13
 # A feedthrough whose inverse is larger is not inverted; its zeros are those of a pencil.

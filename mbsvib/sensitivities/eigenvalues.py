@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
 from mbsvib.sensitivities.adjoint_fields import fields, motions
 from mbsvib.sensitivities.products import forms, picked
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.spectrum import Pairs, Spectrum
     from mbsvib.sensitivities.variables import Asked
 
-EPS = float(np.finfo(float).eps)
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
 ZERO_FORM = 1e-12
 # The same where derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.

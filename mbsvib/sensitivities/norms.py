@@ -15,6 +15,7 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from mbsvib.equations.controllable_part import chosen, reachable
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.basis import SensitivityBasis
 from mbsvib.sensitivities.responses import frequency_response_sensitivities
@@ -36,7 +37,6 @@ BLOCK = 4_000_000
 # The response has its peaks below this times the fastest eigenvalue, and is that at infinity from there; heights that
 # differ by less are the same.
 LAST, FAR, ROUNDING = 1e3, 1e6, 1e-9
-EPS = float(np.finfo(float).eps)
 # Points at which a response is looked at for being 0, times a pole's size: right of the imaginary axis, on no pole.
 ASIDE = np.array([0.83 + 0.41j, 1.07 + 0.29j, 0.91 + 0.57j])
 # A response below this share of what it were if nothing cancelled is 0.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import EPS
 from mbsvib.responses.time_response import _checked
 from mbsvib.sensitivities.states import changed, states, turning
 from mbsvib.sensitivities.variables import variables
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.states import States
     from mbsvib.sensitivities.variables import Asked
 
-EPS = float(np.finfo(float).eps)
 # Taylor's series of the exponential and of its derivative are exact to rounding for matrices of this norm.
 SMALL, TERMS = 0.5, 16
 # Numbers that what is kept of some parameters may hold.

@@ -20,9 +20,18 @@ import numpy as np
 from mbsvib.common.tables import listed
 from mbsvib.elements.rows import Rows
 from mbsvib.errors import NearSingularWarning, SingularPoseError
-from mbsvib.kinematics.loops import NEAR_SINGULAR, RANK_FACTOR, RANK_GAP, TIE_BREAK, LoopGroup, decided, measures
+from mbsvib.kinematics.loops import LoopGroup, decided, measures
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import (
+    CERTAIN_DISTANCE,
+    DEPENDENT_DISTANCE,
+    NEAR_SINGULAR,
+    RANK_FACTOR,
+    RANK_GAP,
+    REGULARISATION,
+    TIE_BREAK,
+)
 from mbsvib.sparse.couplers import locked_entries, row_scale
 from mbsvib.sparse.rows import relative_rows
 
@@ -46,12 +55,6 @@ if TYPE_CHECKING:
 
 # Groups up to this many entries (rows times coordinates) are decided whole by a dense QR: 0.1 s.
 WHOLE = 250_000
-# Regularisation of S S^T: above the rounding of its entries.
-DELTA = 1e-14
-# Squared distances above this are far above the regularisation and what it grows to.
-CERTAIN = 1e-8
-# Unit rows, freed of others three times over, are rounding below this: eps times the conditioning that CERTAIN allows.
-DEPENDENT = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +230,7 @@ def _decide(
     gone = {name for part in parts for name in part.redundant}
     left = np.array([row for row in members.tolist() if names[row] not in gone], dtype=np.intp)
     noise = max(part.noise for part in parts)
-    limit = max(DEPENDENT, RANK_FACTOR * noise)
+    limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
     redundant, kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales), limit)
     _check_gap([name for part in parts for name in part.joints], kept, dropped)
     gone |= {names[left[k]] for k in redundant.tolist()}
@@ -299,14 +302,14 @@ def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
     """Rows no farther than ``limit`` from the span of the others; the smallest distance of a row that is kept, the
     largest of one that is not.
     """
-    distance, _ = _distances(s, DELTA)
-    sure = distance > CERTAIN
+    distance, _ = _distances(s, REGULARISATION)
+    sure = distance > CERTAIN_DISTANCE
     kept = float(np.sqrt(distance[sure].min(initial=1.0)))
     if sure.all():
         return np.zeros(0, dtype=np.intp), kept, 0.0
     while True:
-        distance, lu = _distances(s[sure], DELTA)
-        wrong = distance < 0.5 * CERTAIN
+        distance, lu = _distances(s[sure], REGULARISATION)
+        wrong = distance < 0.5 * CERTAIN_DISTANCE
         if not wrong.any():
             break
         sure[np.flatnonzero(sure)[wrong]] = False

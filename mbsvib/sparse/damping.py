@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.damped import Damped
-from mbsvib.sparse.operator import NOISE
 from mbsvib.sparse.reduction import reduced
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def decoupled(found: Subspace, result: Modes, z: Array) -> bool:
         return True
     brakes = system.elastic_rows[system.damping != 0.0]
     rigid = z[:, : result.rigid]
-    felt = np.abs(brakes @ rigid) > NOISE * (abs(brakes) @ np.abs(rigid))
+    felt = np.abs(brakes @ rigid) > ZERO_SUM * (abs(brakes) @ np.abs(rigid))
     if not result.classical or felt.any():
         return False
     # what C does to a shape must be inertia of that same shape, Gamma_ii M phi, which a solve brings to common units

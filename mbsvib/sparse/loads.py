@@ -19,11 +19,12 @@ from mbsvib.equations.geometric_stiffness import geometric_terms
 from mbsvib.equations.joint_carriers import carrier_of
 from mbsvib.equations.joint_carriers import place as place_of
 from mbsvib.equations.second_order_rows import felt
-from mbsvib.equations.statics import BALANCE, LEAST, unbalanced
+from mbsvib.equations.statics import LEAST, unbalanced
 from mbsvib.equations.unsymmetric_stiffness import load_stiffness
 from mbsvib.equations.wrench_pairs import Pairs
 from mbsvib.equations.wrenches import applied
 from mbsvib.kinematics.mobility import crossed_product
+from mbsvib.linalg.rank import BALANCE
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.statement import antisymmetric, signed_squares, unknown_rows
 

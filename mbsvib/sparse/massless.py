@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.equations.massless_null_motion import EPS, ROW_RANK, Scale
+from mbsvib.equations.massless_null_motion import Scale
 from mbsvib.equations.massless_separation import Separation, resolved
 from mbsvib.equations.terms import Terms
+from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -110,7 +111,7 @@ def separation(
 def _clean(rows: csr_matrix, z: csc_matrix) -> csr_matrix:
     """Rows times motions with zeros where terms cancel to rounding."""
     result = (rows @ z).tocsr()
-    kept = result.multiply(abs(result) > ROW_RANK * (abs(rows) @ abs(z))).tocsr()
+    kept = result.multiply(abs(result) > DEPENDENT_ROWS * (abs(rows) @ abs(z))).tocsr()
     kept.eliminate_zeros()
     return kept
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from mbsvib.equations.massless_null_motion import EPS, RANK_FACTOR, cleaned, null_space, own_coordinates
+from mbsvib.equations.massless_null_motion import cleaned, null_space, own_coordinates
 from mbsvib.equations.massless_separation import check_gap
-from mbsvib.equations.unresisted_motion import CANCELLED
+from mbsvib.linalg.rank import CERTAIN_INERTIA, EPS, RANK_FACTOR, ZERO_SUM
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-# Singular values of inertia rows, scaled to the size of one, above this are certainly not zero.
-CERTAIN = 1e-6
 TINY = float(np.finfo(float).tiny)
 
 
@@ -98,7 +96,7 @@ def _still(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
     n = len(tree.parent)
     still = _carrying(tree, shared)
     heavy = np.flatnonzero(inertia.linear > 0.0)
-    still[heavy[_smallest(inertia.angular[heavy]) > CERTAIN]] = True
+    still[heavy[_smallest(inertia.angular[heavy]) > CERTAIN_INERTIA]] = True
     rest = np.flatnonzero(~still)
     if not len(rest):
         return still
@@ -114,7 +112,7 @@ def _still(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
     beyond = np.arange(6) >= tree.count[rest, None]
     moved = np.concatenate((moved, np.eye(6) * beyond[:, None]), axis=1)  # columns that the joint does not have
     held = np.zeros(n, dtype=bool)
-    held[rest] = np.linalg.svd(moved, compute_uv=False)[:, -1] > CERTAIN
+    held[rest] = np.linalg.svd(moved, compute_uv=False)[:, -1] > CERTAIN_INERTIA
     resting, parent = [*still.tolist(), True], tree.parent.tolist()
     for body in tree.outward.tolist():
         resting[body] = resting[body] or bool(held[body] and resting[parent[body]])
@@ -145,7 +143,8 @@ def _carrying(tree: Tree, shared: Shared | None) -> Mask:
             if key not in known:
                 part = matrix[:, used]
                 part = part / np.maximum(np.abs(part).max(axis=0, initial=0.0), TINY)
-                known[key] = int(np.count_nonzero(np.linalg.svd(part, compute_uv=False) > CERTAIN)) == part.shape[1]
+                sizes = np.linalg.svd(part, compute_uv=False)
+                known[key] = int(np.count_nonzero(sizes > CERTAIN_INERTIA)) == part.shape[1]
             result[nodes[used]] |= sure and known[key]
     return result[:n]
     rows = shared.mass.rows
@@ -156,7 +155,7 @@ def _carrying(tree: Tree, shared: Shared | None) -> Mask:
         size = np.abs(part).max(axis=1, keepdims=True, initial=0.0)
         part = np.divide(part, size, out=np.zeros_like(part), where=size > 0.0)
         values = np.linalg.svd(part, compute_uv=False)
-        rank = np.count_nonzero(values > CERTAIN, axis=1)
+        rank = np.count_nonzero(values > CERTAIN_INERTIA, axis=1)
         sure = (rank == free.sum(axis=1)) & (rows.first[index] == n).all(axis=1)
         result[body[sure].reshape(-1)] = True
     return result[:n]
@@ -252,7 +251,7 @@ class _Part:
             rest = self.block[ahead:]
             rows = rest[:, :ahead] @ follows + rest[:, ahead:]
             terms = np.abs(rest[:, :ahead]) @ np.abs(follows) + np.abs(rest[:, ahead:])
-            rows[np.abs(rows) <= CANCELLED * terms] = 0.0
+            rows[np.abs(rows) <= ZERO_SUM * terms] = 0.0
             scale = 1.0 / (self.size[0, ahead:] + self.size[1, ahead:] / length)
             largest = (terms * scale[:, None]).max(axis=0)
             null, least, most = null_space(rows * scale[:, None], largest, noise)

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.errors import SingularPoseError
-from mbsvib.kinematics.loops import RANK_FACTOR
-from mbsvib.kinematics.mobility import LIMIT, STEP
 from mbsvib.linalg.qr import pivoted_qr
-from mbsvib.sparse.constraints import DEPENDENT, WHOLE
+from mbsvib.linalg.rank import DEPENDENT_DISTANCE, NEIGHBOUR_PIVOT, NEIGHBOUR_STEP, RANK_FACTOR
+from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.couplers import row_scale
 
 if TYPE_CHECKING:
@@ -57,8 +56,9 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
             members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
         for rows in members:
             # a loop by itself may be nearly singular, which is no reason to refuse it
+            limits = DEPENDENT_DISTANCE, NEIGHBOUR_PIVOT
             here, nearby = (_rank(tree, closure, part, rows, group.length, max(limit, RANK_FACTOR * group.noise))
-                            for part, limit in zip(entries, (DEPENDENT, LIMIT), strict=True))  # fmt: skip
+                            for part, limit in zip(entries, limits, strict=True))  # fmt: skip
             here = group.rank if rows is group.rows else here
             if nearby > here:
                 raise SingularPoseError(
@@ -77,7 +77,7 @@ def _displacement(tree: Tree, place: Layout, tableau: Tableau, length: float) ->
     right[place.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[place.coordinate]
     motion = tableau.factor_data(data).solve(right)
     q = motion[place.coordinate]
-    motion *= STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
+    motion *= NEIGHBOUR_STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
     result = np.zeros((len(tree.parent) + 1, 6))
     result[:-1][tree.moves] = motion[place.displacement[tree.moves]]
     return result

@@ -15,6 +15,7 @@ import numpy as np
 
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
+from mbsvib.linalg.rank import EPS
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import WELL_CLOSED, undamped
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 # What the small dense problem is asked for; it costs nothing.
 RTOL = 1e-13
-EPS = float(np.finfo(float).eps)
 # Displacements are sums along the path from ground whose roundings add up at random. Calibrated in the tests.
 ACCUMULATE = 0.25
 

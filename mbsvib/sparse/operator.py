@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.linalg.rank import SAME_ENERGY
 from mbsvib.sparse.assembly import with_stiffness
 from mbsvib.sparse.rigid import far_rows, unsprung, without_far
 
@@ -23,11 +24,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
-# Work and strain energy of a random load agree to this where the stiffness holds everything; a motion that meets no
-# spring does work without bound, and they differ by many orders.
-ENERGY = 1e-6
-# Rigid-body modes do not count as such if their strain, beyond rounding of the displacements, exceeds this many eps.
-NOISE = 64.0 * float(np.finfo(float).eps)
 # Shifts, as shares of the highest frequency's square, at which modes are counted where springs do not say which
 # coordinates are free. Below the last one rounding of the stiffness takes over.
 SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
@@ -92,7 +88,7 @@ class Operator:
         if (self.system.stiffness >= 0.0).all():
             return 0
         try:
-            factor = self.system.tableau.factor(square=-ENERGY * abs(self.sigma), pivot=0.0)
+            factor = self.system.tableau.factor(square=-SAME_ENERGY * abs(self.sigma), pivot=0.0)
         except np.linalg.LinAlgError:
             return self.system.dof
         count = factor.negative(self.system.layout)
@@ -174,7 +170,7 @@ def _holds(held: Operator, lock: Index | None = None) -> bool:
         scale = held.factor.column_scale[place] * held.factor.row_scale[place]
         strain += float(np.sum(z[place] ** 2 / scale))
     size = float(np.abs(system.stiffness) @ (e * e))
-    return bool(np.isfinite(work)) and abs(work - strain) <= ENERGY * max(abs(work), size)
+    return bool(np.isfinite(work)) and abs(work - strain) <= SAME_ENERGY * max(abs(work), size)
 
 
 def _locked_motions(held: Operator, lock: Index) -> Array:

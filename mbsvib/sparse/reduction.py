@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.kinematics.loops import Reduction
 from mbsvib.linalg.products import product
-from mbsvib.sparse.operator import NOISE
+from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.sparse.subspace import strains
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _antisymmetric(matrix: csr_matrix | None, z: Array) -> Array | None:
     if matrix is None:
         return None
     force, terms = np.asarray(matrix @ z), np.asarray(abs(matrix) @ np.abs(z))
-    force[np.abs(force) <= NOISE * terms] = 0.0
+    force[np.abs(force) <= ZERO_SUM * terms] = 0.0
     result: Array = z.T @ force
-    result[np.abs(result) <= NOISE * (np.abs(z).T @ np.abs(force))] = 0.0
+    result[np.abs(result) <= ZERO_SUM * (np.abs(z).T @ np.abs(force))] = 0.0
     return 0.5 * (result - result.T)

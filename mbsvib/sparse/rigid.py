@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.equations import SparseEquations
 
-# As in the dense path: unit rows that depend on each other differ by rounding of the geometry, far below this.
-RANK = 1e-11
 # Coordinates that springs and loops tie together in larger parts than this are taken to be held.
 PART = 600
 
@@ -71,7 +70,7 @@ def unsprung(system: SparseEquations) -> Index:
         block /= np.linalg.norm(block, axis=0)
         qr, order, _ = pivoted_qr(block)
         pivots = np.abs(qr.diagonal())
-        free += names[order[int(np.count_nonzero(pivots > RANK * pivots[0])) :]].tolist()
+        free += names[order[int(np.count_nonzero(pivots > DEPENDENT_ROWS * pivots[0])) :]].tolist()
     return np.array(sorted(free), dtype=np.intp)
 
 
@@ -123,7 +122,7 @@ def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Ind
     block /= np.maximum(np.asarray(abs(rows) @ np.abs(modes)).max(axis=1, initial=0.0), 1e-300)[:, None]
     qr, order, _ = pivoted_qr(block)
     pivots = np.abs(qr.diagonal())
-    rank = int(np.count_nonzero(pivots > RANK))
+    rank = int(np.count_nonzero(pivots > DEPENDENT_ROWS))
     null = np.zeros((len(lock), len(lock) - rank))
     null[order[rank:], np.arange(len(lock) - rank)] = 1.0
     if 0 < rank < len(lock):

@@ -19,16 +19,17 @@ from scipy.linalg import blas, lapack
 
 from mbsvib.common.tables import listed
 from mbsvib.equations.joint_carriers import place as place_of
-from mbsvib.equations.self_stress import DETERMINED, Undetermined, self_stress
+from mbsvib.equations.self_stress import Undetermined, self_stress
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.kinematics.couplers import measure
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import COLUMN_REGULARISATION, DETERMINED
 from mbsvib.linalg.rotations import skew
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.rows import paths
-from mbsvib.sparse.virtual_displacements import CONVERGED, DELTA, STEPS
+from mbsvib.sparse.virtual_displacements import CONVERGED, STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -157,7 +158,7 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
 
     n, m = matrix.shape
     equations = bmat([[region.rows.T @ region.rows, matrix], [matrix.T, None]], format="csc")
-    shift = bmat([[DELTA * eye(n), None], [None, -DELTA * eye(m)]], format="csc")
+    shift = bmat([[COLUMN_REGULARISATION * eye(n), None], [None, -COLUMN_REGULARISATION * eye(m)]], format="csc")
     lu = splu(equations + shift)
 
     def solve(step: Array) -> tuple[Array, Array]:

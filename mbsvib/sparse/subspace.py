@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.sparse.operator import NOISE, operator
+from mbsvib.linalg.rank import ZERO_SUM
+from mbsvib.sparse.operator import operator
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -247,6 +248,6 @@ def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array
     e = np.asarray(system.elastic_rows @ z)
     terms = np.asarray(abs(system.elastic_rows) @ np.abs(z))
     most = np.outer(abs(system.elastic_rows).sum(axis=1), np.abs(z).max(axis=0, initial=0.0))
-    e[np.abs(e) <= np.maximum(NOISE * terms, LOST * most)] = 0.0
+    e[np.abs(e) <= np.maximum(ZERO_SUM * terms, LOST * most)] = 0.0
     e[np.flatnonzero(system.stiffness)[:, None], np.arange(rigid)] = 0.0
     return e, terms

@@ -13,8 +13,8 @@ from scipy.linalg import blas, lapack
 
 from mbsvib.common.tables import listed
 from mbsvib.errors import ModelError
-from mbsvib.kinematics.loops import EPS, RANK_FACTOR
 from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import COLUMN_REGULARISATION, EPS, RANK_FACTOR
 from mbsvib.sparse.constraints import WHOLE
 from mbsvib.sparse.couplers import row_scale
 from mbsvib.sparse.layout import kinematics
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
-# Regularises columns of unit length: far below the squares of singular values that loops have, far above rounding.
-DELTA = 1e-12
 STEPS = 60
 # The last step may change the solution by no more than this, or by rounding of what it is to make up for.
 CONVERGED = 1e-13
@@ -131,7 +129,7 @@ def _of_large(entries: Any, shape: tuple[int, int], group: LoopGroup) -> Callabl
     size = np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
     unit = np.divide(1.0, size, out=np.zeros(columns), where=size > RANK_FACTOR * group.noise)
     a = (a @ diags(unit)).tocsc()
-    lu = splu(bmat([[eye(rows), a], [a.T, -DELTA * eye(columns)]], format="csc"))
+    lu = splu(bmat([[eye(rows), a], [a.T, -COLUMN_REGULARISATION * eye(columns)]], format="csc"))
 
     def solve(right: Array) -> Array:
         result: Array = np.zeros(columns)

@@ -1,0 +1,101 @@
+"""Tolerances of rank and zero decisions: what counts as rounding, each with its reason.
+
+A decision compares a scaled quantity, of the size of one where nothing is known to be small, with one of these.
+Tolerances of iterations, and of bounds of errors, stand beside the algorithms that they belong to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Spacing of double precision at 1.
+EPS = float(np.finfo(float).eps)
+# Entries of the scaled Phi carry a rounding error of a few eps times (distance from the origin / loop size); pivots
+# below this many times that error count as zero, however large the others are: rows and columns are of the size of one.
+RANK_FACTOR = 50.0
+# A pivot that small means that coordinates lose as many digits: eigenvalues good to 1e-12 are no longer certain.
+NEAR_SINGULAR = 1e-4
+# Sums of n products that cancel to less than this times n of their size are zero but for rounding.
+ZERO_PRODUCT = 4.0 * EPS
+# Kept and dropped pivots closer than this leave the rank itself in doubt.
+RANK_GAP = 1e3
+# Equal column norms would leave the choice of coordinates to rounding; this prefers to keep what comes later.
+TIE_BREAK = 1e-6
+# Points closer than this share of their distance from the origin, or from the centres of mass about which their bodies
+# turned, are one point, told apart by rounding.
+SAME_POINT = 1e-13
+# Neighbouring poses are this far (rad, or loop sizes) to first order; loops then close to its square, and a constraint
+# that has become independent shows as a pivot of its size. The limit lies between the two.
+NEIGHBOUR_STEP = 1e-4
+NEIGHBOUR_PIVOT = 1e-6
+# Axes of joints that differ by less are parallel: what they differ by shows in no pivot near that limit.
+PARALLEL_AXES = 1e-9
+# An entry of no more than so many roundings of what it is the sum of is zero: an axis met, or taken across.
+ZERO_MOTION = 32.0 * EPS
+# An entry above this [m, rad] is none, of points up to 1e6 m off: it need not be looked at.
+LARGEST_ROUNDING = 1e-8
+# Rows of unit length that depend on each other differ by rounding of the geometry, far below this.
+DEPENDENT_ROWS = 1e-11
+# Squared pivots of such rows, and pivots of M, each column over what it could be, are no rounding above this.
+CERTAIN_MASS = 1e-10
+# Entries of B'' below this (of coordinates scaled to lengths) are rounding of the loops.
+CLOSURE_NOISE = 1e-13
+# Sums of ten to a hundred terms that cancel to less than so many roundings of their terms are zero: entries, energies,
+# strains of rigid-body motions.
+ZERO_SUM = 64.0 * EPS
+# Rows below this share of their terms are not scaled up any more: their rounding would come near DEPENDENT_ROWS.
+LEAST_ROW = 1e-3
+# Pivots of the mass matrix, scaled to a unit diagonal, below this are rounding: the coordinate has no inertia.
+MASSLESS = 1e-14
+# Second-order forms of a body, and components of wrenches, below this share of the forces that make them are rounding.
+ZERO_FORM = 16.0 * EPS
+# States of self-stress that are this small in all joints are shared among couplers only, and no joint feels them.
+STRESS_IN_COUPLERS = 1e-10
+# A unit wrench with a smaller part of self-stress in it is determined: 1e-9 is the accuracy promised of results.
+DETERMINED = 1e-9
+# The inverse condition of N^T K N, brought to a unit diagonal, below which springs of both signs cancel.
+CANCELLING_SPRINGS = 1e-13
+# Bodies that a motion moves by less than this share of what it moves most are none of those it is said to move.
+MOVES_NOTHING = 1e-9
+# What inputs do at once is zero below this share of the terms it is the sum of.
+ZERO_FEEDTHROUGH = 1e-12
+# Sine of the angle between a turning ground and what it turns, below which they are parallel.
+PARALLEL_DIRECTIONS = 1e-12
+# What is left over, against the forces that should cancel. A pose off balance by this share gives stiffness that is off
+# by about as much, and 1e-9 is the accuracy that results are promised to; rounding leaves a thousandth of it.
+BALANCE = 1e-9
+# Positions carry rounding errors, which springs turn into forces: what so many roundings of every coordinate do is
+# allowed for on top.
+POSITION_ROUNDING = 64.0 * EPS
+# Forces of this share of the largest (each over the root of its stiffness) are what rounding leaves of zero.
+ZERO_PRESTRESS = 1e-14
+# Coordinates that strain elements by less than this share of the one that strains them most, or than joints would with
+# open loops (energies, as roots), do so by the rounding of loops; stiffnesses and lengths of one beam span far less.
+STRAINED = 1e-11
+# Singular values of the scaled loop equations below this are redundant rows. Rows are of the size of one; in loops that
+# are redundant as a whole the largest value is rounding too, and what they are open by then moves nothing.
+REDUNDANT_LOOPS = 1e-9
+# Pivots above this share of the largest are those of full rank, however rank is decided.
+FULL_RANK = 1e-4
+# What is open by so few roundings gets no closer.
+CLOSED_EXACTLY = 4.0 * EPS
+# Combinations of preloads that act on the coordinates by less than this share of the strongest hold nothing.
+HOLDS_NOTHING = 1e-10
+# Eigenvalues of the tangent below this share of the largest are stiffness that is not there.
+ZERO_STIFFNESS = 1e-10
+# Regularisation of S S^T, S unit rows of loops: above the rounding of its entries.
+REGULARISATION = 1e-14
+# Squared distances above this are far above the regularisation and what it grows to.
+CERTAIN_DISTANCE = 1e-8
+# Unit rows, freed of others three times over, are rounding below this: eps times the conditioning that the distance
+# above allows.
+DEPENDENT_DISTANCE = 1e-10
+# Singular values of inertia rows, scaled to the size of one, above this are certainly not zero.
+CERTAIN_INERTIA = 1e-6
+# Work and strain energy of a random load agree to this where the stiffness holds everything; a motion that meets no
+# spring does work without bound, and they differ by many orders.
+SAME_ENERGY = 1e-6
+# Regularises columns of unit length: far below the squares of singular values that loops have, far above rounding.
+COLUMN_REGULARISATION = 1e-12
+# Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
+ZERO_EIGENVALUE = 1e-14
