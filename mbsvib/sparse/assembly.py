@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from mbsvib.elements import Bushing
 from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.ports import ports
 from mbsvib.equations.spin_terms import spin_contribution
 from mbsvib.equations.wrenches import is_loaded
-from mbsvib.errors import ModelError
 from mbsvib.kinematics.shared_rows import shared_rows
 from mbsvib.sparse.constraints import constraints
 from mbsvib.sparse.couplers import coupled
@@ -26,6 +26,7 @@ from mbsvib.sparse.massless_motions import massless_motions
 from mbsvib.sparse.mobility import check_mobility
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.self_stress import regions
+from mbsvib.sparse.spin_forces import spin_forces
 from mbsvib.sparse.statement import antisymmetric, unknown_rows
 from mbsvib.sparse.tableau import build
 from mbsvib.sparse.tree import tree
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
+    from mbsvib.sparse.spin_forces import SpinForces
     from mbsvib.sparse.tree import Tree
 
 # Multipliers that pass through a joint fill the factors in the order leaves to root, quadratically; where there are
@@ -118,19 +120,13 @@ def linearized(
         rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
         loading = found.names
     circulatory = None if found is None else found.circulatory
-    gyroscopic, refused = None, [row for row, *_ in port.wrench_outputs]
-    if model.rotors:
+    gyroscopic, spins = None, spin_forces(model, bodies, structure, place)
+    if spins is not None:
         spin = spin_contribution(model, bodies, tuple(model.springs.values()))
         spun = unknown_rows(spin, structure, place)
         gyroscopic, turning = antisymmetric(spin.gyroscopic, spun), antisymmetric(spin.circulatory, spun)
         if turning is not None:
-            refused += [row for row, *_ in port.force_outputs]
             circulatory = turning if circulatory is None else circulatory + turning
-    if refused and not (circulatory is None and gyroscopic is None):
-        name = list(model.outputs)[refused[0]]
-        raise ModelError(f"linearize: output '{name}' is a force, which method='sparse' does not support beside "
-                         f"rotors, follower loads and torques yet; use method='dense'.", element=name,
-                         field="method")  # fmt: skip
     loop_rows, moving = closure.over_unknowns(structure, place), kinematics(structure, place)
     tableau = build(
         structure, place, moving, rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
@@ -140,11 +136,13 @@ def linearized(
     seen = relative_rows(structure, place, port.rows)
     inputs, outputs, through = _port_rows(port, seen, springs, elastic, of_bodies, inertia, place, structure.position,
                                           shared)  # fmt: skip
+    if spins is not None:
+        outputs = (_with_spin(port, model, spins, outputs[0]), *outputs[1:])
     if port.wrench_outputs:
         from mbsvib.sparse.forces import Acting
 
         sums = Acting(topology, structure, place, closure, number, springs, elastic, inertia, of_bodies, port,
-                      seen[: len(port.force_inputs)], shared, found, shared_by)  # fmt: skip
+                      seen[: len(port.force_inputs)], shared, found, shared_by, spins)  # fmt: skip
         more, straight = sums.outputs()
         undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
@@ -209,6 +207,22 @@ def _with_loads(
 
     return (vstack((rows, found.rows)).tocsr(), np.concatenate((k, found.stiffness)),
             np.concatenate((c, np.zeros(len(found.owner)))), np.concatenate((owner, first + found.owner)))  # fmt: skip
+
+
+def _with_spin(port: Ports, model: Mechanism, spins: SpinForces, rows: csr_matrix) -> csr_matrix:
+    """Rows of outputs with what dampers that turn along with spinning bodies add to the forces in their bushings."""
+    from scipy.sparse import csr_matrix
+
+    elements = list(model.springs.values())
+    for row, owner, wrench in port.force_outputs:
+        spring = elements[owner]
+        if isinstance(spring, Bushing):
+            axes = np.array(spring.orientation)
+            line = spins.in_bushing(spring.name, np.concatenate((axes @ wrench[:3], axes @ wrench[3:])))
+            if line is not None:
+                at = np.flatnonzero(line)
+                rows = rows + csr_matrix((line[at], (np.full(len(at), row), at)), shape=rows.shape)
+    return rows
 
 
 def with_stiffness(system: SparseEquations, stiffness: Array) -> SparseEquations:

@@ -64,15 +64,10 @@ def wants_sparse(
                 raise ModelError(f"linearize: {word} is given, yet method='sparse' {what}; use method='dense'.",
                                  field=word)  # fmt: skip
         return True
-    if method == "dense" or independent is not None or values is not None or not model.bodies or _is_unsymmetric(model):
+    if method == "dense" or independent is not None or values is not None or not model.bodies:
         return False
     topology = span(model, cut)
     return sum(6 if b.joint == FLOATS else len(topology.joints[b.joint].freedom) for b in topology.branches) > MANY
-
-
-def _is_unsymmetric(model: Mechanism) -> bool:
-    """Tell whether rotors, follower loads or torques make the equations unsymmetric, whose modes are computed dense."""
-    return bool(model.rotors) or any(load.follower or any(load.torque) for load in model.loads.values())
 
 
 def linearized(

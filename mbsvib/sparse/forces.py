@@ -21,7 +21,7 @@ from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sparse.rotated_forces import Turning
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.virtual_displacements import Release
-from mbsvib.sparse.virtual_motions import Motion, Virtual, Yielding
+from mbsvib.sparse.virtual_motions import Motion, Virtual, Yielding, all_turns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.loads import Geometric
     from mbsvib.sparse.self_stress import Region
+    from mbsvib.sparse.spin_forces import SpinForces
     from mbsvib.sparse.tree import Tree
 
 
@@ -46,8 +47,8 @@ if TYPE_CHECKING:
 class Acting:
     """All that acts on the bodies, in numbers: ``springs`` with their ``elastic`` rows over the unknowns, ``inertia``
     with its ``factor``, ``port`` with the rows that its inputs have (``pushed``), what more bodies have ``shared``, the
-    forces ``found`` at the pose, if there are any, and the ``regions`` in which redundant constraints share forces, by
-    joint.
+    forces ``found`` at the pose and those of ``spin``, if there are any, and the ``regions`` in which redundant
+    constraints share forces, by joint.
     """
 
     topology: Topology
@@ -64,6 +65,7 @@ class Acting:
     shared: Shared | None
     found: Geometric | None
     regions: Mapping[int, Region]
+    spin: SpinForces | None = None
 
     @cached_property
     def release(self) -> Release:
@@ -110,10 +112,15 @@ class Acting:
         if body < n:
             moved = np.zeros(n + 1)
             moved[body] = -1.0
-            inertia, base = self._of_inertia(Virtual(moved, wrench[:3], wrench[3:], self.tree.position[body]))
+            motion = Virtual(moved, wrench[:3], wrench[3:], self.tree.position[body])
+            inertia, base = self._of_inertia(motion)
+            turns = motion.turns
         else:
             inertia, base = self._resisted(self._carried(wrench, np.zeros(3)))
+            turns = np.tile(wrench[3:], (n + 1, 1))
         lines = {2: inertia}
+        if self.spin is not None:
+            lines[1] = self.spin.of_rotors(turns)
         if body == n and self._turning is not None:
             lines[0] = self._turning.on_ground(wrench)
         return lines, base
@@ -135,6 +142,9 @@ class Acting:
                 lines[derivative] -= rows.T @ (value * along)
         if self._turning is not None:
             lines[0] += self._turning.of_joints(motion)
+        if self.spin is not None:
+            lines[0] += self.spin.of_dampers(motion)
+            lines[1] += self.spin.of_rotors(all_turns(motion, self.place))
         inertia, through = self._of_inertia(motion)
         lines[2] += inertia
         forces = self.port.force_inputs

@@ -15,6 +15,7 @@ import numpy as np
 from mbsvib.elements.rows import Rows
 from mbsvib.kinematics.mobility import crossed_product as cross
 from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.virtual_motions import all_turns
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -80,6 +81,9 @@ class Turning:
         on_a = solid * (cross(f, gap) + cross(t, apart) - half) - cross(arm_a, lever)
         on_a[:, lines] += cross(along[:, lines], on_gap[:, lines])
         on_b = solid * half + cross(arm_b, cross(f, turn_b))
+        follower = np.zeros(count)
+        follower[: applied.loads] = applied.follower
+        on_b += follower * (cross(f, gap) + cross(t, apart))
         on_gap[:, self.found.carrier == pairs.first] = 0.0
         result: Array = self._gaps.T @ on_gap.T.reshape(-1)
         turns = np.zeros((len(self.tree.parent) + 1, 3))
@@ -92,13 +96,10 @@ class Turning:
     def _virtual(self, motion: Motion, along: Array) -> tuple[Array, Array, Array]:
         """Rotations of first and second and the gap between start and end of each force in a motion, (3, pairs)."""
         pairs = self.found.pairs
-        turns = motion.turns
+        turns = all_turns(motion, self.place)
         gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.start)
         if motion.follows is not None:
-            column = self.place.displacement[:, 3:]
-            more = np.where(column >= 0, motion.follows[column], 0.0)
-            turns[:-1] += more
-            swing = np.concatenate((more, np.zeros((1, 3))))[pairs.first].T
+            swing = (turns - motion.turns)[pairs.first].T
             gap = gap + (self._gaps @ motion.follows).reshape(-1, 3).T + cross(swing, along)
         return turns[pairs.first].T, turns[pairs.second].T, gap
 
@@ -131,4 +132,11 @@ class Turning:
         point = np.concatenate((pairs.end[:, loads], self.tree.position.T), axis=1)
         force = cross(np.concatenate((pairs.force[:, loads], applied.weight[:, :-1]), axis=1), wrench[3:, None])
         rows = Rows(np.full(len(second), n), second, point, force, np.zeros_like(force))
-        return np.asarray(relative_rows(self.tree, self.place, rows).sum(axis=0)).reshape(-1)
+        result = np.asarray(relative_rows(self.tree, self.place, rows).sum(axis=0)).reshape(-1)
+        at = wrench[:3, None] + cross(wrench[3:, None], pairs.end[:, loads])
+        turned = cross(pairs.force[:, loads], at) + cross(pairs.torque[:, loads], wrench[3:, None])
+        turns = np.zeros((n + 1, 3))
+        np.add.at(turns, pairs.second[loads], (applied.follower * turned).T)
+        column = self.place.displacement[:, 3:]
+        result[column[column >= 0]] += turns[:-1][column >= 0]
+        return result

@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.rows import Rows
+    from mbsvib.sparse.layout import Layout
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,3 +99,25 @@ class Yielding:
 
 
 Motion = Virtual | Yielding
+
+
+def all_turns(motion: Motion, place: Layout) -> Array:
+    """Return the rotations of bodies and ground in a motion and in what follows it, (bodies + 1, 3).
+
+    Parameters
+    ----------
+    motion : Virtual or Yielding
+        The motion.
+    place : Layout
+        Where the unknowns are.
+
+    Returns
+    -------
+    array
+        World axes.
+    """
+    turns = motion.turns
+    if motion.follows is not None:
+        column = place.displacement[:, 3:]
+        turns[:-1] += np.where(column >= 0, motion.follows[column], 0.0)
+    return turns

@@ -225,8 +225,7 @@ def sparse(subject):
     if system.dof != subject.system.dof:
         raise Mismatch(f"{system.dof} degrees of freedom, not {subject.system.dof}")
     compare_responses(response_of(system, q), own.response, q)
-    symmetric = system.circulatory is None and system.gyroscopic is None
-    count = min(3, system.dof) if symmetric else 0  # modes of unsymmetric sparse equations are refused
+    count = min(3, system.dof)
     if count:
         values = system.modes(count).eigenvalues
         reach = np.abs(values).max(initial=0.0) * (1 + 1e-6)

@@ -129,3 +129,41 @@ def pendulums(n):
         model.add_joint(f"j{i}", "revolute", "ground", f"b{i}", (float(i), 1.0, 0.0))
         model.add_bushing(f"s{i}", "ground", f"b{i}", (float(i), 1.0, 0.0), (0, 0, 0, 0, 0, 100.0))
     return model
+
+
+def shaft(disks, damping=0.0, rotating=0.0, free=False, speed=500.0):
+    """Disks on elastic joints in a row, that spin; on two bearings unless it is free."""
+    model, last, length = mv.Model("shaft"), None, 1.0 / disks
+    for k in range(disks):
+        model.add_body(f"d{k}", 1.0 + 0.1 * (k % 3), (2e-3, 2e-3, 4e-3), (0, 0, k * length))
+        model.add_rotor(f"spin{k}", f"d{k}", speed, (0, 0, 1))
+        stiffness = (1e7, 1e7, 1e8, 1e5 * disks, 1e5 * disks, 1e4 * disks)
+        if last:
+            model.add_bushing(f"s{k}", last, f"d{k}", (0, 0, (k - 0.5) * length), stiffness,
+                              tuple(rotating * value for value in stiffness))  # fmt: skip
+        last = f"d{k}"
+    for k in () if free else (0, disks - 1):
+        stiffness = (1e6, 1.2e6, 1e6, 0, 0, 0)
+        model.add_bushing(f"bearing{k}", "ground", f"d{k}", (0, 0, k * length), stiffness,
+                          tuple(damping * value for value in stiffness))  # fmt: skip
+    model.add_input("push", "d0", "x")
+    model.add_output("moves", last, "y")
+    return model
+
+
+def follower_chain(bodies, force, free=False, drag=True):
+    """A flexible column of ball joints under a thrust that turns with its end; free, with a drag that may turn too."""
+    model, last, length = mv.Model("column"), None if free else "ground", 1.0 / bodies
+    for k in range(bodies):
+        model.add_body(f"b{k}", 1.0 + 0.1 * (k % 3), (2e-3, 2.2e-3, 4e-3), (0, 0, k * length))
+        if last:
+            at, stiffness = (0, 0, (k - 0.5) * length), (0, 0, 0, 1e3 * bodies, 1.2e3 * bodies, 1e3 * bodies)
+            model.add_joint(f"j{k}", "spherical", last, f"b{k}", at)
+            model.add_bushing(f"s{k}", last, f"b{k}", at, stiffness, tuple(1e-5 * value for value in stiffness))
+        last = f"b{k}"
+    model.add_load("thrust", last, (0, 0, -force), position=(0, 0, (bodies - 1) * length), follower=True)
+    if free:
+        model.add_load("drag", "b0", (0, 0, force), position=(0, 0, 0), follower=drag)
+    model.add_input("push", "b0", "x")
+    model.add_output("moves", last, (1.0, 0.5, 0.0, 0.0, 0.0, 0.0))
+    return model

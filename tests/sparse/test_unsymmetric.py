@@ -1,10 +1,13 @@
-"""Sparse equations with rotors, follower loads and torques: the responses of dense ones; modes are refused by name."""
+"""Sparse equations with rotors, follower loads and torques: the responses of dense ones, forces included."""
 
 import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.elements import Output
+from mbsvib.api.sparse_system import SparseSystem
+from mbsvib.elements import Bushing, Output
+from tests.sparse import scenes
+from tests.support import overconstrained
 from tests.support.loaded_models import loaded
 from tests.support.random_models import spatial
 
@@ -83,15 +86,56 @@ def test_disks_on_a_shaft_of_beams():
     assert sparse.gyroscopic.nnz
 
 
-def test_what_is_not_there_yet_is_refused_by_name():
-    model = shaft(1)
-    with pytest.raises(mv.ResponseError, match=r"modes: follower loads, torques or rotors.*'shaft' unsymmetric"):
-        model.linearize(method="sparse").modes(3)
-    model.add_force_output("reaction", "ground", "x")
-    with pytest.raises(mv.ModelError, match="output 'reaction' is a force, which method='sparse' does not support"):
-        model.linearize(method="sparse")
+def with_all_forces(model):
+    """Forces in joints, springs and bushings, sums on bodies and the ground."""
+    springs = [name for name, part in model.springs.items() if isinstance(part, Bushing)]
+    for name in (*model.joints, *model.bodies, *springs, "ground"):
+        for direction in ("x", "y", "z", "rx", "ry", "rz"):
+            model.add_force_output(f"{name}!{direction}", name, direction)
+    return model if model.inputs else with_ports(model)
 
 
-def test_large_models_that_spin_stay_dense_of_their_own_accord(monkeypatch):
+def same_forces(model):
+    model = with_all_forces(model)
+    dense, sparse = (model.linearize(method=method) for method in ("dense", "sparse"))
+    expected, found = dense.frequency_response(OMEGA[1:]), sparse.frequency_response(OMEGA[1:])
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(found - expected) <= 1e-10 * (size + 1e-2 * size.max(axis=0))).all()
+
+
+@pytest.mark.parametrize("floating", [False, True])
+@pytest.mark.parametrize(("follower", "torque"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("loops", [0, 1])
+def test_forces_beside_follower_loads_and_torques(loops, follower, torque, floating):
+    same_forces(loaded(17 + loops, 4, loops, follower=follower, torque=torque, floating=floating))
+
+
+@pytest.mark.parametrize("loops", [0, 1])
+@pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
+def test_forces_beside_wheels(loops):
+    model = spatial(1, bodies=4, loops=loops, kinds=("spherical", "universal"), ports=False)
+    for k, body in enumerate(list(model.bodies)):
+        model.add_rotor(f"wheel{k}", body, 100.0 + 30.0 * k, (0.3, 1.0, -0.2 * k), inertia=0.05)
+    same_forces(model)
+
+
+@pytest.mark.parametrize("name", ["cardan", "locomotive", "bennett"])
+@pytest.mark.filterwarnings("ignore::mbsvib.UndeterminedForceWarning")
+def test_forces_beside_wheels_where_joints_are_redundant(name):
+    model, _ = overconstrained.ALL[name]()
+    for k, (body, part) in enumerate(list(model.bodies.items())):
+        model.add_bushing(f"held{k}", "ground", body, part.position, (1e3,) * 6, (3.0,) * 6)
+    model.add_rotor("wheel", next(iter(model.bodies)), 200.0, (0.3, 0.2, 1.0), inertia=0.05)
+    same_forces(model)
+
+
+def test_forces_in_bushings_that_turn_along():
+    model = scenes.shaft(4, damping=1e-3, rotating=1e-4)
+    assert model.linearize(method="sparse").circulatory is not None
+    same_forces(model)
+
+
+def test_large_models_that_spin_become_sparse_of_their_own_accord(monkeypatch):
     monkeypatch.setattr("mbsvib.sparse.choice.MANY", 10)
-    assert isinstance(shaft(8).linearize(), mv.System)
+    monkeypatch.setattr("mbsvib.sparse.choice.is_small", lambda _: False)
+    assert isinstance(shaft(8).linearize(), SparseSystem)

@@ -1,0 +1,89 @@
+"""What rotors, and dampers that turn along with spinning bodies, do in a motion in which a joint gives way.
+
+A rotor with the angular momentum h acts on its body with h x theta', and a rotating damper with C_d [W]x d on its
+second body, against its first; their work in a motion is a row over the rates of the unknowns, and over the unknowns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.spin_terms import momenta, rotating_dampers
+from mbsvib.sparse.rows import relative_rows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.elements import Body
+    from mbsvib.equations.spin_terms import RotatingDamper
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.tree import Tree
+    from mbsvib.sparse.virtual_motions import Motion
+
+
+@dataclass(frozen=True, slots=True)
+class SpinForces:
+    """Angular momenta (body, h) of rotors, and rotating ``dampers`` with their six rows over the unknowns."""
+
+    place: Layout
+    momenta: list[tuple[int, Array]]
+    dampers: list[tuple[RotatingDamper, csr_matrix]]
+
+    def of_rotors(self, turns: Array) -> Array:
+        """Return the work of rotors in rotations (bodies + 1, 3), as a row over the rates of the unknowns (size,)."""
+        result = np.zeros(self.place.size)
+        for body, momentum in self.momenta:
+            column = self.place.displacement[body, 3:]
+            used = column >= 0
+            result[column[used]] += np.cross(turns[body], momentum)[used]
+        return result
+
+    def of_dampers(self, motion: Motion) -> Array:
+        """Return the work of rotating dampers in a motion, as a row over the unknowns (size,)."""
+        result = np.zeros(self.place.size)
+        for damper, rows in self.dampers:
+            along = motion.along(damper.rows)
+            if motion.follows is not None:
+                along = along + rows @ motion.follows
+            result += rows.T @ (damper.matrix.T @ along)
+        return result
+
+    def in_bushing(self, name: str, wrench: Array) -> Array | None:
+        """Return the force in a bushing along a wrench (6,), world axes, by its turning along; None if it does not."""
+        for damper, rows in self.dampers:
+            if damper.name == name:
+                return np.asarray(-(rows.T @ (damper.matrix.T @ wrench)))
+        return None
+
+
+def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, place: Layout) -> SpinForces | None:
+    """Return the forces of a model's rotors, or None if it has none.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism.
+    bodies : sequence of Body
+        Its bodies, as they are numbered.
+    tree : Tree
+        The spanning tree.
+    place : Layout
+        Where the unknowns are.
+
+    Returns
+    -------
+    SpinForces or None
+        Momenta and rotating dampers.
+    """
+    if not model.rotors:
+        return None
+    dampers = [(damper, relative_rows(tree, place, damper.rows))
+               for damper in rotating_dampers(model, bodies, tuple(model.springs.values()))]  # fmt: skip
+    return SpinForces(place, momenta(model, bodies), dampers)
