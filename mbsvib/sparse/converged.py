@@ -18,7 +18,7 @@ import numpy as np
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
 from mbsvib.sparse.first_order import independent, told_apart
-from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.reduction import reduced, rounding
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
+    from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.quadratic import Quadratic
 
 RTOL = 1e-13
@@ -129,61 +130,98 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
     return np.concatenate((basis, more), axis=1)
 
 
-def converged(
-    quadratic: Quadratic, mass: Array, light: Array, rigid: int, choose: Callable[[Modes], Index],
-    apart: Callable[[Complex], Array], form: type[Equations],
-) -> tuple[Equations, Modes, Array, Index]:  # fmt: skip
-    """Return the small system of a subspace that has grown until chosen modes are those of the whole system.
-
-    Parameters
-    ----------
-    quadratic : Quadratic
-        P(s) of the whole system.
-    mass, light : array, shape (size, n)
-        Motions to start with, and others that move no mass.
-    rigid : int
-        Number of the first ones that meet no spring.
-    choose : callable
-        Numbers of the modes that are wanted, out of all of the small system.
-    apart : callable
-        Distance of eigenvalues from others that are not in the subspace.
-    form : type
-        The class of the small equations.
-
-    Returns
-    -------
-    tuple
-        The small system, its modes, a bound of the relative error of each eigenvalue by what the subspace lacks, and
-        which modes were chosen.
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """The ``small`` system of motions with ``mass`` (size, n), of which the first ``rigid`` meet no spring, and
+    ``light`` ones without, its ``modes``, which of these were ``chosen``, and a ``bound`` of the relative error of each
+    eigenvalue by what the basis lacks.
     """
-    system = quadratic.system
-    for _ in range(ROUNDS):
+
+    mass: Array
+    light: Array
+    rigid: int
+    small: Equations
+    modes: Modes
+    chosen: Index
+    bound: Array
+    vectors: Eigenvectors
+    left_over: Array
+
+    @property
+    def basis(self) -> Array:
+        """All motions, those without mass last."""
+        return np.concatenate((self.mass, self.light), axis=1)
+
+
+@dataclass(frozen=True)
+class Galerkin:
+    """How modes of a large system come from a subspace: ``choose`` numbers those that are wanted out of all modes of
+    the small system, of the class ``form``, and ``apart`` is the distance of eigenvalues from others not in the
+    subspace.
+    """
+
+    quadratic: Quadratic
+    choose: Callable[[Modes], Index]
+    apart: Callable[[Complex], Array]
+    form: type[Equations]
+
+    def solution(self, mass: Array, light: Array, rigid: int) -> Solution:
+        """Return the modes of a subspace as it is."""
         basis = np.concatenate((mass, light), axis=1)
-        small = reduced(system, basis, rigid, form, light.shape[1])
+        small = reduced(self.quadratic.system, basis, rigid, self.form, light.shape[1])
         result: Modes = dense_modes(small, RTOL)
-        chosen = choose(result)
+        chosen = self.choose(result)
         vectors = eigenvectors(result, chosen)
-        sizes = left_over(quadratic, basis, vectors)
-        errors = _bound(small, vectors, sizes, apart(vectors.values))
-        late = np.stack(((sizes[0] > CONVERGED) | (errors > ACCURATE), errors > ACCURATE))
-        more = [_step(quadratic, s, z, transposed)
-                for transposed, side in ((False, vectors.right), (True, vectors.left))[: 2 - quadratic.symmetric]
-                for s, z, wanted in zip(vectors.values, (basis @ side).T, late[int(transposed)], strict=True)
+        sizes = left_over(self.quadratic, basis, vectors)
+        apart = np.maximum(self.apart(vectors.values) / np.abs(vectors.values), CONVERGED)
+        lacks = np.minimum(sizes.max(axis=0), sizes[0] * sizes[1] / apart)
+        bound = error_bound(self.quadratic.system, small, result, vectors, lacks)
+        return Solution(mass, light, rigid, small, result, chosen, bound, vectors, sizes)
+
+    def converged(self, mass: Array, light: Array, rigid: int) -> Solution:
+        """Return the modes of a subspace that has grown until the whole system's equations hold for those chosen."""
+        for _ in range(ROUNDS):
+            result = self.solution(mass, light, rigid)
+            more = self._steps(result)
+            if not more:
+                break
+            mass, light = self.joined(mass, light, np.concatenate(more, axis=1), result.vectors)
+            if mass.shape[1] + light.shape[1] == len(result.small.M):
+                break
+        return result
+
+    def joined(
+        self, mass: Array, light: Array, more: NDArray[Any], vectors: Eigenvectors
+    ) -> tuple[Array, Array]:
+        """Return motions with mass, and those without, with what is new in more of them."""
+        new, massless = told_apart(self.quadratic.system, parts(more))
+        speed = float(np.abs(vectors.values).max(initial=1.0))
+        return (joined(self.quadratic, mass, new, speed),
+                independent(self.quadratic.system, np.concatenate((light, massless), axis=1)))  # fmt: skip
+
+    def _steps(self, found: Solution) -> list[NDArray[Any]]:
+        """Steps of inverse iteration of the vectors for which the whole system's equations do not hold."""
+        vectors, inaccurate = found.vectors, found.bound[found.vectors.number] > ACCURATE
+        late = (inaccurate | (found.left_over[0] > CONVERGED), inaccurate)
+        return [_step(self.quadratic, s, z, transposed)
+                for transposed, side in ((False, vectors.right), (True, vectors.left))[: 2 - self.quadratic.symmetric]
+                for s, z, wanted in zip(vectors.values, (found.basis @ side).T, late[int(transposed)], strict=True)
                 if wanted]  # fmt: skip
-        if not more:
-            break
-        speed = float(np.abs(vectors.values).max())
-        new, massless = told_apart(system, parts(np.concatenate(more, axis=1)))
-        mass = joined(quadratic, mass, new, speed)
-        light = independent(system, np.concatenate((light, massless), axis=1))
-        if mass.shape[1] + light.shape[1] == basis.shape[1]:
-            break
-    bound = np.zeros(len(result.eigenvalues))
-    bound[vectors.number] = errors
-    twin = vectors.number[vectors.number + 1 < len(bound)]
-    twin = twin[result.eigenvalues[twin + 1] == result.eigenvalues[twin].conj()]
-    bound[twin + 1] = bound[twin]
-    return small, result, bound, chosen
+
+    def narrowed(self, found: Solution) -> Solution:
+        """Return the modes chosen in the subspace of their own right and left vectors, and of free motions beside
+        these; in the one that they have where others would be as near in the smaller one, or grow.
+        """
+        vectors, modal, rigid = found.vectors, found.modes.damped, found.rigid
+        sides: list[NDArray[Any]] = [vectors.right, vectors.left][: 2 - self.quadratic.symmetric]
+        if isinstance(modal, General) and (found.modes.eigenvalues == 0.0).any():
+            sides += [modal.state.show @ modal.state.right, modal.state.force.T @ modal.state.left]
+        own = found.basis @ parts(np.concatenate(sides, axis=1))
+        result = self.solution(*self.joined(found.mass[:, :rigid], found.light[:, :0], own, vectors), rigid)
+        others = np.setdiff1d(np.arange(len(result.modes)), result.chosen)
+        if len(self._steps(result)) or result.modes.growing[others].any():
+            return found
+        return result
 
 
 def _step(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDArray[Any]:
@@ -234,8 +272,31 @@ def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
     return result if len(sides) > 1 else result[[0, 0]]
 
 
-def _bound(small: Equations, vectors: Eigenvectors, sizes: Array, apart: Array) -> Array:
-    """Relative errors: what is left on both sides, by the condition of the eigenvalue and the distance to others."""
+def error_bound(
+    system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, lacks: Array
+) -> Array:
+    """Return bounds of the relative errors of eigenvalues: what the subspace lacks, and rounding of displacements.
+
+    |x| |y| / |lambda y^T P'(lambda) x| times both, in energy at the speed |lambda|
+
+    Parameters
+    ----------
+    system : SparseEquations
+        The whole system.
+    small : Equations
+        That of the subspace.
+    result : Modes
+        Its modes.
+    vectors : Eigenvectors
+        Those that are bounded.
+    lacks : array, shape (h,)
+        What is left of their equations, on both sides.
+
+    Returns
+    -------
+    array
+        One for each eigenvalue of the modes, 0 for others.
+    """
     values, x, y = vectors.values, vectors.right, vectors.left
     speed = np.abs(values)
     slope = np.abs(np.einsum("ij,ij->j", y, 2.0 * values * (small.M @ x) + small.C @ x))
@@ -244,5 +305,9 @@ def _bound(small: Equations, vectors: Eigenvectors, sizes: Array, apart: Array) 
                       + (weights * np.abs(small.elastic_rows @ v) ** 2).sum(axis=0)) for v in (x, y)]  # fmt: skip
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = np.nan_to_num(energy[0] * energy[1] / (slope * speed), nan=np.inf)
-    first, second = sizes.max(axis=0), sizes[0] * sizes[1] / np.maximum(apart / speed, CONVERGED)
-    return np.asarray(condition * np.minimum(first, second))
+    bound = np.zeros(len(result.eigenvalues))
+    bound[vectors.number] = condition * (lacks + rounding(system))
+    twin = vectors.number[vectors.number + 1 < len(bound)]
+    twin = twin[result.eigenvalues[twin + 1] == result.eigenvalues[twin].conj()]
+    bound[twin + 1] = bound[twin]
+    return bound

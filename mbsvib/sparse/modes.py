@@ -15,12 +15,11 @@ import numpy as np
 
 from mbsvib.equations.equations import Equations
 from mbsvib.errors import ResponseError
-from mbsvib.linalg.rank import EPS
 from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
-from mbsvib.modes.undamped import WELL_CLOSED, undamped
+from mbsvib.modes.undamped import undamped
 from mbsvib.sparse.damping import coupled, decoupled
-from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.reduction import reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
 from mbsvib.sparse.subspace import subspace
 
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 
 # What the small dense problem is asked for; it costs nothing.
 RTOL = 1e-13
-# Displacements are sums along the path from ground whose roundings add up at random. Calibrated in the tests.
-ACCUMULATE = 0.25
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -87,7 +84,7 @@ def modes(
     missed = None
     if system.circulatory is not None or system.gyroscopic is not None or system.massless:
         small, result, left, chosen = general_modes(system, k, near, dense)
-        errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
+        errors = result.errors + left
     else:
         small, result, errors, chosen, missed = _symmetric(system, k, near, dense)
     errors = np.minimum(errors, 1.0)
@@ -118,7 +115,7 @@ def _symmetric(
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
         return small, result, errors, np.arange(k), found.missed
     small, result, left, chosen = coupled(found, k, near, dense)
-    errors = result.errors + left + _rounding(system) * (result.eigenvalues != 0.0)
+    errors = result.errors + left + rounding(system) * (result.eigenvalues != 0.0)
     return small, result, errors, chosen, found.missed
 
 
@@ -174,13 +171,6 @@ def _nearest(system: SparseEquations, found: Subspace, k: int) -> tuple[Array | 
     first = residual * apart / np.where(flexible, square, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         second = np.where(gap > 0.0, residual**2 * apart**2 / (gap * np.where(flexible, square, 1.0)), np.inf)
-    rounding = _rounding(system)
-    bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding, 0.0)
+    bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding(system), 0.0)
     return basis, bound, int(np.count_nonzero(chosen < found.rigid))
 
-
-def _rounding(system: SparseEquations) -> float:
-    """Relative error of sums along the longest path, and of what nearly singular loops do to the coordinates."""
-    kept = min((group.kept for group in system.constraints.groups), default=1.0)
-    path = ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))
-    return EPS * (1.0 + path + (1.0 / kept if kept < WELL_CLOSED else 0.0))

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.unresisted_motion import free_motions
+from mbsvib.errors import ResponseError
 from mbsvib.modes import modes as dense_modes
-from mbsvib.sparse.converged import RTOL, converged, joined, parts
+from mbsvib.sparse.converged import RTOL, Galerkin, eigenvectors, error_bound, joined, parts
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import following, heaviest, independent, told_apart
 from mbsvib.sparse.layout import kinematics
@@ -28,42 +29,43 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.modes import Modes
+    from mbsvib.sparse.converged import Solution
     from mbsvib.sparse.disc import Disc
     from mbsvib.sparse.equations import SparseEquations
-
-    Answer = tuple[Equations, Modes, Array, Index]
 
 # Modes beyond those asked for.
 GUARDS = 2
 # Systems of so few degrees of freedom, or of not many times the modes asked for, are taken whole.
 WHOLE, EACH = 40, 6
+# Where the search fails, they are so up to this size.
+LARGEST = 1500
 # The shift for the lowest modes, as a share of the lowest frequency that is not 0.
 SHIFT = 0.1
 # Eigenvalues wanted are no more than this above that shift, roughly.
 FAST = 100.0
-# Steps that tell the lowest frequency up to a factor, from a shift no more than so much above it.
-STEPS, ABOVE = 16, 10.0
+# Steps that tell the nearest eigenvalues roughly, and by how much more the shift is tried beyond those that are 0.
+STEPS, ABOVE = 24, 10.0
 # A frequency further than this above all eigenvalues comes down to the last of them.
 BEYOND = 1.2
-# Eigenvalues this small beside the shift may be 0.
-ZERO = 1e-5
 # Shifts near the imaginary axis are off it by this share, to the side of growing motions, where few eigenvalues are.
 ASIDE = 1e-5
 # The first disc is this much larger than a ring is wide; those beside it are this share of the distance from the
 # imaginary axis, or this much larger than the ring is wide.
-FIRST, CLEAR, WIDER = 2.5, 0.7, 1.2
+FIRST, CLEAR, WIDER = 1.5, 0.7, 1.2
 # A ring wider than this share of its radius is searched as a disc around 0.
 WIDE = 0.5
 # Share of a disc on the real axis within a ring that is searched: lightly damped modes are at its rim.
 WITHIN = 0.9
-# Pairs of eigenvalues 0 come out as large as this beside the largest.
+# Pairs of eigenvalues 0 come out no larger than this beside a typical one of springs and bodies.
 NOISE = 1e-6
+# Eigenvalues this small beside the reach of a disc may be 0.
+ZERO = 1e-5
 # Eigenvalues with a smaller share of imaginary part may be real.
 REAL = 1e-6
 # Eigenvalues of a disc and of its subspace are the same up to this share of their distance from the shift.
 SAME = 1e-5
 # Residual of eigenvalues that are known roughly, and rounds of finding where they are.
-ROUGH, ROUNDS = 0.1, 40
+ROUGH, ROUNDS = 1e-2, 40
 # Eigenvalues equally near are taken with each other up to this share of their distance.
 TIES = 1e-9
 
@@ -100,13 +102,19 @@ def general_modes(
         search = Search(quadratic, k, centre, choose, form)
         result = search.ring() if near else search.lowest()
         if result is not None:
-            return result
+            return result.small, result.modes, result.bound, result.chosen
+        if system.dof > LARGEST:
+            raise ResponseError(
+                f"modes: {k} modes of '{system.name}' near {near:g} Hz are not told apart from others nearby; ask for "
+                f"fewer, or near another frequency, or linearize(method='dense')."
+            )
     mass, light = told_apart(system, following(system, coordinates(system)))
     if light.shape[1]:
         mass = heaviest(system, mass)
     small = reduced(system, np.concatenate((mass, light), axis=1), 0, form, light.shape[1])
     every: Modes = dense_modes(small, RTOL)
-    return small, every, np.zeros(len(every.eigenvalues)), choose(every)
+    vectors = eigenvectors(every, np.arange(len(every)))
+    return small, every, error_bound(system, small, every, vectors, np.zeros(len(vectors.values))), choose(every)
 
 
 @dataclass(frozen=True)
@@ -121,7 +129,7 @@ class Search:
     choose: Callable[[Modes], Index]
     form: type[Equations]
 
-    def lowest(self) -> Answer | None:
+    def lowest(self) -> Solution | None:
         """Return modes out of a disc around 0; None where it would have to hold all of them."""
         sigma = SHIFT * lowest_speed(self.quadratic)
         first = disc(self.quadratic, sigma, FAST * sigma)
@@ -141,7 +149,7 @@ class Search:
             wanted += max(4, wanted // 3)
         return None
 
-    def ring(self) -> Answer | None:
+    def ring(self) -> Solution | None:
         """Return modes out of a ring; None where it would have to hold all of them."""
         centre = min(self.centre, highest_speed(self.quadratic, self.centre))
         sigma, wanted = centre * (1j + ASIDE), self.count + GUARDS
@@ -186,7 +194,7 @@ class Search:
             return []
         return [first.left().grown(wanted)]
 
-    def _solved(self, rigid: Array, discs: list[Disc]) -> Answer | None:
+    def _solved(self, rigid: Array, discs: list[Disc]) -> Solution | None:
         """Modes out of the subspace of some discs; None if it lacks eigenvalues that are in the first one."""
         system, basis, light = self.quadratic.system, rigid, rigid[:, :0]
         for each in discs:
@@ -197,10 +205,13 @@ class Search:
         def apart(values: Complex) -> Array:
             return np.asarray(np.max([each.apart(values) for each in discs], axis=0))
 
-        answer = converged(self.quadratic, basis, light, rigid.shape[1], self.choose, apart, self.form)
+        galerkin = Galerkin(self.quadratic, self.choose, apart, self.form)
+        result = galerkin.converged(basis, light, rigid.shape[1])
         known = discs[0].values[np.abs(discs[0].values) > SAME * discs[0].reach]
-        off = np.abs(known[:, None] - answer[1].eigenvalues).min(axis=1, initial=np.inf)
-        return answer if (off <= SAME * np.abs(known - discs[0].shifted.sigma)).all() else None
+        off = np.abs(known[:, None] - result.modes.eigenvalues).min(axis=1, initial=np.inf)
+        if (off > SAME * np.abs(known - discs[0].shifted.sigma)).any():
+            return None
+        return galerkin.narrowed(result)
 
     def _nearest(self, first: Disc, rigid: int, slow: bool = False) -> float:
         """Distance of the last mode wanted, or more: every conjugate pair is a mode of its own, and a rigid motion; and
@@ -211,9 +222,9 @@ class Search:
         distance = np.sort(np.abs(np.append(turns, np.zeros(rigid)) - self.centre))
         return float(distance[self.count - 1]) if len(distance) >= self.count else np.inf
 
-    def _distance(self, answer: Answer) -> float:
+    def _distance(self, answer: Solution) -> float:
         """Distance of the last mode chosen."""
-        return float(np.abs(answer[1].natural[answer[3]] - self.centre).max())
+        return float(np.abs(answer.modes.natural[answer.chosen] - self.centre).max())
 
 
 def _covered(centre: float, width: float, reach: float) -> float:
@@ -234,14 +245,14 @@ def lowest_speed(quadratic: Quadratic) -> float:
     system = quadratic.system
     square = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     speed = np.sqrt(square / (float(system.inertia_factor.power(2).sum()) or 1.0)) or 1.0
-    least = NOISE * speed
-    for _ in range(ROUNDS):
-        size = _nearest_to(quadratic, speed)
-        size = size[size > max(ZERO * speed, least)]
-        if not len(size) or size.min() >= speed / ABOVE:
-            return float(min(speed, size.min(initial=speed)))
-        speed = float(size.min())
-    return speed
+    sigma = NOISE * float(speed)
+    while sigma < speed:  # from below the nearest eigenvalue stands apart, once those that are 0 are not all there is
+        size = _nearest_to(quadratic, sigma)
+        size = size[size > sigma]
+        if len(size):
+            return float(size.min())
+        sigma *= ABOVE
+    return float(speed)
 
 
 def highest_speed(quadratic: Quadratic, centre: float) -> float:
