@@ -71,5 +71,5 @@ class SomeModes(Modes, sparse.SomeModes):
 
     ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
     ``missed`` is the number of modes that the count of eigenvalues says are below the highest one and not among these
-    (0; None where rows were exchanged so that they could not be counted).
+    (0; None where they cannot be counted: rows were exchanged, or the equations have no symmetry).
     """
