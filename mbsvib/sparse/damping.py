@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 RTOL = 1e-13
 # Shapes are modes if no more than this is left of their equations: eigenvalues are off by its square.
 CONVERGED = 1e-9
-ROUNDS = 40
+# Where the subspace has not all that is wanted by then, eigenvalues are searched without the undamped modes.
+ROUNDS = 12
 # The subspace starts anew from the modes found when it has grown to this many vectors for each of them.
 GROWTH = 8
 # Directions that are new by less than this share of their length are left out: what is left of them has lost digits.

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 
 # What the small dense problem is asked for; it costs nothing.
 RTOL = 1e-13
+# Modes whose eigenvalues are off by more are not found from the undamped ones: others are near, or they are too many.
+CONVERGED = 1e-6
+# Modes are counted up to this many times the last natural frequency.
+BEYOND = 1.0 + 1e-6
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -115,8 +119,34 @@ def _symmetric(
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
         return small, result, errors, np.arange(k), found.missed
     small, result, left, chosen = coupled(found, k, near, dense)
+    missed = found.missed
+    certain = result.rigid == found.rigid and float(left.max(initial=0.0)) < CONVERGED
+    unknown = _unknown_overdamped(system, result, chosen) if certain else 1
+    if unknown:  # strong dampers make slow modes of what is fast without them
+        small, result, left, chosen = general_modes(system, k, near, dense)
+    if unknown is None or unknown:
+        missed = None
     errors = result.errors + left + rounding(system) * (result.eigenvalues != 0.0)
-    return small, result, errors, chosen, found.missed
+    return small, result, errors, chosen, missed
+
+
+def _unknown_overdamped(system: SparseEquations, result: Modes, chosen: Index) -> int | None:
+    """How many pairs of real eigenvalues there are on both sides of -s, beyond those of a small system.
+
+    s is beyond all chosen modes. Of the pair (a, b) of a mode, one on either side makes one eigenvalue of P(-s), which
+    is symmetric, negative; their number is that of the negative pivots. None where it cannot be counted.
+    """
+    size = np.abs(result.pairs[chosen])
+    s = BEYOND * float(np.sqrt(size.prod(axis=1)).max(initial=0.0) or size.max(initial=0.0))
+    if not s:
+        return 0
+    try:
+        negative = system.tableau.factor(s=-s, pivot=0.0).negative(system.layout)
+    except np.linalg.LinAlgError:
+        return None
+    real = result.pairs[(result.pairs.imag == 0.0).all(axis=1)].real
+    known = int(np.count_nonzero((real + s).prod(axis=1) < 0.0))
+    return None if negative is None else abs(negative - known)
 
 
 def _check(system: SparseEquations, k: int, near: float) -> None:

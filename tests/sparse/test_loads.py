@@ -32,7 +32,7 @@ def test_large_loaded_models_are_held_sparse(monkeypatch):
     assert type(pendulum_chain(150).linearize()).__name__ == "SparseSystem"
     model = pendulum_chain(150)
     model.add_load("wind", "m150", force=(0, 0, -1.0), follower=True)
-    assert type(model.linearize()).__name__ == "System"
+    assert type(model.linearize()).__name__ == "SparseSystem"
 
 
 def same(model):
