@@ -183,16 +183,16 @@ def strain(call, i, asked):
     shear_modulus = material.get("G", material["E"] / (2 * (1 + material.get("nu", 0.0))))
     nu = material.get("nu", material["E"] / (2 * shear_modulus) - 1)
     area, iy, iz, _, ky, kz = properties(a["section"], nu)
-    section = a["section"]
-    across = 0 if asked["side"][-1] == "y" else 1
+    section, side = a["section"], asked.get("side", "z")
+    across = 0 if side[-1] == "y" else 1
     half = 0.5 * section.get(("width", "height")[across], 2 * section.get("radius", 0.0))
-    offset = asked.get("distance", half) * (-1 if asked["side"][0] == "-" else 1)
+    offset = asked.get("distance", half) * (-1 if side[0] == "-" else 1)
     phi = 12 * material["E"] * (iz, iy)[across] / ((ky, kz)[across] * shear_modulus * area * length**2) if a.get(
         "shear") else 0.0  # fmt: skip
     row = np.zeros(12)
     row[[0, 6]] = -1 / length, 1 / length
     index, sign = PLANES[across]
-    x, at = Polynomial([0, 1]), {"start": 0.0, "middle": 0.5, "end": 1.0}[asked["at"]]
+    x, at = Polynomial([0, 1]), {"start": 0.0, "middle": 0.5, "end": 1.0}[asked.get("at", "start")]
     turns = [6 * (x**2 - x) / length, sign * (1 - 4 * x + 3 * x**2 + phi * (1 - x)), 6 * (x - x**2) / length,
              sign * (3 * x**2 - 2 * x + phi * x)]  # fmt: skip
     row[list(index)] += [-offset * turn.deriv()(at) / (length * (1 + phi)) for turn in turns]
