@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.modes.damped import CORRECTION, quadratic_roots
+from mbsvib.modes.classical import quadratic_roots
+from mbsvib.modes.damped import CORRECTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

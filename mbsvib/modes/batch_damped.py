@@ -14,17 +14,8 @@ import numpy as np
 
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.batch_coupled import Forms, Start, refined, some, starts
-from mbsvib.modes.damped import (
-    CLASSICAL,
-    COMMUTES,
-    MARGIN,
-    NO_DAMPER,
-    Damped,
-    _classical_errors,
-    _pair,
-    _rounding,
-    quadratic_roots,
-)
+from mbsvib.modes.classical import CLASSICAL, COMMUTES, NO_DAMPER, classical_errors, quadratic_roots, rounding_of_sums
+from mbsvib.modes.damped import MARGIN, Damped, pair_numbers
 from mbsvib.modes.undamped import Undamped
 
 if TYPE_CHECKING:
@@ -106,8 +97,8 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     pairs[alone] = roots.reshape(len(alone), m, 2)
     each = Undamped(square, basis.shapes[:0], basis.errors[alone].reshape(-1), 0, "", 0.0)  # one mode knows no other
     own, summed = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
-    summed[own] = _rounding(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
-    errors[alone] = _classical_errors(roots, each, diagonal, summed[alone].reshape(-1)).reshape(len(alone), m, 2)
+    summed[own] = rounding_of_sums(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
+    errors[alone] = classical_errors(roots, each, diagonal, summed[alone].reshape(-1)).reshape(len(alone), m, 2)
     together = np.flatnonzero(~simple & settled)
     if len(together):
         for start in starts(some(gamma, together), np.abs(some(basis.square, together))):
@@ -166,7 +157,7 @@ def _coupled(
     if start.turning == m:
         chosen = np.broadcast_to(turning, (len(values), m, 2))
     else:  # real ones in pairs by shape
-        chosen = np.array([_pair(*one, 0, 0) for one in zip(values, y, strict=True)])
+        chosen = np.array([pair_numbers(*one, 0, 0) for one in zip(values, y, strict=True)])
     size = np.abs(values)
     natural = np.take_along_axis(size, chosen[..., 0], 1) * np.take_along_axis(size, chosen[..., 1], 1)
     chosen = np.take_along_axis(chosen, np.argsort(natural, axis=1, kind="stable")[..., None], 1)

@@ -19,6 +19,14 @@ from scipy.linalg import lapack
 from mbsvib.equations.unresisted_motion import completed, product
 from mbsvib.linalg.products import product as weighted
 from mbsvib.linalg.rank import EPS
+from mbsvib.modes.classical import (
+    COMMUTES,
+    IN_DOUBT,
+    classical_damping,
+    classical_errors,
+    quadratic_roots,
+    rounding_of_sums,
+)
 from mbsvib.modes.rigid_motions import unbraked
 from mbsvib.modes.strong_damping import forces, improved
 from mbsvib.modes.undamped import CLEAN, Undamped
@@ -27,13 +35,6 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
 
-# Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
-CLASSICAL = 1e-13
-# Shapes that mix leave that much times it of what commutes.
-PLAIN = 1e3
-NO_DAMPER = "no damper"
-IN_DOUBT = "in doubt"
-COMMUTES = "damping commutes with mass and stiffness"
 # A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
 CORRECTION = 1e-4
 # The square of a step this small is less than rounding.
@@ -109,8 +110,8 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
         return None
     if reason:
         pairs = quadratic_roots(basis.square, gamma)
-        summed = _rounding(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else None
-        errors = _classical_errors(pairs, basis, gamma, summed)
+        summed = rounding_of_sums(system.elastic_rows, system.damping, basis.shapes) if reason == COMMUTES else None
+        errors = classical_errors(pairs, basis, gamma, summed)
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
@@ -119,83 +120,6 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
         return None
     pairs, vectors, slopes, errors = found
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
-
-
-def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
-    """Return why damping is classical ("" if it is not, ``IN_DOUBT`` if the basis mixes too much to tell) and Gamma, as
-    its diagonal (m,) or whole (m, m).
-    """
-    c, k = system.damping, system.stiffness
-    if not np.count_nonzero(c):
-        return NO_DAMPER, np.zeros(system.dof)
-    if proportional(system):
-        return "damping proportional to stiffness", float(np.add.reduce(c / k) / len(c)) * basis.square
-    half = system.elastic_rows.dot(basis.shapes) * np.sqrt(np.abs(c))[:, None]
-    pushes = np.count_nonzero(c < 0.0)
-    gamma = half.T.dot(half * np.sign(c)[:, None] if pushes else half)
-    size = np.einsum("ij,ij->j", half, half) if pushes else gamma.diagonal()
-    limit = np.sqrt(size[:, None] * size)
-    limit.reshape(-1)[:: len(limit) + 1] = np.inf
-    amount = np.abs(gamma)
-    in_doubt = PLAIN * basis.mixed if basis.mixed > CLEAN else 0.0
-    if np.count_nonzero(amount > max(CLASSICAL, in_doubt) * limit):
-        return "", gamma
-    if in_doubt and np.count_nonzero(amount > CLASSICAL * limit):
-        return IN_DOUBT, gamma
-    return COMMUTES, gamma.diagonal().copy()
-
-
-def proportional(system: Equations) -> bool:
-    """Return whether every damping is the same multiple of its stiffness, none included: known without the modes."""
-    c, k = system.damping, system.stiffness
-    if not np.count_nonzero(c):
-        return True
-    if np.count_nonzero(k) < len(k):
-        return False
-    ratio = c / k
-    return bool(ratio[ratio.argmax()] - ratio[ratio.argmin()] <= 4.0 * EPS * abs(ratio[0]))
-
-
-def quadratic_roots(square: Array, gamma: Array) -> Complex:
-    """Return both roots of lambda^2 + gamma lambda + square = 0 for every mode, (m, 2), without cancellation."""
-    half = 0.5 * gamma
-    omega: Array = np.sqrt(np.abs(square))
-    inside = (half - omega) * (half + omega)
-    if np.count_nonzero(square > 0.0) < len(square):
-        inside = np.where(square > 0.0, inside, half * half - square)
-    root = np.sqrt(np.abs(inside))
-    pairs: Complex = np.empty((len(square), 2), dtype=complex)
-    if np.count_nonzero(inside < 0.0) == len(inside):
-        pairs.real, pairs.imag[:, 0] = 0.0 - half[:, None], root
-        np.negative(root, out=pairs.imag[:, 1])
-        return pairs
-    big = -(half + np.where(half >= 0.0, root, -root))
-    small = np.divide(square, big, out=np.zeros_like(big), where=big != 0.0)
-    oscillates = inside < 0.0
-    pairs[:, 0] = np.where(oscillates, -half + 1j * root, small)
-    pairs[:, 1] = np.where(oscillates, -half - 1j * root, big)
-    return pairs
-
-
-def _rounding(rows: Array, damping: Array, shapes: Array) -> Array:
-    """Rounding of the diagonal of Phi^T D^T diag(c) D Phi, (..., m): dampers may push, and rows may cancel."""
-    terms = np.abs(rows @ shapes) * (np.abs(rows) @ np.abs(shapes))
-    return np.asarray(4.0 * EPS * np.einsum("...s,...sm->...m", np.abs(damping), terms))
-
-
-def _classical_errors(pairs: Complex, basis: Undamped, gamma: Array, summed: Array | None) -> Array:
-    """First-order errors of the roots: those of omega, of the same order of gamma, and of gamma's own sum."""
-    size, gap = np.abs(pairs), np.abs(pairs[:, 0] - pairs[:, 1])[:, None]
-    moved = 2.0 * np.abs(basis.square) + np.abs(gamma) * np.maximum(size[:, 0], size[:, 1])
-    # stiffness of both signs may cancel to an omega of exactly zero, whose relative error is not finite
-    spread = np.multiply(basis.errors, moved, out=np.zeros(len(moved)), where=moved > 0.0)[:, None]
-    if summed is not None:
-        spread = spread + summed[:, None] * size
-    # a root moves by spread / gap, at critical damping with the square root of a perturbation
-    weight = np.maximum(gap, np.sqrt(spread)) * size
-    relative: Array = np.divide(spread, weight, out=np.zeros(size.shape), where=weight > 0.0)
-    relative += 2.0 * EPS * (size > 0.0)
-    return relative
 
 
 def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
@@ -252,7 +176,7 @@ def _coupled(
     if doubtful:
         found = values, y, slope, bound
         values, y, slope, bound = _doubtful(system, shapes, parts, (found, doubt), MARGIN * rtol)
-    which = _pair(values, y, free, r)
+    which = pair_numbers(values, y, free, r)
     pairs = np.where(which < 0, 0.0, values.take(which))
     order = np.abs(pairs[:, 0] * pairs[:, 1]).argsort(kind="stable")
     which, pairs = which.take(order, axis=0), pairs.take(order, axis=0)
@@ -434,9 +358,9 @@ def _with_forces(
     return values[order], y[:, order], slope[order], bound[order]
 
 
-def _pair(values: Complex, y: Complex, free: int, rigid: int) -> Index:
-    """Pair the eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they stand for their
-    conjugates; 0 (-1) with a real one for each braked rigid mode; other real ones by shape.
+def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:
+    """Return the numbers of paired eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they
+    stand for their conjugates; 0 (-1) with a real one for each braked rigid mode; other real ones by shape.
     """
     turning = _turning(values)
     upper, real = np.arange(turning).repeat(2).reshape(-1, 2), list(range(turning, len(values)))

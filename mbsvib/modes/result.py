@@ -12,7 +12,8 @@ import numpy as np
 from mbsvib.common import tables
 from mbsvib.common.expected import real
 from mbsvib.errors import AccuracyWarning, ResponseError, counted
-from mbsvib.modes.damped import NO_DAMPER, Damped, damped, proportional
+from mbsvib.modes.classical import NO_DAMPER, proportional
+from mbsvib.modes.damped import Damped, damped
 from mbsvib.modes.general import General, general, is_general
 from mbsvib.modes.undamped import undamped
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.modes.damped import quadratic_roots
+from mbsvib.modes.classical import quadratic_roots
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex

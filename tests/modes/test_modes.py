@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import mbsvib as mv
-from mbsvib.modes.damped import _pair
+from mbsvib.modes.damped import pair_numbers
 from tests.support.compare import assert_same_eigenvalues, linearized, nearest_pairs
 from tests.support.digits import mp
 from tests.support.exact import Exact
@@ -382,4 +382,5 @@ def test_what_moves_most_where_nothing_has_mass():
 def test_eigenvalues_pair_with_conjugates_and_with_real_ones_of_their_shape():
     values = np.array([-1.0 + 2.0j, -5.0, -6.0, -50.0, -60.0])
     shapes = np.array([[1.0, 0.0, 0.1, 0.1, 0.0], [0.0, 1.0, 0.0, 0.1, 1.0], [0.0, 0.1, 1.0, 1.0, 0.1]], dtype=complex)
-    assert _pair(values, shapes, 0, 0).tolist() == [[0, 0], [1, 4], [2, 3]]  # the first stands for its conjugate too
+    # the first stands for its conjugate too
+    assert pair_numbers(values, shapes, 0, 0).tolist() == [[0, 0], [1, 4], [2, 3]]
