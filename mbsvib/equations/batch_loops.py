@@ -20,7 +20,7 @@ from mbsvib.elements import Joint
 from mbsvib.equations.batch_geometry import scene_of_variant
 from mbsvib.errors import ModelError, NearSingularWarning, SingularPoseError, counted
 from mbsvib.kinematics.loops import Reduction, reduce
-from mbsvib.kinematics.mobility import _crossed, _rods, check_mobility, phi_nearby
+from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
 from mbsvib.mechanism.changes import rotations
@@ -158,13 +158,13 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
     result = np.zeros(len(reduction.matrix), dtype=bool)
     if reduction.matrix.shape[2] and any(len(block.rows) > len(block.dependent) for block in chosen.blocks):
         crossing = []
-        for row, *axes in _crossed(scene.topology, scene.cuts):
+        for row, *axes in crossing_axes(scene.topology, scene.cuts):
             whole = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
             if "orientation" in whole:
                 axes = [(rotations(whole["orientation"]) @ axis).T for axis in axes]
             crossing.append((row, axes[0], axes[1]))
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
-                            _rods(scene.topology, scene.coordinates, scene.cuts))  # fmt: skip
+                            rods_in_loops(scene.topology, scene.coordinates, scene.cuts))  # fmt: skip
         for block in chosen.blocks:
             if len(block.rows) > len(block.dependent):
                 left = _solved(scene.coordinates, scene.cuts, nearby, block)[1]

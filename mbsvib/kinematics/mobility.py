@@ -76,7 +76,7 @@ def check_mobility(
     groups = [group for group in reduction.groups if group.surplus]
     if cuts is None or reduction.matrix is None or not groups or not reduction.matrix.shape[1]:
         return False
-    crossing, rods = _crossed(topology, cuts), _rods(topology, coordinates, cuts)
+    crossing, rods = crossing_axes(topology, cuts), rods_in_loops(topology, coordinates, cuts)
     # rows of the others are fixed in one body each
     if not (crossing or rods) and _stays_planar(coordinates, cuts, groups):
         return True
@@ -138,9 +138,9 @@ def phi_nearby(
     position : array, shape (..., bodies, 3)
         Centres of mass [m], world axes.
     crossing : list of (int, array, array)
-        What ``_crossed`` returns; axes (3,) or (3, variants).
+        What ``crossing_axes`` returns; axes (3,) or (3, variants).
     rods : list of Rod
-        What ``_rods`` returns.
+        What ``rods_in_loops`` returns.
 
     Returns
     -------
@@ -230,7 +230,7 @@ def _carriers(topology: Topology) -> tuple[Index, Index, Index]:
     return carrier, halfway, point
 
 
-def _rods(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
+def rods_in_loops(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
     """Return the rods of distance joints, in the tree or cut."""
     if not any(joint.kind == "distance" for joint in topology.joints):
         return []
@@ -250,7 +250,7 @@ def _rods(topology: Topology, coordinates: Twists, cuts: Cuts) -> list[Rod]:
     return result
 
 
-def _crossed(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Array]]:
+def crossing_axes(topology: Topology, cuts: Cuts) -> list[tuple[int, Array, Array]]:
     """Return the locked rotations that are normal to an axis of each body: (row, axis in first, axis in second)."""
     result = []
     for count, k in enumerate(topology.cut):

@@ -83,7 +83,7 @@ def time_response(
         If times do not ascend, shapes do not match, or the hold is unknown.
     """
     system, modal, first = basis.equations, basis.modal, hold == "first"
-    time, inputs, state = _checked(system, t, u, hold, initial)
+    time, inputs, state = checked_question(system, t, u, hold, initial)
     if not isinstance(modal, Damped):
         return _general(system, modal, (time, inputs, state, first))
     start = modal.shapes.T @ (system.M @ state.T) if system.dof else np.zeros((0, 2))
@@ -321,9 +321,10 @@ def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Arr
     return blocks
 
 
-def _checked(
+def checked_question(
     system: Equations, t: ArrayLike, u: ArrayLike, hold: str, initial: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[Array, Array, Array]:
+    """Return times (n,), inputs (inputs, n) and the initial state of a time response, checked."""
     if not isinstance(hold, str) or hold not in HOLDS:
         raise ResponseError(f"time_response: hold = {hold!r}; expected 'zero' or 'first'.")
     time, inputs = _numbers("t", t, "times [s]"), _numbers("u", u, "inputs")

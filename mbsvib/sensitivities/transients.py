@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.linalg.rank import EPS
-from mbsvib.responses.time_response import _checked
+from mbsvib.responses.time_response import checked_question
 from mbsvib.sensitivities.states import changed, states, turning
 from mbsvib.sensitivities.variables import variables
 
@@ -68,7 +68,7 @@ def time_response_sensitivities(
         If times do not ascend, shapes do not match, or the hold is unknown.
     """
     system = basis.equations
-    time, force, start = _checked(system, t, u, hold, initial)
+    time, force, start = checked_question(system, t, u, hold, initial)
     ports = list(range(len(system.inputs))), list(range(len(system.outputs)))
     names = variables(system.parameters, parameters).names
     result = np.zeros((len(names), len(ports[1]), len(time)))
