@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.common.tables import SHOWN, listed
+from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.errors import counted
 from mbsvib.mechanism.topology import FLOATS
@@ -77,7 +78,9 @@ def _topology(system: Equations) -> list[str]:
         lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
     acting = set(system.row_owner.tolist())
     forces = () if system.provenance.statics is None else system.provenance.statics.applied.names
-    idle = [name for i, name in enumerate(system.provenance.springs) if i not in acting and name not in forces]
+    inerters = {part.name for part in system.provenance.parts if isinstance(part, Inerter)}  # they are part of M
+    idle = [name for i, name in enumerate(system.provenance.springs)
+            if i not in acting and name not in forces and name not in inerters]  # fmt: skip
     if idle:
         left = "the mechanism" if system.provenance.dropped is None else "what is left"
         lines.append(f"  without effect, as no motion of {left} strains them: {listed(idle)}")

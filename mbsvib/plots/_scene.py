@@ -232,8 +232,9 @@ class _Builder:
 
     def bushing(self, part: Connection) -> None:
         at = part.points[0] if part.points else self.places[part.first if part.second == GROUND else part.second]
-        self.hold(part.first, at)
-        self.hold(part.second, at)
+        if part.points:
+            self.hold(part.first, at)
+            self.hold(part.second, at)
         self.line("gap", part.name, [(part.first, at), (part.second, at)])
         what = "bushing" if isinstance(part, Bushing) else "torsion spring"
         self.mark("bushing", part.name, part.second, at, f"{what} between {part.first} and {part.second}")

@@ -99,3 +99,8 @@ def test_parameters_batches_sensitivities_and_poses():
 def test_refusals(words, message):
     with pytest.raises(mv.ModelError, match=message):
         oscillator().replace("b", **words)
+
+
+def test_explain_does_not_call_it_idle():
+    for method in ("dense", "sparse"):
+        assert "without effect" not in oscillator().linearize(method=method).explain()
