@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.families import FAMILIES
 from mbsvib.elements.shared_rows import Piece, Pieces
 from mbsvib.mechanism.mechanism import Mechanism
@@ -51,7 +52,8 @@ def expanded(model: M) -> M:
     mass: list[Piece] = []
     elastic: list[Piece] = []
     made = {part.name for part in owners}
-    for part in parts:
+    # the order of coordinates does not depend on which of both was added first: superelements, then beams
+    for part in sorted(parts, key=lambda part: isinstance(part, Beam)):
         plain = EXPANSIONS[type(part)](part, model.composed)
         for key, group in groups.items():
             group.update(getattr(plain, key))
