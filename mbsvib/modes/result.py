@@ -353,7 +353,8 @@ def _without_symmetry(system: Equations, rtol: float, form: type[Form]) -> Form:
     largest = found.shapes[np.argmax(np.abs(found.shapes), axis=0), columns] if system.dof else np.ones(0)
     moving = np.linalg.norm(system.inertia_factor @ found.shapes, axis=0)
     size = np.where(moving > MOVES * np.abs(largest) * np.linalg.norm(system.inertia_factor), moving, np.abs(largest))
-    shapes = found.shapes * (np.abs(largest) / largest / size)
+    turn = np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
+    shapes = found.shapes * (turn / np.where(size > 0.0, size, 1.0))
     return form(system.name, system.coordinates, system.bodies, found.values, found.value_errors, shapes, "",
                  found.rigid, system.body_motion, system.inertia_factor, found,
                  found.single if found.single.any() else None, _provenance=system.provenance)  # fmt: skip

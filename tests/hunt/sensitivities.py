@@ -49,7 +49,7 @@ def compare(subject, name, values, gap, clear):
         if has_variants(scene, system, name, step):
             raise
         return False
-    allowed = RTOL * np.abs(expected) + 10 * error + ROUNDING * np.abs(values).max() / step
+    allowed = 2 * RTOL * np.abs(expected) + 20 * error + 2 * ROUNDING * np.abs(values).max() / step
     off = np.abs(found - expected) / allowed
     if off.max() > 1.0:
         worst = int(np.argmax(off))
