@@ -107,3 +107,8 @@ def moved_wrench(wrench: Field, arm: NDArray[np.float64]) -> Field:
 def any_nonzero(array: Field) -> bool:
     """Tell whether any number of an array is not zero; mostly the first one tells."""
     return bool(array.size and array.item(0)) or bool(array.any())
+
+
+def inverse_root(size: Field) -> Field:
+    """Return 1 / sqrt(size) of sizes that are not negative, by which equations are scaled; 1 where a size is 0."""
+    return np.asarray(1.0 / np.sqrt(np.where(size > 0.0, size, 1.0)))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.vectors import inverse_root
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
@@ -48,7 +50,7 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
     sizes = _sizes(loaded)
-    unit = 1.0 / np.sqrt(np.maximum(np.abs(np.diagonal(stiffness)) + _works(sizes), np.finfo(float).tiny))
+    unit = inverse_root(np.abs(np.diagonal(stiffness)) + _works(sizes))
     left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
     holds = held > LOOSE
     along = (pushed * unit) @ left

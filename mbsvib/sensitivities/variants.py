@@ -29,6 +29,7 @@ from mbsvib.equilibrium.moved import coordinates_of, moved
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
+from mbsvib.linalg.vectors import inverse_root
 from mbsvib.mechanism.changes import scale_of
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
 
@@ -138,8 +139,7 @@ class Variants:
             return change
         along = self._poses
         stiffness = -along[:, self._entries.count :].T
-        unit = 1.0 / np.sqrt(np.maximum(np.abs(stiffness).max(axis=0, initial=0.0), np.finfo(float).tiny))
-        row = 1.0 / np.sqrt(np.maximum(np.abs(stiffness).max(axis=1, initial=0.0), np.finfo(float).tiny))
+        unit, row = (inverse_root(np.abs(stiffness).max(axis=axis, initial=0.0)) for axis in (0, 1))
         left, sizes, right = np.linalg.svd(row[:, None] * stiffness * unit, full_matrices=False)
         holds = sizes > LOOSE * sizes.max(initial=0.0)
         pushed = row * force
