@@ -108,9 +108,7 @@ class RigidMechanism(Mechanism):
         ModelError
             If a body is unknown or joined with itself, the kind is unknown, or an axis is zero.
         """
-        self._check_name(name, "joint")
-        a = self._body_name(first, "joint", name, "first")
-        b = self._body_name(second, "joint", name, "second")
+        a, b = self._between("joint", name, first, second)
         part = _joint.make(name, kind, a, b, position, orientation, axis, axis2, pitch, free, end)
         return self._keep(self._joints, part)
 
@@ -146,9 +144,7 @@ class RigidMechanism(Mechanism):
         ModelError
             If a body is unknown, the shape is wrong, or neither stiffness, damping nor preload is given.
         """
-        self._check_name(name, "bushing")
-        a = self._body_name(first, "bushing", name, "first")
-        b = self._body_name(second, "bushing", name, "second")
+        a, b = self._between("bushing", name, first, second)
         part = _bushing.make(name, a, b, position, stiffness, damping, orientation, preload)
         return self._keep(self._springs, part)
 
@@ -184,9 +180,7 @@ class RigidMechanism(Mechanism):
         ModelError
             If a body is unknown, the points coincide, or neither stiffness, damping nor preload is given.
         """
-        self._check_name(name, "spring")
-        a = self._body_name(first, "spring", name, "first")
-        b = self._body_name(second, "spring", name, "second")
+        a, b = self._between("spring", name, first, second)
         part = _spring.make(name, a, b, start, end, stiffness, damping, preload, free_length)
         return self._keep(self._springs, part)
 
@@ -226,9 +220,7 @@ class RigidMechanism(Mechanism):
         ModelError
             If a body is unknown, the points coincide, or a coefficient is refused.
         """
-        self._check_name(name, "maxwell")
-        a = self._body_name(first, "maxwell", name, "first")
-        b = self._body_name(second, "maxwell", name, "second")
+        a, b = self._between("maxwell", name, first, second)
         part = _maxwell.make(name, a, b, start, end, stiffness, damping, static_stiffness, preload)
         self._check_name(part.node, f"maxwell '{name}': node")
         self._made[part.node] = part
@@ -260,9 +252,7 @@ class RigidMechanism(Mechanism):
         ModelError
             If a body is unknown, the points coincide, or the inertance is not positive.
         """
-        self._check_name(name, "inerter")
-        a = self._body_name(first, "inerter", name, "first")
-        b = self._body_name(second, "inerter", name, "second")
+        a, b = self._between("inerter", name, first, second)
         return self._keep(self._springs, _inerter.make(name, a, b, start, end, inertance))
 
     def add_torsion_spring(
@@ -294,7 +284,5 @@ class RigidMechanism(Mechanism):
         ModelError
             If a body is unknown, the axis is zero, or neither stiffness, damping nor preload is given.
         """
-        self._check_name(name, "torsion spring")
-        a = self._body_name(first, "torsion spring", name, "first")
-        b = self._body_name(second, "torsion spring", name, "second")
+        a, b = self._between("torsion spring", name, first, second)
         return self._keep(self._springs, _torsion.make(name, a, b, axis, stiffness, damping, preload))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from math import hypot, inf
+from typing import TYPE_CHECKING, Any
 
+from mbsvib.common import arguments as check
 from mbsvib.elements.part import Part
 from mbsvib.errors import ModelError
 
@@ -35,3 +37,33 @@ def check_ends(who: str, first: str, second: str) -> None:
     if first == second:
         raise ModelError(f"{who}: connects body '{first}' with itself; name two different bodies.",
                          element=who, field="second")  # fmt: skip
+
+
+def line_between(who: str, start: Any, end: Any, hint: str) -> tuple[Vector, Vector, Vector, float]:
+    """Return two points [m], the unit vector from the first to the second, and their distance [m], checked.
+
+    Parameters
+    ----------
+    who : str
+        The element, for messages.
+    start, end : array-like, shape (3,)
+        The points, world axes.
+    hint : str
+        What the message says if both are one point.
+
+    Returns
+    -------
+    tuple of three vectors and float
+        Start, end, line and length.
+
+    Raises
+    ------
+    ModelError
+        If a point is no vector, or both are one point.
+    """
+    a, b = check.vector(start, who, "start"), check.vector(end, who, "end")
+    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    length = hypot(x, y, z)
+    if not 0.0 < length < inf:
+        raise check.refuse(who, "end", end, "a point other than start", hint)
+    return a, b, (x / length, y / length, z / length), length

@@ -9,14 +9,13 @@ Source: Smith (2002), Synthesis of mechanical networks: the inerter, IEEE Trans.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, inf
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.part import ParameterField, Part, derived, point
 from mbsvib.elements.rows import Rows, columns
 
@@ -57,17 +56,12 @@ def make(name: str, first: str, second: str, start: Any, end: Any, inertance: An
     """Check the values of an inerter and build it."""
     who = f"inerter '{name}'"
     check_ends(who, first, second)
-    a, b = check.vector(start, who, "start"), check.vector(end, who, "end")
-    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    length = hypot(x, y, z)
-    if not 0.0 < length < inf:
-        raise check.refuse(who, "end", end, "a point other than start",
-                           "An inerter of no length has no line to act along.")  # fmt: skip
+    a, b, line, _ = line_between(who, start, end, "An inerter of no length has no line to act along.")
     expected = "a positive number [kg]"
     mass = check.number(inertance, who, "inertance", expected)
     if mass <= 0.0:
         raise check.refuse(who, "inertance", inertance, expected)
-    return Inerter(name, first, second, a, b, mass, (x / length, y / length, z / length))
+    return Inerter(name, first, second, a, b, mass, line)
 
 
 def rows(

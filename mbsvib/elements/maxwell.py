@@ -7,12 +7,12 @@ damper at work between.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import dist, hypot, inf
+from math import dist
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.part import ParameterField, Part, derived, point
 from mbsvib.errors import ModelError
 
@@ -89,13 +89,7 @@ def make(
     """Check the values of a Maxwell element and build it."""
     who = f"maxwell '{name}'"
     check_ends(who, first, second)
-    a = check.vector(start, who, "start")
-    b = check.vector(end, who, "end")
-    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    length = hypot(x, y, z)
-    if not 0.0 < length < inf:
-        raise check.refuse(who, "end", end, "a point other than start",
-                           "An element of no length has no line to act along.")  # fmt: skip
+    a, b, line, _ = line_between(who, start, end, "An element of no length has no line to act along.")
     expected = "a positive number [N/m]"
     k = check.number(stiffness, who, "stiffness", expected)
     if k <= 0.0:
@@ -111,4 +105,4 @@ def make(
         if preload and not k0:
             raise ModelError(f"{who}: preload = {preload} needs a static_stiffness to carry it, as the damper gives "
                              f"way; give one, or leave preload out.", element=who, field="preload")  # fmt: skip
-    return Maxwell(name, first, second, a, b, k, c, k0, preload, (x / length, y / length, z / length))
+    return Maxwell(name, first, second, a, b, k, c, k0, preload, line)

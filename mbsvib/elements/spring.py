@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import dist, hypot, inf
+from math import dist
 from typing import TYPE_CHECKING, Any, Self
 
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
-from mbsvib.elements.connection import Connection, check_ends
+from mbsvib.elements.connection import Connection, check_ends, line_between
 from mbsvib.elements.part import ParameterField, Part, derived, point
 from mbsvib.errors import ModelError
 
@@ -83,13 +83,7 @@ def make(
     """Check the values of a line spring and build it."""
     who = f"spring '{name}'"
     check_ends(who, first, second)
-    a = check.vector(start, who, "start")
-    b = check.vector(end, who, "end")
-    x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    length = hypot(x, y, z)
-    if not 0.0 < length < inf:
-        raise check.refuse(who, "end", end, "a point other than start",
-                           "A spring of no length has no line to act along: use a bushing.")  # fmt: skip
+    a, b, line, length = line_between(who, start, end, "A spring of no length has no line to act along: use a bushing.")
     k = check.number(stiffness, who, "stiffness", "a finite number [N/m]")
     c = check.number(damping, who, "damping", "a finite number [N s/m]")
     tension = 0.0
@@ -109,5 +103,4 @@ def make(
     if k == 0.0 and c == 0.0 and not tension:
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the spring out.",
                          element=who, field="stiffness")  # fmt: skip
-    line = (x / length, y / length, z / length)
     return Spring(name, first, second, a, b, k, c, preload, free_length, line, length, tension)

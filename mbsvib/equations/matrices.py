@@ -59,17 +59,18 @@ def matrices(
             kept, elastic = kept.take(moves), elastic.take(moves, axis=0)
         springs = springs.only(kept)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
-    of_bodies = factor
     if springs.inertance is not None:
-        inertial, others = springs.inertance.nonzero()[0], (springs.inertance == 0.0).nonzero()[0]
-        factor = np.concatenate((factor, np.sqrt(springs.inertance[inertial])[:, None] * elastic[inertial]))
+        others = (springs.inertance == 0.0).nonzero()[0]
         rows, k, c, owner = rows[others], k[others], c[others], owner[others]
     if scene.shared is not None:
         base = every[..., ports_end:, :]
-        of_bodies, factor = (scene.shared.inertia_rows(part, base) for part in (of_bodies, factor))
+        factor = scene.shared.inertia_rows(factor, base)
         rows, k, c, owner = scene.shared.elastic_rows(base, rows, k, c, owner)
-    seen_by_ports: Any = port_matrices(scene.port, seen, springs, elastic, scene.inertia, of_bodies, scene.position,
+    seen_by_ports: Any = port_matrices(scene.port, seen, springs, elastic, scene.inertia, factor, scene.position,
                                        scene.shared)  # fmt: skip
+    if springs.inertance is not None:  # no moving ground carries these rows along
+        inertial = springs.inertance.nonzero()[0]
+        factor = np.concatenate((factor, np.sqrt(springs.inertance[inertial])[:, None] * elastic[inertial]))
     return Terms(
         gram(factor), product(rows, c), product(rows, k), **seen_by_ports,
         inertia_factor=factor, elastic_rows=rows, stiffness=k, damping=c, row_owner=owner, body_motion=motion,

@@ -8,7 +8,6 @@ import numpy as np
 
 from mbsvib.common.tables import listed
 from mbsvib.elements import ForceOutput
-from mbsvib.elements.inerter import Inerter
 from mbsvib.errors import counted
 from mbsvib.explain.dense import dropped, separated
 
@@ -43,9 +42,7 @@ def explain(system: SparseEquations) -> str:
     lines.append(f"  spanning tree: {listed(system.tree) or 'no joint'}")
     acting = np.zeros(len(system.springs) + len(system.loading), dtype=bool)
     acting[system.row_owner] = True
-    inerters = {name for name, part in system.model.springs.items() if isinstance(part, Inerter)}  # they are part of M
-    idle = [name for name, acts in zip(system.springs, acting.tolist(), strict=False)
-            if not acts and name not in inerters]  # fmt: skip
+    idle = [name for name, acts in zip(system.springs, acting.tolist(), strict=False) if not acts]
     if system.dropped is not None:
         lines += [f"  {text}" for text in dropped(system.dropped)]
     elif idle:

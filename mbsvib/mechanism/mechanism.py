@@ -288,6 +288,11 @@ class Mechanism:
         if name == GROUND:
             raise ModelError("'ground' is there from the start and cannot be added.", element=GROUND, field="name")
 
+    def _between(self, what: str, name: str, first: str | Body, second: str | Body) -> tuple[str, str]:
+        """Check the name of a part between two bodies, and return the names of these."""
+        self._check_name(name, what)
+        return self._body_name(first, what, name, "first"), self._body_name(second, what, name, "second")
+
     def _body_name(self, body: str | Body, what: str, name: str, field: str) -> str:
         key = body if type(body) is str else getattr(body, "name", body)
         if isinstance(key, str) and (key in self._bodies or key == GROUND or key in self._nodes):
