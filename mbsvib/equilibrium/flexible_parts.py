@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     Flexible = Beam | Superelement
 
 
-
 def flexible(model: Mechanism) -> list[Flexible]:
     """Return the beams and superelements of a mechanism."""
     return cast("list[Flexible]", list(model.composed.values()))

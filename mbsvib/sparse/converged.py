@@ -18,7 +18,7 @@ import numpy as np
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
 from mbsvib.sparse.first_order import independent, told_apart
-from mbsvib.sparse.reduction import reduced, rounding
+from mbsvib.sparse.reduction import RTOL, reduced, rounding
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.quadratic import Quadratic
 
-RTOL = 1e-13
 # Right vectors are those of the whole system if no more than this is left of their equations, and eigenvalues if their
 # error, to which the product of what is left on both sides is a bound, is no more than the other.
 CONVERGED, ACCURATE = 1e-9, 1e-13

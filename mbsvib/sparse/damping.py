@@ -16,7 +16,7 @@ import numpy as np
 from mbsvib.linalg.rank import ZERO_SUM
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.damped import Damped
-from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.reduction import RTOL, reduced
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
 
-
-RTOL = 1e-13
 # Shapes are modes if no more than this is left of their equations: eigenvalues are off by its square.
 CONVERGED = 1e-9
 # Where the subspace has not all that is wanted by then, eigenvalues are searched without the undamped modes.

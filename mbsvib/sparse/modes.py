@@ -19,7 +19,7 @@ from mbsvib.modes import Modes
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.undamped import undamped
 from mbsvib.sparse.damping import coupled, decoupled
-from mbsvib.sparse.reduction import reduced, rounding
+from mbsvib.sparse.reduction import RTOL, reduced, rounding
 from mbsvib.sparse.spectrum import general_modes
 from mbsvib.sparse.subspace import subspace
 
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.subspace import Subspace
 
-# What the small dense problem is asked for; it costs nothing.
-RTOL = 1e-13
 # Modes whose eigenvalues are off by more are not found from the undamped ones: others are near, or they are too many.
 CONVERGED = 1e-6
 # Modes are counted up to this many times the last natural frequency.

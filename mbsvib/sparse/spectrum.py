@@ -15,13 +15,13 @@ import numpy as np
 from mbsvib.equations.unresisted_motion import free_motions
 from mbsvib.errors import ResponseError
 from mbsvib.modes import modes as dense_modes
-from mbsvib.sparse.converged import RTOL, Galerkin, eigenvectors, error_bound, joined, parts
+from mbsvib.sparse.converged import Galerkin, eigenvectors, error_bound, joined, parts
 from mbsvib.sparse.disc import disc
 from mbsvib.sparse.first_order import following, heaviest, independent, told_apart
 from mbsvib.sparse.layout import kinematics
 from mbsvib.sparse.operator import BRAKED, operator
 from mbsvib.sparse.quadratic import Quadratic
-from mbsvib.sparse.reduction import reduced
+from mbsvib.sparse.reduction import RTOL, reduced
 
 if TYPE_CHECKING:
     from collections.abc import Callable

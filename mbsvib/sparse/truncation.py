@@ -19,6 +19,7 @@ from mbsvib.modes.undamped import undamped
 from mbsvib.responses.basis import Basis
 from mbsvib.responses.frequency_response import frequency_response as dense_response
 from mbsvib.sparse.operator import operator
+from mbsvib.sparse.reduction import RTOL
 from mbsvib.sparse.response import frequency_response, static_compliance
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.sparse.equations import SparseEquations
-
-RTOL = 1e-13
 
 E = TypeVar("E", bound=Equations)
 
