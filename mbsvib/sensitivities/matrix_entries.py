@@ -17,10 +17,12 @@ if TYPE_CHECKING:
 
 # Entries are as good as this share of the largest in their matrix deserves.
 SMALL = 1e-6
+# Outputs of forces are sums of rows of these matrices, and as good as these rows.
+_LIKE = {"Cq": "K", "Cv": "C", "Ca": "M", "D": "B"}
 
 
 class MatrixEntries:
-    """Entries of M, C, K, B, Cq, Cv, Ca and D in one row, behind them the forces along the independent coordinates."""
+    """Entries of M, C, K, B, Cq, Cv, Ca and D in one row."""
 
     def __init__(self, system: Equations) -> None:
         self.system = system
@@ -38,19 +40,14 @@ class MatrixEntries:
 
     @cached_property
     def sizes(self) -> Array:
-        """What entries are measured by: those of the system's own matrices, and the forces that cancel."""
-        own = self.system
-        sizes = self.measured(np.concatenate([*(getattr(own, key).reshape(-1) for key in MATRICES), np.zeros(
-            len(own.provenance.reduction.independent))]))  # fmt: skip
-        sizes[self.count :] = self.loads
-        return sizes
+        """What entries are measured by: those of the system's own matrices."""
+        return self.measured(np.concatenate([getattr(self.system, key).reshape(-1) for key in MATRICES]))
 
     @cached_property
     def empty(self) -> NDArray[np.bool_]:
         """Entries of matrices that are zero, as C is without dampers: they are measured by what they become."""
         own = [getattr(self.system, key) for key in MATRICES]
-        return np.concatenate([*(np.full(matrix.size, not matrix.any()) for matrix in own),
-                               np.zeros(len(self.sizes) - self.count, dtype=bool)])  # fmt: skip
+        return np.concatenate([np.full(matrix.size, not matrix.any()) for matrix in own])
 
     def measured(self, values: Array) -> Array:
         """The geometric mean of the largest of the row and of the column of entries, and at least a small share of the
@@ -60,6 +57,7 @@ class MatrixEntries:
         unit = np.sqrt(np.abs(np.diagonal(own.M)) / (np.abs(np.diagonal(own.M)).max(initial=0.0) or 1.0))
         unit[unit == 0.0] = 1.0
         scales = {"B": (unit, None), "D": (None, None), "Cq": (None, unit), "Cv": (None, unit), "Ca": (None, unit)}
+        levers = self._levers[:, None]
         for key in MATRICES:
             shape = getattr(own, key).shape
             start, stop = start + getattr(own, key).size, start
@@ -68,8 +66,21 @@ class MatrixEntries:
             left, right = (np.ones(n) if scale is None else scale
                            for n, scale in zip(size.shape, scales.get(key, (unit, unit)), strict=True))  # fmt: skip
             unlike = np.multiply.outer(left, right)
-            parts.append((mean + SMALL * float((size / unlike).max(initial=0.0)) * unlike).reshape(-1))
-        return np.concatenate([*parts, np.zeros(len(values) - start)])
+            least = np.full((len(left), 1), (size / unlike).max(initial=0.0))
+            if key in _LIKE:
+                like = np.abs(getattr(own, _LIKE[key])) / (1.0 if key == "D" else unit)
+                least = np.maximum(least, levers * like.max(initial=0.0))
+            parts.append((mean + SMALL * least * unlike).reshape(-1))
+        return np.concatenate(parts)
+
+    @cached_property
+    def _levers(self) -> Array:
+        """How much (outputs,) of rows of K, C, M or B outputs of forces are at least, 0 for all other outputs."""
+        own = self.system
+        shares = [np.abs(seen).max(axis=1, initial=0.0) / (np.abs(of).max(initial=0.0) or np.inf)
+                  for seen, of in ((own.Cq, own.K), (own.Cv, own.C), (own.Ca, own.M), (own.D, own.B))]  # fmt: skip
+        force = np.array([unit.startswith("N") for unit in own.output_units], dtype=bool)
+        return np.where(force, np.maximum(1.0, np.max(shares, axis=0)), 0.0)
 
     def compared(self, values: Array) -> Array:
         """Return what the entries of changed matrices are compared with: ``sizes``, of empty matrices their change."""

@@ -25,19 +25,17 @@ from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.articulation import stiffened
 from mbsvib.equilibrium.at_equilibrium import settled
-from mbsvib.equilibrium.moved import coordinates_of, moved
 from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
-from mbsvib.linalg.vectors import inverse_root
 from mbsvib.mechanism.changes import scale_of
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
+from mbsvib.sensitivities.variant_poses import VariantPoses
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
-    from mbsvib.equations.statics import Statics
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.variables import Direction
     from mbsvib.sparse.equations import SparseEquations
@@ -50,9 +48,9 @@ STEP, SMALLER, TRIALS = 2.0**-6, 0.125, 4
 AGREED = 1e-11
 # Slopes that agree no better than this are refused.
 WORST = 1e-7
-# Forces that are rounding of those that cancel, and what may be left of them where nothing holds a motion: one whose
-# stiffness is less than this share of the largest.
-STILL, LEFT, LOOSE = 1e-12, 1e-9, 1e-10
+
+# Fields that say where parts are, and by which forces; forces are measured by this share of the loads at least.
+PLACES, FORCES, LEAST = ("position", "start", "end"), ("force", "torque", "preload"), 1e-3
 
 
 class Variants:
@@ -62,6 +60,7 @@ class Variants:
         self.system = system
         self._entries = MatrixEntries(system)
         self._slopes: dict[Rates, Array] = {}
+        self._slopes_along: dict[int, Array] = {}
         self._refused: dict[Rates, ModelError] = {}
 
     def slopes(self, directions: Sequence[Direction], every: bool = False) -> dict[str, Array]:
@@ -123,7 +122,7 @@ class Variants:
         scale = min(self._scale(name) / abs(rate) for name, rate in direction.rates)
 
         def at(change: float) -> Array:
-            return self._equations({name: values[name] + change * rate for name, rate in direction.rates}, {})
+            return self._equations({name: values[name] + change * rate for name, rate in direction.rates})
 
         try:
             slopes = self._extrapolated(at, scale, f"'{direction.name}'")
@@ -134,20 +133,15 @@ class Variants:
     def _through_equilibrium(self, slopes: Array, scale: float, name: str) -> Array:
         """Let the equilibrium give way to the forces that a parameter leaves over."""
         change, force = slopes[: self._entries.count], slopes[self._entries.count :]
-        rounding = self._entries.loads / scale
-        if not np.abs(force).max(initial=0.0) > STILL * rounding:
+        if not len(force):
             return change
-        along = self._poses
-        stiffness = -along[:, self._entries.count :].T
-        unit, row = (inverse_root(np.abs(stiffness).max(axis=axis, initial=0.0)) for axis in (0, 1))
-        left, sizes, right = np.linalg.svd(row[:, None] * stiffness * unit, full_matrices=False)
-        holds = sizes > LOOSE * sizes.max(initial=0.0)
-        pushed = row * force
-        motion = right[holds].T @ ((left[:, holds].T @ pushed) / sizes[holds])
-        over = pushed - row * (stiffness @ (unit * motion))
-        if (np.abs(over) > LEFT * (np.abs(pushed).max(initial=0.0) + row * rounding)).any():
+        assert self._poses is not None
+        motion = self._poses.motion(force, scale)
+        if motion is None:
             raise not_held(name, self.system.name)
-        return np.asarray(change + (unit * motion) @ along[:, : self._entries.count])
+        for k in np.flatnonzero(motion):
+            change = change + motion[k] * self._along(int(k))
+        return change
 
     @cached_property
     def _model(self) -> Mechanism:
@@ -160,31 +154,26 @@ class Variants:
         return came.origin
 
     @cached_property
-    def _settles(self) -> bool:
-        """Whether each variant finds its own equilibrium: as this one did, or as beams bend anew."""
-        return self.system.provenance.settled or any(
-            getattr(part, "displacements", None) is not None for part in self._model.composed.values())  # fmt: skip
-
-    @cached_property
     def _cut(self) -> tuple[str, ...]:
         topology = self.system.provenance.topology
         own = self._model.joints
         return tuple(name for k in topology.cut if (name := topology.joints[k].name) in own)
 
     @cached_property
-    def _poses(self) -> Array:
-        """Derivatives along the motions of the pose, (coordinates, ...)."""
+    def _poses(self) -> VariantPoses | None:
+        """The poses next to that of the system; None without loads, or where each variant finds its own."""
         came = self.system.provenance
-        names = [came.joint_coordinates[i] for i in came.reduction.independent.tolist()]
-        size, known = coordinates_of(self._model, self._cut)
-        names = [name for name in names if name in known]
-        still = dict.fromkeys(names, 0.0)
+        return None if came.settled or came.statics is None else VariantPoses.of(self._model, self._cut)
 
-        def along(name: str) -> Array:
-            return self._extrapolated(lambda q: self._equations({}, still | {name: q}), 1.0 if known[name] else size,
-                                      f"coordinate '{name}'")  # fmt: skip
-
-        return np.array([along(name) for name in names]).reshape(len(names), len(self._entries.sizes))
+    def _along(self, k: int) -> Array:
+        """Derivatives of all entries along a motion of the pose."""
+        poses = self._poses
+        assert poses is not None
+        if k not in self._slopes_along:
+            unit = np.eye(len(poses.names))[k]
+            self._slopes_along[k] = self._extrapolated(
+                lambda q: self._matrices(poses.at(q * unit)), float(poses.steps[k]), f"coordinate '{poses.names[k]}'")
+        return self._slopes_along[k]
 
     @cached_property
     def _size(self) -> float:
@@ -192,9 +181,14 @@ class Variants:
         return size_of(stiffened(self._model))
 
     def _scale(self, name: str) -> float:
-        """What a parameter is measured by: the size of the mechanism for places, or else what ``scale_of`` says."""
+        """What a parameter is measured by: the size of the mechanism for places, the loads for forces, or else what
+        ``scale_of`` says.
+        """
         known = self._model.parameters
-        return self._size if known.entry(name).field in ("position", "start", "end") else scale_of(known, name)
+        field, scale = known.entry(name).field, scale_of(known, name)
+        if field in PLACES:
+            return self._size
+        return max(scale, LEAST * self._entries.loads) if field in FORCES else scale
 
     def _extrapolated(self, at: Callable[[float], Array], scale: float, what: str) -> Array:
         """A slope, with steps made smaller until the differences agree."""
@@ -210,8 +204,11 @@ class Variants:
                 except MbsvibError as problem:
                     refusal = problem
                     continue
-                size = entries.compared(scale * slopes) + scale * np.abs(slopes)
-                size[entries.count :] += scale * np.abs(slopes[entries.count :]).max(initial=0.0)
+                matrices, forces = slopes[: entries.count], slopes[entries.count :]
+                size = scale * np.abs(slopes)
+                size[: entries.count] += entries.compared(scale * matrices)
+                if self._poses is not None and len(forces):
+                    size[entries.count :] += self._poses.forces.size + scale * np.abs(forces).max()
                 ratio = scale * error / np.where(size > 0.0, size, np.inf)
                 off = float(ratio.max(initial=0.0))
                 if off < least:
@@ -229,28 +226,30 @@ class Variants:
             ) from refusal  # fmt: skip
         return best
 
-    def _equations(self, values: Mapping[str, float], motion: Mapping[str, float]) -> Array:
-        """All matrices of a variant in another pose, then the forces that are left over."""
-        own = self.system
+    def _equations(self, values: Mapping[str, float]) -> Array:
+        """All matrices of a variant in the pose of the system, then the forces that are left over."""
+        model, poses = self._model.with_values(values), self._poses
+        entries = self._matrices(model)
+        return entries if poses is None else np.concatenate((entries, poses.residual(model)))
+
+    def _matrices(self, model: Mechanism) -> Array:
+        """All matrices of a variant in its own pose."""
+        own, came = self.system, self.system.provenance
         variant: Equations | SparseEquations
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            model = self._model.with_values(values) if values else self._model
-            if self._settles:
+            if came.settled:
                 _, variant = settled(model, independent=own.coordinates, cut=self._cut, method="dense")
             else:
-                if motion:
-                    model = moved(model, motion, cut=self._cut)
-                model = expanded(model)
-                view = scene(with_maxwell_nodes(model), self._cut)
-                variant = assembled(model, view, own.coordinates, checked=False)
+                plain = expanded(model)
+                view = scene(with_maxwell_nodes(plain), self._cut)
+                variant = assembled(plain, view, own.coordinates, checked=False)
         assert isinstance(variant, Equations)
-        kept, before = (each.provenance.reduction.independent for each in (variant, own))
-        if variant.coordinates != own.coordinates or not np.array_equal(kept, before):
+        if variant.coordinates != own.coordinates or not np.array_equal(
+            variant.provenance.reduction.independent, came.reduction.independent
+        ):
             raise _OtherMobility
-        statics: Statics | None = variant.provenance.statics
-        left = np.zeros(len(kept)) if statics is None or self._settles else statics.residual
-        return np.concatenate([*(getattr(variant, key).reshape(-1) for key in MATRICES), left])
+        return np.concatenate([getattr(variant, key).reshape(-1) for key in MATRICES])
 
 
 def not_held(name: str, system: str) -> ModelError:

@@ -1,0 +1,125 @@
+"""Poses of a loaded mechanism next to its own: what is left of the forces there, and the tangent that moves it back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equilibrium.articulation import articulated, stiffened
+from mbsvib.equilibrium.balance import balance
+from mbsvib.equilibrium.flexible_parts import flexible
+from mbsvib.equilibrium.motion import close, stance
+from mbsvib.equilibrium.moved_parts import bare, carried
+from mbsvib.equilibrium.pose import start
+from mbsvib.linalg.differences import slope
+from mbsvib.linalg.vectors import inverse_root
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.equilibrium.balance import Balance
+    from mbsvib.equilibrium.motion import Stance
+    from mbsvib.mechanism.mechanism import Mechanism
+
+# Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
+LOOSE = 1e-10
+# Forces that are rounding of those that cancel, and motions that are rounding of others; and what may be left of forces
+# where nothing holds a motion.
+STILL, LEFT = 1e-12, 1e-9
+# The first step of differences along coordinates, against what is a large motion.
+STEP = 2.0**-6
+
+
+@dataclass(frozen=True)
+class VariantPoses:
+    """A mechanism in balance, the ``stance`` of its pose, and the ``forces`` there along its m coordinates.
+
+    Beams and superelements bend on the way to another pose if they state displacements. Otherwise the pose given is
+    the loaded one, whatever the loads are, and they keep their shape.
+    """
+
+    model: Mechanism
+    stance: Stance
+    forces: Balance
+
+    @staticmethod
+    def of(model: Mechanism, cut: Sequence[str], names: Sequence[str] | None = None) -> VariantPoses:
+        """Return the poses next to that of a mechanism whose loops are cut at some joints, along some coordinates."""
+        here = _stance(model, cut)
+        return VariantPoses(model, here, balance(here, names))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names (m,) of the coordinates."""
+        return self.forces.names
+
+    @property
+    def steps(self) -> Array:
+        """What is a large motion (m,) along each coordinate: 1 rad, or the size of the mechanism [m]."""
+        return self.stance.scale[self.forces.reduction.independent]
+
+    def residual(self, variant: Mechanism) -> Array:
+        """Return what is left of the forces (m,) on a variant of the mechanism in the same pose."""
+        return balance(_stance(variant, self.stance.cut), self.names).residual
+
+    def at(self, motion: Array) -> Mechanism:
+        """Return the mechanism after a motion (m,) along its coordinates, with its loops closed."""
+        there = self.stance.moved(self.forces.all_joints(motion))
+        depends = np.ones(len(there.coordinates.names), dtype=bool)
+        depends[self.forces.reduction.independent] = False
+        return carried(self.model, close(there, depends)[0].pose)
+
+    @cached_property
+    def tangent(self) -> Array:
+        """Minus the derivative of what is left of the forces along motions (m, m).
+
+        It is K, but for couplers of several rotations of one joint, which go by small rotations in each pose anew.
+        """
+        if not self.model.couplers:
+            return self.forces.tangent
+
+        def along(unit: Array, step: float) -> Array:
+            return -slope(lambda q: self.residual(self.at(q * unit)), step)[0]
+
+        units = np.eye(len(self.names))
+        return np.transpose([along(*each) for each in zip(units, STEP * self.steps, strict=True)])
+
+    def motion(self, force: Array, scale: float) -> Array | None:
+        """Return the motion (m,) that balances forces, T x = f with the tangent T.
+
+        Parameters
+        ----------
+        force : array, shape (m,)
+            The derivative of what is left of the forces to a parameter.
+        scale : float
+            What is a large change of the parameter.
+
+        Returns
+        -------
+        array, shape (m,), or None
+            Zero where the forces are rounding; None where they act on a motion that nothing holds.
+        """
+        forces, rounding = self.forces, self.forces.size / scale
+        pushed = np.where(np.abs(force) > STILL * rounding, force, 0.0)
+        if not pushed.any():
+            return pushed
+        unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.acting / self.steps)
+        left, held, right = np.linalg.svd(unit[:, None] * self.tangent * unit)
+        holds = held > LOOSE
+        along = (unit * pushed) @ left
+        over = np.abs(left[:, ~holds] @ along[~holds])
+        if (over > LEFT * (np.abs(unit * pushed).max() + unit * rounding)).any():
+            return None
+        motion = unit * ((along[holds] / held[holds]) @ right[holds])
+        share = np.abs(motion) / self.steps
+        return np.where(share > STILL * share.max(), motion, 0.0)
+
+
+def _stance(model: Mechanism, cut: Sequence[str]) -> Stance:
+    bends = any(part.displacements is not None for part in flexible(model))
+    jointed = bare(articulated(model) if bends else stiffened(model))
+    return stance(jointed, start(jointed), tuple(name for name in cut if name in jointed.joints))
