@@ -7,7 +7,7 @@ the equilibrium gives way, with the forces R that are left over along them:
 dF/dp = F_p + F_q dq/dp,  R_q dq/dp = -R_p
 
 The partial derivatives are extrapolated differences (11 digits); variants need not balance. Where a model had to find
-its equilibrium far from where it is described, or beams have bent on the way to it, each variant finds its own.
+its equilibrium far from where it is described, each variant finds its own.
 """
 
 from __future__ import annotations
@@ -243,7 +243,12 @@ class Variants:
             else:
                 plain = expanded(model)
                 view = scene(with_maxwell_nodes(plain), self._cut)
-                variant = assembled(plain, view, own.coordinates, checked=False)
+                try:
+                    variant = assembled(plain, view, own.coordinates, checked=False)
+                except ModelError:
+                    if assembled(plain, view, checked=False).dof != own.dof:
+                        raise _OtherMobility from None
+                    raise
         assert isinstance(variant, Equations)
         if variant.coordinates != own.coordinates or not np.array_equal(
             variant.provenance.reduction.independent, came.reduction.independent
