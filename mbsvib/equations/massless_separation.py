@@ -42,7 +42,8 @@ class Separation:
 
     ``condensed`` names the coordinates that follow from statics, ``first_order`` those with one state in place of two;
     ``kept`` and ``dropped`` are the smallest pivot of W that counts as mass and the largest that does not.
-    ``transform`` T (n, m) leads back to all coordinates before condensation, None where nothing is condensed.
+    ``transform`` T (n, m) leads back to all coordinates before condensation, None where nothing is condensed;
+    condensed motions that are ``mixed`` with the coordinates kept move these, too.
     """
 
     condensed: tuple[str, ...]
@@ -50,6 +51,7 @@ class Separation:
     kept: float
     dropped: float
     transform: Array | None = None
+    mixed: bool = False
 
 
 def separate(
@@ -107,7 +109,8 @@ def separate(
     if condensation is None:
         return terms, everything, Separation((), slow, least, most)
     gone = tuple(names[i] for i in condensation.dependent)
-    return terms, condensation.kept, Separation(gone, slow, least, most, condensation.transform)
+    mixed = bool(condensation.motions[condensation.kept].any())
+    return terms, condensation.kept, Separation(gone, slow, least, most, condensation.transform, mixed)
 
 
 def check_gap(motion: Array, unit: Array, names: tuple[str, ...], kept: float, dropped: float) -> None:

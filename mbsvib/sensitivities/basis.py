@@ -219,7 +219,13 @@ class SensitivityBasis:
             If a parameter is unknown, or the system does not change smoothly with it.
         """
         system = self.equations
-        network, acting, seeing = self.ported(list(range(len(system.inputs))), list(range(len(system.outputs))))
+        inputs, outputs = list(range(len(system.inputs))), list(range(len(system.outputs)))
+        separation = system.provenance.massless
+        if separation is not None and separation.mixed:  # rules know no coordinates that change with the parameters
+            network = self.bare_network
+            acting, seeing = no_loads(network, len(inputs)), no_loads(network, len(outputs))
+        else:
+            network, acting, seeing = self.ported(inputs, outputs)
         return matrix_derivatives(system, self.groups(parameters, network), acting, seeing)
 
     def matrix_derivatives_in_parts(

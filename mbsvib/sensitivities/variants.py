@@ -136,7 +136,10 @@ class Variants:
         if not len(force):
             return change
         assert self._poses is not None
-        motion = self._poses.motion(force, scale)
+        try:
+            motion = self._poses.motion(force, scale)
+        except MbsvibError as refusal:
+            raise self._not_smooth(f"'{name}'", str(refusal)) from refusal
         if motion is None:
             raise not_held(name, self.system.name)
         for k in np.flatnonzero(motion):
@@ -219,12 +222,15 @@ class Variants:
         if best is None and moves:
             raise _OtherMobility
         if best is None or least > WORST:
-            more = f" ({refusal})" if best is None else f" (differences agree to {least:.1e} only)"
-            raise ModelError(
-                f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {what}{more}. "
-                f"Compare variants by model.with_values, or name other parameters.", element=self.system.name,
-            ) from refusal  # fmt: skip
+            why = str(refusal) if best is None else f"differences agree to {least:.1e} only"
+            raise self._not_smooth(what, why) from refusal
         return best
+
+    def _not_smooth(self, what: str, why: str) -> ModelError:
+        return ModelError(
+            f"sensitivities: the equations of '{self.system.name}' do not change smoothly with {what} ({why}). Compare "
+            f"variants by model.with_values, or name other parameters.", element=self.system.name,
+        )  # fmt: skip
 
     def _equations(self, values: Mapping[str, float]) -> Array:
         """All matrices of a variant in the pose of the system, then the forces that are left over."""

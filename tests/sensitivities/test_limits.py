@@ -257,3 +257,33 @@ def test_shapes_with_motions_without_mass(make, names):
             turned = np.einsum("im,ij,jm->m", x.conj(), system.M, expected).imag / norm
         expected = expected - 1j * x * np.where(norm > 0.5, turned, 0.0)
         assert np.abs(found[k] - expected).max() <= 1e-9 * max(np.abs(expected).max(), 1.0)
+
+
+def test_matrices_in_coordinates_that_massless_motions_move():
+    """A mass rides on a node without mass: one coordinate stays, whose share of the motion springs decide."""
+    model = mv.Model("riding")
+    model.add_body("node", 0.0, (0, 0, 0))
+    model.add_body("mass", 2.0, (0.1, 0.1, 0.1), position=(0, 0, 1))
+    model.add_joint("foot", "prismatic", "ground", "node", position=(0, 0, 0), axis=(0, 0, 1))
+    model.add_joint("ride", "prismatic", "node", "mass", position=(0, 0, 0.5), axis=(0, 0, 1))
+    model.add_spring("low", "ground", "node", (0, 0, -1), (0, 0, 0), 300.0)
+    model.add_spring("high", "node", "mass", (0, 0, 0), (0, 0, 1), 200.0)
+    model.add_output("rise", "mass", "z")
+    system = model.linearize()
+    own, other = (300.0, 200.0) if system.coordinates == ("foot.z",) else (200.0, 300.0)
+    share = (own + other) / other  # of the mass's motion in the coordinate's
+    assert system.M[0, 0] == pytest.approx(2.0 * share**2)
+    changes = system.matrix_derivatives(["low.stiffness", "high.stiffness"])
+    rates = np.array([1.0, -own / other]) / other
+    if system.coordinates != ("foot.z",):
+        rates = rates[::-1]
+    assert changes.M[:, 0, 0] == pytest.approx(4.0 * share * rates, rel=1e-9)
+    assert changes.Cq[:, 0, 0] == pytest.approx(rates, rel=1e-9)
+    stiffness = own * (own + other) / other
+    assert system.K[0, 0] == pytest.approx(stiffness)
+    ahead = np.array([2.0 * own / other + 1.0, -((own / other) ** 2)])
+    assert changes.K[:, 0, 0] == pytest.approx(ahead if system.coordinates == ("foot.z",) else ahead[::-1], rel=1e-9)
+    values = system.eigenvalue_sensitivities(["low.stiffness", "high.stiffness"])[:, 0]
+    both = 1.0 / (1.0 / 300.0 + 1.0 / 200.0)
+    expected = 0.5j * np.sqrt(both / 2.0) * both / np.array([300.0, 200.0]) ** 2
+    assert np.abs(values) == pytest.approx(np.abs(expected), rel=1e-12)
