@@ -83,6 +83,11 @@ CLOSED_EXACTLY = 4.0 * EPS
 HOLDS_NOTHING = 1e-10
 # Eigenvalues of the tangent below this share of the largest are stiffness that is not there.
 ZERO_STIFFNESS = 1e-10
+# Forces along motions that no stiffness holds are rounding below this share of the products that they are sums of.
+ZERO_UNHELD_FORCE = 1e-9
+# Differences of forces that balance, and the motions that they make, are rounding below this share of the forces that
+# cancel, and of the largest motion.
+ZERO_DIFFERENCE = 1e-12
 # Regularisation of S S^T, S unit rows of loops: above the rounding of its entries.
 REGULARISATION = 1e-14
 # Squared distances above this are far above the regularisation and what it grows to.

@@ -6,9 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.linalg.rank import ZERO_STIFFNESS, ZERO_UNHELD_FORCE
 from mbsvib.linalg.vectors import inverse_root
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
 
@@ -17,11 +20,6 @@ if TYPE_CHECKING:
 
     # Of forces f, torques t and T / L (n, 1), and of the relative shifts v and turns w (n, m) that they see.
     Sizes = tuple[Array, Array, Array, Array, Array]
-
-# Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
-LOOSE = 1e-10
-# What may be left of forces along such motions, against the products that they are sums of: rounding.
-LEFT = 1e-9
 
 
 def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
@@ -51,17 +49,47 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
     sizes = _sizes(loaded)
     unit = inverse_root(np.abs(np.diagonal(stiffness)) + _works(sizes))
-    left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
-    holds = held > LOOSE
-    along = (pushed * unit) @ left
-    motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
-    lost = np.zeros(len(pushed), dtype=bool)
-    if not holds.all():
-        over = np.abs((along[:, ~holds] @ left[:, ~holds].T) / unit)
-        terms = _term_sizes(loaded, sizes)
-        size = terms if rates is None else abs(rates) @ terms
-        lost = (over > LEFT * (size @ unit)[:, None] / unit).any(axis=1)
+
+    def terms() -> Array:
+        size = _term_sizes(loaded, sizes)
+        return size if rates is None else np.asarray(abs(rates) @ size)
+
+    motion, lost = balancing_motion(stiffness, unit, pushed, terms)
     return np.concatenate((motion, beside), axis=1), lost
+
+
+def balancing_motion(
+    stiffness: Array, unit: Array, forces: Array, terms: Callable[[], Array]
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the smallest motions that balance forces, K x = f.
+
+    Parameters
+    ----------
+    stiffness : array, shape (m, m)
+        K.
+    unit : array, shape (m,)
+        One over the root of the products that the stiffness along each coordinate is a sum of.
+    forces : array, shape (v, m)
+        Forces f, one row after the other.
+    terms : callable
+        Sizes (v, m) of the products that the forces are sums of, asked for where some motion is held by nothing.
+
+    Returns
+    -------
+    motion : array, shape (v, m)
+        The motions x.
+    lost : array of bool, shape (v,)
+        Forces that act on a motion which no stiffness holds.
+    """
+    left, held, right = np.linalg.svd(unit[:, None] * stiffness * unit)
+    holds = held > ZERO_STIFFNESS
+    along = (forces * unit) @ left
+    motion = unit * ((along[:, holds] / held[holds]) @ right[holds])
+    if holds.all():
+        return motion, np.zeros(len(forces), dtype=bool)
+    over = np.abs(along[:, ~holds] @ left[:, ~holds].T)
+    size = terms() @ unit + np.abs(forces * unit).max(axis=1)
+    return motion, (over > ZERO_UNHELD_FORCE * size[:, None]).any(axis=1)
 
 
 def _sizes(loaded: LoadedNetwork) -> Sizes:

@@ -15,7 +15,9 @@ from mbsvib.equilibrium.motion import close, stance
 from mbsvib.equilibrium.moved_parts import bare, carried
 from mbsvib.equilibrium.pose import start
 from mbsvib.linalg.differences import slope
+from mbsvib.linalg.rank import ZERO_DIFFERENCE
 from mbsvib.linalg.vectors import inverse_root
+from mbsvib.sensitivities.pose_motion import balancing_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,11 +27,6 @@ if TYPE_CHECKING:
     from mbsvib.equilibrium.motion import Stance
     from mbsvib.mechanism.mechanism import Mechanism
 
-# Motions whose stiffness is less than this share of the products that it is a sum of are held by nothing.
-LOOSE = 1e-10
-# Forces that are rounding of those that cancel, and motions that are rounding of others; and what may be left of forces
-# where nothing holds a motion.
-STILL, LEFT = 1e-12, 1e-9
 # The first step of differences along coordinates, against what is a large motion.
 STEP = 2.0**-6
 
@@ -104,19 +101,16 @@ class VariantPoses:
             Zero where the forces are rounding; None where they act on a motion that nothing holds.
         """
         forces, rounding = self.forces, self.forces.size / scale
-        pushed = np.where(np.abs(force) > STILL * rounding, force, 0.0)
+        pushed = np.where(np.abs(force) > ZERO_DIFFERENCE * rounding, force, 0.0)
         if not pushed.any():
             return pushed
         unit = inverse_root(np.abs(forces.tangent.diagonal()) + forces.acting / self.steps)
-        left, held, right = np.linalg.svd(unit[:, None] * self.tangent * unit)
-        holds = held > LOOSE
-        along = (unit * pushed) @ left
-        over = np.abs(left[:, ~holds] @ along[~holds])
-        if (over > LEFT * (np.abs(unit * pushed).max() + unit * rounding)).any():
+        motions, lost = balancing_motion(self.tangent, unit, pushed[None], lambda: rounding[None])
+        if lost[0]:
             return None
-        motion = unit * ((along[holds] / held[holds]) @ right[holds])
+        motion = motions[0]
         share = np.abs(motion) / self.steps
-        return np.where(share > STILL * share.max(), motion, 0.0)
+        return np.where(share > ZERO_DIFFERENCE * share.max(), motion, 0.0)
 
 
 def _stance(model: Mechanism, cut: Sequence[str]) -> Stance:
