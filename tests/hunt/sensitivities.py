@@ -27,7 +27,7 @@ LENGTH = 0.1
 FORCE = 1e-3
 # Newton's method for variants: its steps, the shares of the forces at which it ends and that may be left then, and what
 # no stiffness holds.
-NEWTON, BALANCED, LEFT, HELD, TINY = 8, 1e-14, 1e-10, 1e-10, 1e-300
+NEWTON, BALANCED, LEFT, HELD, TINY = 8, 1e-14, 1e-8, 1e-10, 1e-300
 
 
 class Unlike(mv.ModelError):

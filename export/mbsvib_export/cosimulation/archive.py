@@ -114,7 +114,9 @@ def _description(name: str, units: dict[str, UnitFile], found: Connections, want
                else _connection(key[0], inner, None, names[key]))  # fmt: skip
     yield "</ssd:Connections></ssd:System>"
     yield from _units(units)
-    yield '<ssd:DefaultExperiment startTime="0" stopTime="1"/>'
+    known = [unit.description.defaultExperiment for unit in units.values()]
+    stop = max((float(each.stopTime) for each in known if each is not None and each.stopTime), default=1.0)
+    yield f"<ssd:DefaultExperiment{attributes(startTime=0, stopTime=stop)}/>"
     yield "</ssd:SystemStructureDescription>"
 
 

@@ -47,7 +47,7 @@ def description_2(variables: Variables, head: dict[str, str], identifier: str, t
         f"{attributes(canInterpolateInputs=True, maxOutputDerivativeOrder=1, **able)}/>",
         unit_definitions(variables),
         '<LogCategories><Category name="logStatusError"/></LogCategories>',
-        '<DefaultExperiment startTime="0" stopTime="1" stepSize="0.001"/>',
+        variables.default_experiment,
         "<ModelVariables>", *map(_variable, variables.listed), "</ModelVariables>",
         *_structure(variables), "</fmiModelDescription>", "",
     ]  # fmt: skip

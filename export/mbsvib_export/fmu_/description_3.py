@@ -50,7 +50,7 @@ def description_3(variables: Variables, head: dict[str, str], identifier: str, t
         f"<CoSimulation{attributes(modelIdentifier=identifier, **able, **steps)}/>",
         unit_definitions(variables),
         '<LogCategories><Category name="logStatusError"/></LogCategories>',
-        '<DefaultExperiment startTime="0" stopTime="1" stepSize="0.001"/>',
+        variables.default_experiment,
         "<ModelVariables>",
         f"<Float64{attributes(name=_time(variables), valueReference=0, causality='independent')}"
         f'{attributes(variability="continuous")}/>',

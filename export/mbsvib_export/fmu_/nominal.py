@@ -1,4 +1,4 @@
-"""Nominal values of states, which tell importers at what size an error of a state matters."""
+"""Nominal values of states and times of the default experiment, which tell importers how accurate is accurate."""
 
 from __future__ import annotations
 
@@ -7,59 +7,105 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array
 
+# Importers take an absolute tolerance of the relative one times the nominal value. Errors of outputs add up over many
+# steps, so that a state is as accurate as the outputs if its nominal value is this share of what outputs resolve.
+SHARE = 0.1
+# What an input does to an output is measured by this share at least of what it does to the others: symmetry makes some
+# of it zero, whose rounding no integrator can resolve.
+LEAST = 0.1
+# Real s, at which no resonance is met, from below the slowest rate to above the fastest: so many, and how far beyond.
+PROBES, BEYOND = 9, 3.0
+# Rates below this share of the largest are rigid-body motions.
+RIGID = 1e-9
+# The default experiment takes so many periods of the slowest rate in so many steps, of which each takes no more than
+# some periods of the fastest oscillation: integrators of importers give up after some hundred steps of their own.
+PERIODS, STEPS, FAST = 20.0, 1000.0, 2.0
+# Rates that decay within so many of their periods do not oscillate.
+DECAYS = 1.0
 
-_SMALL = 60  # states up to which the Gramian costs nothing
-_PROBES = 3
+
+def nominal_values(a: Array, b: Array, c: Array, d: Array, units: Sequence[str]) -> Array:
+    """Return at what size an error of each state matters, two digits of it.
+
+    SHARE min |y_oj| / |v_oi| over outputs o and inputs j: y are the amplitudes of outputs for steps of one unit,
+    |C (s - A)^-1 B + D|, and v those for states that begin at one unit, |s C (s - A)^-1|, each the largest for some
+    real s. States that no output sees have the largest amplitude among the states of their unit for steps.
+
+    Parameters
+    ----------
+    a, b, c, d : array
+        State-space matrices of n states.
+    units : sequence of str
+        Units of the states.
+
+    Returns
+    -------
+    array, shape (n,)
+        Positive.
+    """
+    if not len(a):
+        return np.ones(0)
+    if not b.any():  # no inputs: what an unknown force on everything would do
+        b, d = np.eye(len(a)), np.zeros((len(c), len(a)))
+    states, outputs, seen = _amplitudes(a, b, c, d)
+    largest = outputs.max(axis=1, keepdims=True, initial=0.0)
+    strength = (outputs / np.where(largest > 0.0, largest, 1.0)).max(axis=0, initial=0.0)
+    outputs = np.maximum(outputs, LEAST * strength * largest)
+    resolved = np.where(outputs > 0.0, outputs, np.inf).min(axis=1, initial=np.inf)
+    with np.errstate(divide="ignore", over="ignore"):
+        size = (resolved[:, None] / seen).min(axis=0, initial=np.inf)
+    limit = np.empty(len(a))
+    for unit in set(units):
+        alike = np.array([each == unit for each in units])
+        limit[alike] = states[alike].max() or 1.0
+    return np.array([float(f"{value:.1e}") for value in np.clip(SHARE * np.minimum(size, limit), 1e-100, 1e100)])
 
 
-def nominal_values(a: Array, b: Array) -> Array:
-    """Return the size that inputs give each state, in proportion to the others, two digits of it.
+def _amplitudes(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array]:
+    """Amplitudes of states (n,) and of outputs (o, i) for steps of inputs, of outputs (o, n) for initial states."""
+    values = np.linalg.eigvals(a)
+    slow, fast = _rates(np.abs(values))
+    start = max(0.0, float(values.real.max()))
+    states, outputs, seen = np.zeros(len(a)), np.zeros(d.shape), np.zeros(c.shape)
+    for s in start + np.geomspace(slow / BEYOND, BEYOND * fast, PROBES):
+        inverse = np.linalg.inv(s * np.eye(len(a)) - a)
+        step = inverse @ b
+        states = np.maximum(states, np.abs(step).max(axis=1))
+        outputs = np.maximum(outputs, np.abs(c @ step + d))
+        seen = np.maximum(seen, s * np.abs(c @ inverse))
+    return states, outputs, seen
 
-    The roots of the diagonal of the controllability Gramian, A P + P A^T + B B^T = 0, for few states; for many, or
-    where the system is not stable, the size of (s - A)^-1 B at a few s > 0 (real, so that no resonance is met).
+
+def experiment_times(a: Array) -> tuple[float, float]:
+    """Return stop time and step [s] of the default experiment, of one digit: 1, 2 or 5.
 
     Parameters
     ----------
     a : array, shape (n, n)
         State matrix [1/s].
-    b : array, shape (n, inputs)
-        Input matrix.
 
     Returns
     -------
-    array, shape (n,)
-        Positive; 1 for states that no input reaches.
+    tuple of float
+        Stop time: some periods of the slowest rate that is no rigid-body motion, or as many of the fastest oscillation
+        as integrators get through; step.
     """
-    n = len(a)
-    if n == 0:
-        return np.ones(0)
-    # without inputs, or for states they do not reach: what an unknown force on everything would do
-    b = b if b.shape[1] and b.any() else np.eye(n)
-    size = _gramian(a, b) if n <= _SMALL else None
-    if size is None:
-        size = _probed(a, b)
-    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-    return np.array([float(f"{value:.1e}") for value in np.clip(size, 1e-100, 1e100)])
+    values = np.linalg.eigvals(a)
+    rates = np.abs(values)
+    if not rates.any():
+        return 1.0, 1.0 / STEPS
+    swings = rates[np.abs(values.imag) > DECAYS / (2.0 * np.pi) * np.abs(values.real)]
+    stop = 2.0 * np.pi * min(PERIODS / _rates(rates)[0], STEPS * FAST / max(swings.max(initial=0.0), 1e-300))
+    power = 10.0 ** np.floor(np.log10(stop))
+    digit = max(digit for digit in (1.0, 2.0, 5.0) if digit <= stop / power * (1.0 + 1e-9))
+    return float(f"{digit * power:.1g}"), float(f"{digit * power / STEPS:.1g}")
 
 
-def _gramian(a: Array, b: Array) -> Array | None:
-    from scipy.linalg import eigvals, solve_continuous_lyapunov
-
-    if eigvals(a).real.max() > -1e-9 * max(np.abs(a).max(), 1e-300):
-        return None
-    scale = np.abs(b).max(axis=0)
-    unit = b / np.where(scale > 0, scale, 1.0)
-    diagonal = np.diag(solve_continuous_lyapunov(a, -unit @ unit.T))
-    return np.sqrt(diagonal) if (diagonal > 0).all() else None
-
-
-def _probed(a: Array, b: Array) -> Array:
-    scale = np.abs(b).max(axis=0)
-    unit = b / np.where(scale > 0, scale, 1.0)
-    rate = np.sqrt(np.abs(np.einsum("ij,ji->i", a, a)).max()) or 1.0
-    found = np.zeros(len(a))
-    for s in rate * np.logspace(-3, 0, _PROBES):
-        found = np.maximum(found, np.abs(np.linalg.solve(s * np.eye(len(a)) - a, unit)).max(axis=1))
-    return found
+def _rates(rates: Array) -> tuple[float, float]:
+    """The slowest rate that is no rigid-body motion, and the fastest [1/s]."""
+    fast = float(rates.max(initial=0.0)) or 1.0
+    return float(rates[rates > RIGID * fast].min(initial=fast)), fast

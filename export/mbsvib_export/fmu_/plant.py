@@ -31,6 +31,7 @@ class Plant:
     """E x' = A x + B u,  y = C x + F x' + D u; E and F are there only where parameters are ``tunable``.
 
     ``realization`` tells what the states are; names are those of mbsvib, a unit is empty where none is known.
+    ``nominal`` are sizes of states, ``times`` stop time and step [s] of the default experiment.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Plant:
     outputs: tuple[str, ...]
     output_units: tuple[str, ...]
     nominal: Array
+    times: tuple[float, float]
     E: Array | None = None
     F: Array | None = None
     tunable: tuple[Tunable, ...] = ()

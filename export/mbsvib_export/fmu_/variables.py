@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
     from mbsvib_export.fmu_.plant import Plant
 
+# The relative tolerance that importers take if nothing is said.
+TOLERANCE = 1e-6
+
 
 @dataclass(frozen=True, slots=True)
 class Variable:
@@ -33,11 +36,20 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Variables:
-    """All variables of an FMU, and the references that each output and derivative depends on, parameters among them."""
+    """All variables of an FMU, and the references that each output and derivative depends on, parameters among them;
+    ``times`` are stop time and step [s] of the default experiment.
+    """
 
     listed: tuple[Variable, ...]
     depends: dict[int, list[int]]
     names: dict[str, dict[str, str]]
+    times: tuple[float, float]
+
+    @property
+    def default_experiment(self) -> str:
+        """The element DefaultExperiment: some periods of the slowest rate."""
+        stop, step = self.times
+        return f"<DefaultExperiment{attributes(startTime=0, stopTime=stop, tolerance=TOLERANCE, stepSize=step)}/>"
 
     def known_by(self, variable: Variable) -> str:
         """Return the references that an output or derivative depends on, as an attribute; it is always written."""
@@ -100,7 +112,7 @@ def variables_of(plant: Plant) -> Variables:
     add("parameter", named["parameter"], [each.unit for each in tuned],
         [f"{each.name}, tunable" for each in tuned], start=[each.value for each in tuned])  # fmt: skip
     names = {kind: dict(zip(given[kind], named[kind], strict=True)) for kind in given}
-    return Variables(tuple(listed), dict(_dependencies(plant)), names)
+    return Variables(tuple(listed), dict(_dependencies(plant)), names, plant.times)
 
 
 def _told(kind: str, names: Sequence[str], units: Sequence[str]) -> list[str]:

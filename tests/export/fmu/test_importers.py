@@ -8,7 +8,7 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from fmpy import extract, simulate_fmu
+from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
 import mbsvib_export as mx
@@ -124,6 +124,45 @@ def test_fmpy_simulates_both_kinds(version, tmp_path):
         result = simulate_fmu(str(file), fmi_type=kind, stop_time=1.0, step_size=0.01, output_interval=0.01,
                               start_values={"actuator": 1.0}, output=["travel"], relative_tolerance=1e-8)  # fmt: skip
         assert np.abs(result["travel"] - np.interp(result["time"], time, truth[row])).max() < limit * size
+
+
+LIBRARY = [pytest.param(name, marks=pytest.mark.slow if name == "cantilever" else ()) for name in library.models()]
+
+
+@pytest.mark.parametrize("name", LIBRARY)
+@pytest.mark.parametrize(("version", "realization"), [("2.0", "physical"), ("3.0", "modal")])
+def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, tmp_path):
+    """Nominal values of states: all inputs at once, each such that some output follows it, against the exact response.
+
+    The relative tolerance holds for each step of the integrator; errors add up over 20 periods of thousands of steps.
+    """
+    system = library.build(name).linearize()
+    file = mx.to_fmu(system, tmp_path / "model.fmu", version, realization=realization)
+    stop = float(read_model_description(str(file)).defaultExperiment.stopTime)
+    # of 240 states some make 2000 oscillations until then
+    time, count = np.linspace(0.0, stop, 1001)[: 101 if name == "cantilever" else None], len(system.inputs)
+    each = np.array([np.abs(system.time_response(time, np.eye(count)[:, [j]] * np.ones(len(time)))).max(axis=1)
+                     for j in range(count)]).T  # fmt: skip
+    largest = each.max(axis=1, keepdims=True)
+    size = 1.0 / (each / np.where(largest > 0.0, largest, 1.0)).max(axis=0)
+    truth = system.time_response(time, size[:, None] * np.ones(len(time)))
+    for rtol in (1e-6, 1e-8):
+        result = simulate_fmu(str(file), fmi_type="ModelExchange", stop_time=time[-1], output_interval=time[1],
+                              relative_tolerance=rtol, output=list(system.outputs),
+                              start_values=dict(zip(system.inputs, size.tolist(), strict=True)))  # fmt: skip
+        found = np.array([result[output] for output in system.outputs])
+        error, allowed = np.abs(found - truth).max(axis=1), 1e4 * rtol * np.abs(truth).max(axis=1)
+        assert (error <= allowed).all(), (rtol, [system.outputs[i] for i in np.flatnonzero(error > allowed)])
+
+
+@pytest.mark.parametrize(
+    ("rate", "stop", "step"), [(2 * np.pi, 20.0, 0.02), (2 * np.pi * 2e4, 1e-3, 1e-6), (0.0, 1.0, 1e-3)])
+def test_default_experiment_fits_the_model(rate, stop, step, tmp_path):
+    """A lamp of 1 Hz and a beam of 20 kHz: twenty periods."""
+    mass = control.ss([[0.0, 1.0], [-rate**2, -0.1 * rate]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+    file = mx.to_fmu(mass, tmp_path / "x.fmu")
+    known = read_model_description(str(file)).defaultExperiment
+    assert (float(known.stopTime), float(known.stepSize), float(known.tolerance)) == (stop, step, 1e-6)
 
 
 def ecos():
