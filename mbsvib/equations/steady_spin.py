@@ -194,8 +194,10 @@ def _check_spring(
             arm = np.array(points[name]) - np.array(bodies[name].position)
             off = float(np.linalg.norm(np.cross(spins[name], arm))) / float(np.linalg.norm(axis))
             if off > SLACK * _reach(bodies[name], np.array(points[name])):
+                swap = name == spring.first and spring.second not in spins and not isinstance(spring, Spring)
+                more = f" Where an equilibrium moved it, name '{name}' as its second body, which its point goes with."
                 raise ModelError(refuse + f"does so off its axis, by {off:.3g} m: it would turn with it; put its point "
-                                 f"on the axis.", element=who, field="axis")  # fmt: skip
+                                 f"on the axis.{more if swap else ''}", element=who, field="axis")  # fmt: skip
     if isinstance(spring, Spring):
         if spring.first in spins and spring.second in spins:
             _check_same(True, np.array([[*spring.line, 0.0, 0.0, 0.0]]), (center, axis), refuse, who)

@@ -95,6 +95,22 @@ def test_springs():
     refused(line, "'wire'", "off its axis")
 
 
+@pytest.mark.parametrize("ends", [("ground", "shaft"), ("shaft", "ground")])
+def test_a_shaft_that_sags_in_its_bearings(ends):
+    """Gravity moves the shaft: the point of a bearing stays on its axis where the shaft is the second body."""
+    model = mv.Model("sagging", gravity=(0, 0, -9.81))
+    model.add_body("shaft", 10.0, (0.1, 0.5, 0.5))
+    model.add_joint("way", "free", "ground", "shaft", position=(0, 0, 0))
+    for k, x in enumerate((-0.3, 0.3)):
+        model.add_bushing(f"bearing{k}", *ends, position=(x, 0, 0), stiffness=(1e5, 1e6, 2e6, 0, 10, 10))
+    model.add_rotor("rotor", "shaft", 100.0, (1, 0, 0))
+    there = model.equilibrium()
+    if ends[0] == "ground":
+        assert there.linearize().gyroscopic is not None
+    else:
+        refused(there, "'bearing0'", "off its axis", "name 'shaft' as its second body")
+
+
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
 def test_neither_units_nor_size_decide(scale):
     """A joint off the axis by 1e-4 of the size of the disk, a weak torsion spring beside a stiff bearing."""
