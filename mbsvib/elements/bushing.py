@@ -30,6 +30,7 @@ Matrix6 = tuple[Six, ...]
 ZERO: Six = (0.0,) * 6
 # Bushings that carry moments are followed up to this angle [rad] between their bodies.
 FARTHEST = 3.0
+_SIX = np.eye(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +69,10 @@ class Bushing(Connection):
     def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
         if pose.stays(self.first) and pose.stays(self.second):
             return self
-        words = self.words() | {"position": pose.point(self.second, self.position),
-                                "orientation": pose.axes(self.first, self.orientation)}  # fmt: skip
-        return words if relaxed else words | _law_at(self, *deflection(self, pose))
+        law = {} if relaxed else _law_at(self, *deflection(self, pose))
+        place = {"position": pose.point(self.second, self.position),
+                 "orientation": pose.axes(self.first, self.orientation)}  # fmt: skip
+        return Bushing(**self.arguments() | place | law)
 
 
 def make(
@@ -94,17 +96,18 @@ def make(
 
 def deflection(bushing: Bushing, pose: Placement) -> tuple[Array, Array]:
     """Return d [m] and rho [rad] of a bushing since the pose in which it is described, in its axes."""
-    first, second = (pose.turned(body, bushing.orientation) for body in (bushing.first, bushing.second))
-    gap = np.subtract(pose.point(bushing.second, bushing.position), pose.point(bushing.first, bushing.position))
+    axes = np.array(bushing.orientation)
+    first, second = pose.turned(bushing.first, axes), pose.turned(bushing.second, axes)
+    a, b = pose.point(bushing.first, bushing.position), pose.point(bushing.second, bushing.position)
+    gap = np.array((b[0] - a[0], b[1] - a[1], b[2] - a[2]))
     return first.T @ gap, logarithm(first.T @ second)
 
 
 def _law_at(bushing: Bushing, d: Array, rho: Array) -> dict[str, Any]:
     """Stiffness, damping and preload of a bushing about another pose, as far as they are others there."""
-    words: dict[str, Any] = {}
-    stiffness, damping = (np.array(value) for value in (bushing.stiffness, bushing.damping))
-    full = np.diag(stiffness) if stiffness.ndim == 1 else stiffness
-    wrench = np.array(bushing.preload or np.zeros(6)) - full @ np.concatenate((d, rho))
+    changes: dict[str, Any] = {}
+    full, damping = _full(bushing.stiffness), _full(bushing.damping)
+    wrench = np.array(bushing.preload or ZERO) - full @ np.concatenate((d, rho))
     if rho.any():
         map_ = np.eye(6)
         map_[3:, 3:] = inverse_jacobian(rho)
@@ -112,18 +115,32 @@ def _law_at(bushing: Bushing, d: Array, rho: Array) -> dict[str, Any]:
             _check_turn(bushing, rho)
             tangent = map_.T @ full @ map_
             tangent[3:, 3:] -= second_order(rho, wrench[3:])
-            words["stiffness"] = 0.5 * (tangent + tangent.T)
+            changes["stiffness"] = _symmetric(tangent, bushing, "stiffness")
         if damping[3:].any():
-            words["damping"] = map_.T @ (np.diag(damping) if damping.ndim == 1 else damping) @ map_
+            changes["damping"] = _symmetric(map_.T @ damping @ map_, bushing, "damping")
         wrench = map_.T @ wrench
     if wrench.any() or bushing.preload is not None:
-        words["preload"] = wrench
-    return words
+        changes["preload"] = check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload", "finite values")
+    return changes
+
+
+def _full(value: Six | Matrix6) -> Array:
+    """Six values or a matrix as a matrix."""
+    array = np.array(value)
+    return array * _SIX if array.ndim == 1 else array
+
+
+def _symmetric(matrix: Array, bushing: Bushing, field: str) -> Matrix6:
+    """The symmetric part of a matrix."""
+    mean = 0.5 * (matrix + matrix.T)
+    if not np.isfinite(mean).all():
+        raise check.refuse(f"bushing '{bushing.name}'", field, mean, "finite values")
+    return tuple(map(tuple, mean.tolist()))
 
 
 def _check_turn(bushing: Bushing, rho: Array) -> None:
     """Next to half a turn the rotation vector may as well point the other way, and so may the moment."""
-    angle = float(np.linalg.norm(rho))
+    angle = float(np.sqrt(rho @ rho))
     if angle > FARTHEST:
         who = f"bushing '{bushing.name}'"
         raise ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "

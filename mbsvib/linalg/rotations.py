@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import sin, sqrt, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +51,8 @@ def logarithm(rotation: Array) -> Array:
     angle = np.arctan2(sine, cosine)
     straight = cosine <= HALF_TURN
     if not straight.any():
-        return np.asarray(w / np.sinc(angle / np.pi)[..., None])
+        angle = np.maximum(angle, LEAST)
+        return np.asarray(w * (angle / np.sin(angle))[..., None])
     if rotation.ndim > 2:
         return np.array([logarithm(one) for one in rotation])
     # next to half a turn the axial part vanishes: the axis is the largest column of the symmetric part
@@ -71,22 +73,25 @@ def inverse_jacobian(w: Array) -> Array:
     J = 1 - [w]x / 2 + g(a) [w]x^2,  g = (1 - (a/2) cot(a/2)) / a^2
     """
     matrix = skew(w)
-    return np.asarray(np.eye(3) - 0.5 * matrix + _coefficient(float(w @ w))[0] * (matrix @ matrix))
+    return np.asarray(_IDENTITY - 0.5 * matrix + _coefficient(float(w @ w))[0] * (matrix @ matrix))
 
 
 def second_order(w: Array, moment: Array) -> Array:
-    """Return the Hessian (3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0."""
-    # d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line, so that the second derivative is dJ[J e] e
-    jacobian, matrix = inverse_jacobian(w), skew(w)
-    value, slope = _coefficient(float(w @ w))
-    result = np.empty((3, 3))
-    for k in range(3):
-        turn = jacobian[:, k]
-        change = skew(turn)
-        derivative = -0.5 * change + value * (change @ matrix + matrix @ change)
-        derivative += 2.0 * slope * float(w @ turn) * (matrix @ matrix)
-        result[k] = moment @ derivative
-    return 0.5 * (result + result.T)
+    """Return the Hessian (3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0.
+
+    H = (x w^T + w x^T) / 2 + (m . w) (g - 1/4 - g^2 a^2) 1,
+    x = (1/4 - g - g^2 a^2 - 2 g' a^2) m + g w x m + 2 (m . w) (g^2 + g') w
+
+    with g of ``inverse_jacobian`` and g' = dg / d(a^2): the symmetric part of dJ[J e] e, which is the second derivative
+    as d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line.
+    """
+    square, along = float(w @ w), float(moment @ w)
+    value, slope = _coefficient(square)
+    squared = value * value
+    x = (0.25 - value - square * (squared + 2.0 * slope)) * moment + value * (skew(w) @ moment)
+    x += 2.0 * along * (squared + slope) * w
+    half = np.multiply.outer(x, 0.5 * w)
+    return np.asarray(half + half.T + along * (value - 0.25 - squared * square) * _IDENTITY)
 
 
 def _coefficient(square: float) -> tuple[float, float]:
@@ -94,13 +99,13 @@ def _coefficient(square: float) -> tuple[float, float]:
     if square < SMALL * SMALL:
         value = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
         return value, 1.0 / 720.0 + square * (1.0 / 15120.0 + square * (1.0 / 403200.0 + square / 11975040.0))
-    angle = float(np.sqrt(square))
+    angle = sqrt(square)
     half = 0.5 * angle
-    cotangent = 1.0 / np.tan(half)
+    cotangent = 1.0 / tan(half)
     value = (1.0 - half * cotangent) / square
     # d(half cot half)/d(angle) = cot/2 - half/2 / sin^2
-    slope = -(0.5 * cotangent - 0.5 * half / np.sin(half) ** 2) / (2.0 * angle * square) - value / square
-    return float(value), float(slope)
+    slope = -(0.5 * cotangent - 0.5 * half / sin(half) ** 2) / (2.0 * angle * square) - value / square
+    return value, slope
 
 
 def quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:
