@@ -8,6 +8,7 @@ pose, which is all that its preload and its stiffness there can say.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -69,10 +70,10 @@ class Bushing(Connection):
     def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
         if pose.stays(self.first) and pose.stays(self.second):
             return self
-        law = {} if relaxed else _law_at(self, *deflection(self, pose))
-        place = {"position": pose.point(self.second, self.position),
-                 "orientation": pose.axes(self.first, self.orientation)}  # fmt: skip
-        return Bushing(**self.arguments() | place | law)
+        stiffness, damping, preload = (self.stiffness, self.damping, self.preload) if relaxed else \
+            _law_at(self, *deflection(self, pose))  # fmt: skip
+        return Bushing(self.name, self.first, self.second, pose.point(self.second, self.position), stiffness, damping,
+                       pose.axes(self.first, self.orientation), preload)  # fmt: skip
 
 
 def make(
@@ -103,28 +104,28 @@ def deflection(bushing: Bushing, pose: Placement) -> tuple[Array, Array]:
     return first.T @ gap, logarithm(first.T @ second)
 
 
-def _law_at(bushing: Bushing, d: Array, rho: Array) -> dict[str, Any]:
-    """Stiffness, damping and preload of a bushing about another pose, as far as they are others there."""
-    changes: dict[str, Any] = {}
-    full, damping = _full(bushing.stiffness), _full(bushing.damping)
-    wrench = np.array(bushing.preload or ZERO) - full @ np.concatenate((d, rho))
-    if rho.any():
-        map_ = np.eye(6)
+def _law_at(bushing: Bushing, d: Array, rho: Array) -> tuple[Six | Matrix6, Six | Matrix6, Six | None]:
+    """Stiffness, damping and preload of a bushing about another pose."""
+    stiffness, damping, preload = bushing.stiffness, bushing.damping, bushing.preload
+    k, c = _matrix(stiffness), _matrix(damping)
+    wrench = np.array(preload or ZERO) - k @ np.concatenate((d, rho))
+    if np.count_nonzero(rho):
+        map_ = _SIX.copy()
         map_[3:, 3:] = inverse_jacobian(rho)
-        if wrench[3:].any() or full[3:].any():
+        if np.count_nonzero(wrench[3:]) or np.count_nonzero(k[3:]):
             _check_turn(bushing, rho)
-            tangent = map_.T @ full @ map_
+            tangent = map_.T @ k @ map_
             tangent[3:, 3:] -= second_order(rho, wrench[3:])
-            changes["stiffness"] = _symmetric(tangent, bushing, "stiffness")
-        if damping[3:].any():
-            changes["damping"] = _symmetric(map_.T @ damping @ map_, bushing, "damping")
+            stiffness = _symmetric(tangent, bushing, "stiffness")
+        if np.count_nonzero(c[3:]):
+            damping = _symmetric(map_.T @ c @ map_, bushing, "damping")
         wrench = map_.T @ wrench
-    if wrench.any() or bushing.preload is not None:
-        changes["preload"] = check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload", "finite values")
-    return changes
+    if preload is not None or np.count_nonzero(wrench):
+        preload = check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload", "finite values")
+    return stiffness, damping, preload
 
 
-def _full(value: Six | Matrix6) -> Array:
+def _matrix(value: Six | Matrix6) -> Array:
     """Six values or a matrix as a matrix."""
     array = np.array(value)
     return array * _SIX if array.ndim == 1 else array
@@ -133,14 +134,14 @@ def _full(value: Six | Matrix6) -> Array:
 def _symmetric(matrix: Array, bushing: Bushing, field: str) -> Matrix6:
     """The symmetric part of a matrix."""
     mean = 0.5 * (matrix + matrix.T)
-    if not np.isfinite(mean).all():
+    if np.count_nonzero(np.isfinite(mean)) < mean.size:
         raise check.refuse(f"bushing '{bushing.name}'", field, mean, "finite values")
     return tuple(map(tuple, mean.tolist()))
 
 
 def _check_turn(bushing: Bushing, rho: Array) -> None:
     """Next to half a turn the rotation vector may as well point the other way, and so may the moment."""
-    angle = float(np.sqrt(rho @ rho))
+    angle = sqrt(float(rho @ rho))
     if angle > FARTHEST:
         who = f"bushing '{bushing.name}'"
         raise ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "

@@ -23,7 +23,8 @@ _SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], 
 
 def skew(w: Array) -> Array:
     """Return [w]x (..., 3, 3), the matrices with [w]x v = w x v, of vectors (..., 3)."""
-    return np.asarray(np.asarray(w) @ _SKEW).reshape(*np.shape(w), 3)
+    vectors = np.asarray(w)
+    return np.asarray(vectors @ _SKEW).reshape(*vectors.shape, 3)
 
 
 def axial(matrix: Array) -> Array:
@@ -37,7 +38,7 @@ def exponential(w: Array) -> Array:
     exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2,  a = |w|
     """
     # sin(a) / a is 1 for the least angle that is kept
-    angle = np.maximum(np.sqrt((w * w).sum(axis=-1)), LEAST)[..., None, None]
+    angle = np.maximum(np.sqrt(np.add.reduce(w * w, axis=-1)), LEAST)[..., None, None]
     matrix, half = skew(w), 0.5 * angle
     return np.asarray(
         _IDENTITY + (np.sin(angle) / angle) * matrix + 0.5 * np.square(np.sin(half) / half) * (matrix @ matrix)
@@ -47,10 +48,10 @@ def exponential(w: Array) -> Array:
 def logarithm(rotation: Array) -> Array:
     """Return the rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3), at most half a turn long."""
     w = axial(rotation)
-    sine, cosine = np.sqrt((w * w).sum(axis=-1)), 0.5 * (rotation.trace(axis1=-2, axis2=-1) - 1.0)
+    sine, cosine = np.sqrt(np.add.reduce(w * w, axis=-1)), 0.5 * (rotation.trace(axis1=-2, axis2=-1) - 1.0)
     angle = np.arctan2(sine, cosine)
     straight = cosine <= HALF_TURN
-    if not straight.any():
+    if not np.count_nonzero(straight):
         angle = np.maximum(angle, LEAST)
         return np.asarray(w * (angle / np.sin(angle))[..., None])
     if rotation.ndim > 2:
@@ -79,18 +80,20 @@ def inverse_jacobian(w: Array) -> Array:
 def second_order(w: Array, moment: Array) -> Array:
     """Return the Hessian (3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0.
 
-    H = (x w^T + w x^T) / 2 + (m . w) (g - 1/4 - g^2 a^2) 1,
-    x = (1/4 - g - g^2 a^2 - 2 g' a^2) m + g w x m + 2 (m . w) (g^2 + g') w
+    H = (b w^T + w b^T) / 2 + (m . w) (g - 1/4 - g^2 a^2) 1,
+    b = (1/4 - g - g^2 a^2 - 2 g' a^2) m + 2 (m . w) (g^2 + g') w + g w x m
 
-    with g of ``inverse_jacobian`` and g' = dg / d(a^2): the symmetric part of dJ[J e] e, which is the second derivative
-    as d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line.
+    with the moment m, g of ``inverse_jacobian`` and g' = dg / d(a^2): the symmetric part of dJ[J e] e, which is the
+    second derivative as d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line.
     """
-    square, along = float(w @ w), float(moment @ w)
+    (x, y, z), (k, m, n) = w.tolist(), moment.tolist()
+    square, along = x * x + y * y + z * z, x * k + y * m + z * n
     value, slope = _coefficient(square)
     squared = value * value
-    x = (0.25 - value - square * (squared + 2.0 * slope)) * moment + value * (skew(w) @ moment)
-    x += 2.0 * along * (squared + slope) * w
-    half = np.multiply.outer(x, 0.5 * w)
+    p, q = 0.25 - value - square * (squared + 2.0 * slope), 2.0 * along * (squared + slope)
+    b = np.array((p * k + q * x + value * (y * n - z * m), p * m + q * y + value * (z * k - x * n),
+                  p * n + q * z + value * (x * m - y * k)))  # fmt: skip
+    half = b[:, None] * (0.5 * w)
     return np.asarray(half + half.T + along * (value - 0.25 - squared * square) * _IDENTITY)
 
 
