@@ -121,7 +121,8 @@ def _law_at(bushing: Bushing, d: Array, rho: Array) -> tuple[Six | Matrix6, Six 
             damping = _symmetric(map_.T @ c @ map_, bushing, "damping")
         wrench = map_.T @ wrench
     if preload is not None or np.count_nonzero(wrench):
-        preload = check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload", "finite values")
+        preload = check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload",
+                                "values that are finite in this pose")  # fmt: skip
     return stiffness, damping, preload
 
 
@@ -135,7 +136,7 @@ def _symmetric(matrix: Array, bushing: Bushing, field: str) -> Matrix6:
     """The symmetric part of a matrix."""
     mean = 0.5 * (matrix + matrix.T)
     if np.count_nonzero(np.isfinite(mean)) < mean.size:
-        raise check.refuse(f"bushing '{bushing.name}'", field, mean, "finite values")
+        raise check.refuse(f"bushing '{bushing.name}'", field, mean, "values that are finite in this pose")
     return tuple(map(tuple, mean.tolist()))
 
 

@@ -57,3 +57,17 @@ def test_bushings_are_immutable():
         make().stiffness = SIX
     with pytest.raises(TypeError):
         make().stiffness[0] = 7.0
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(("field", "words"), [
+    ("stiffness", {"stiffness": (1e308,) * 6}), ("damping", {"damping": (0.0, 0.0, 0.0, 1.7e308, 1.7e308, 1.7e308)}),
+    ("preload", {"preload": (0.0, 0.0, 0.0, 1.7e308, 1.7e308, 1.7e308)}),
+])  # fmt: skip
+def test_values_that_overflow_in_another_pose_are_refused(field, words):
+    model = mv.Model()
+    model.add_body("a", 1.0, (1, 1, 1))
+    model.add_joint("ball", "spherical", "ground", "a", (0, 0, 0))
+    model.add_bushing("k", "ground", "a", (0, 0, 0), **{"stiffness": SIX} | words)
+    with pytest.raises(mv.ModelError, match=f"bushing 'k': {field} = .*finite in this pose"):
+        model.moved({"ball.rx": 0.3})
