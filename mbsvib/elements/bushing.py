@@ -8,7 +8,6 @@ pose, which is all that its preload and its stiffness there can say.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -21,16 +20,22 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement
 
+    Mask = NDArray[np.bool_]
+
 Six = tuple[float, ...]
 Matrix6 = tuple[Six, ...]
+Law = tuple[Six | Matrix6, Six | Matrix6, Six | None]
 ZERO: Six = (0.0,) * 6
 # Bushings that carry moments are followed up to this angle [rad] between their bodies.
 FARTHEST = 3.0
+FINITE = "values that are finite in this pose"
 _SIX = np.eye(6)
 
 
@@ -68,12 +73,19 @@ class Bushing(Connection):
         return self.preload is not None and any(self.preload)
 
     def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.stays(self.first) and pose.stays(self.second):
-            return self
-        stiffness, damping, preload = (self.stiffness, self.damping, self.preload) if relaxed else \
-            _law_at(self, *deflection(self, pose))  # fmt: skip
-        return Bushing(self.name, self.first, self.second, pose.point(self.second, self.position), stiffness, damping,
-                       pose.axes(self.first, self.orientation), preload)  # fmt: skip
+        return self.all_in_pose([self], pose, relaxed)[0]
+
+    @staticmethod
+    def all_in_pose(parts: Sequence[Any], pose: Placement, relaxed: bool) -> list[Part | dict[str, Any]]:
+        moved = [part for part in parts if not (pose.stays(part.first) and pose.stays(part.second))]
+        laws = [(part.stiffness, part.damping, part.preload) for part in moved] if relaxed or not moved else \
+            _laws_at(moved, *deflections(moved, pose))  # fmt: skip
+        there = {
+            part.name: Bushing(part.name, part.first, part.second, pose.point(part.second, part.position), stiffness,
+                               damping, pose.axes(part.first, part.orientation), preload)
+            for part, (stiffness, damping, preload) in zip(moved, laws, strict=True)
+        }  # fmt: skip
+        return [there.get(part.name, part) for part in parts]
 
 
 def make(
@@ -95,35 +107,36 @@ def make(
                    check.orientation(orientation, who), preload)  # fmt: skip
 
 
-def deflection(bushing: Bushing, pose: Placement) -> tuple[Array, Array]:
-    """Return d [m] and rho [rad] of a bushing since the pose in which it is described, in its axes."""
-    axes = np.array(bushing.orientation)
-    first, second = pose.turned(bushing.first, axes), pose.turned(bushing.second, axes)
-    a, b = pose.point(bushing.first, bushing.position), pose.point(bushing.second, bushing.position)
-    gap = np.array((b[0] - a[0], b[1] - a[1], b[2] - a[2]))
-    return first.T @ gap, logarithm(first.T @ second)
+def deflections(bushings: Sequence[Bushing], pose: Placement) -> tuple[Array, Array]:
+    """Return d [m] and rho [rad] (n, 3) of bushings since the pose in which they are described, in their axes."""
+    first, second = (np.array([pose.number[body] for body in bodies]) for bodies in (
+        [part.first for part in bushings], [part.second for part in bushings]))  # fmt: skip
+    axes, at = np.array([part.orientation for part in bushings]), np.array([part.position for part in bushings])
+    back = (pose.turn.take(first, axis=0) @ axes).swapaxes(-1, -2)
+    gap = pose.points(second, at) - pose.points(first, at)
+    return (back @ gap[..., None])[..., 0], logarithm(back @ (pose.turn.take(second, axis=0) @ axes))
 
 
-def _law_at(bushing: Bushing, d: Array, rho: Array) -> tuple[Six | Matrix6, Six | Matrix6, Six | None]:
-    """Stiffness, damping and preload of a bushing about another pose."""
-    stiffness, damping, preload = bushing.stiffness, bushing.damping, bushing.preload
-    k, c = _matrix(stiffness), _matrix(damping)
-    wrench = np.array(preload or ZERO) - k @ np.concatenate((d, rho))
-    if np.count_nonzero(rho):
-        map_ = _SIX.copy()
-        map_[3:, 3:] = inverse_jacobian(rho)
-        if np.count_nonzero(wrench[3:]) or np.count_nonzero(k[3:]):
-            _check_turn(bushing, rho)
-            tangent = map_.T @ k @ map_
-            tangent[3:, 3:] -= second_order(rho, wrench[3:])
-            stiffness = _symmetric(tangent, bushing, "stiffness")
-        if np.count_nonzero(c[3:]):
-            damping = _symmetric(map_.T @ c @ map_, bushing, "damping")
-        wrench = map_.T @ wrench
-    if preload is not None or np.count_nonzero(wrench):
-        preload = check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload",
-                                "values that are finite in this pose")  # fmt: skip
-    return stiffness, damping, preload
+def _laws_at(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[Law]:
+    """Stiffness, damping and preload of bushings about another pose."""
+    k, c = (np.array([_matrix(value) for value in values]) for values in (
+        [part.stiffness for part in bushings], [part.damping for part in bushings]))  # fmt: skip
+    wrench = np.array([part.preload or ZERO for part in bushings])
+    wrench -= (k @ np.concatenate((d, rho), axis=1)[..., None])[..., 0]
+    turned = np.asarray(rho.any(axis=1))
+    holds = turned & (wrench[:, 3:].any(axis=1) | k[:, 3:].any(axis=(1, 2)))
+    brakes = turned & c[:, 3:].any(axis=(1, 2))
+    for i in (holds & (np.square(rho).sum(axis=1) > FARTHEST**2)).nonzero()[0].tolist():
+        raise _too_far(bushings[i], rho[i])
+    map_ = np.tile(_SIX, (len(rho), 1, 1))
+    map_[:, 3:, 3:] = inverse_jacobian(rho)
+    back = map_.swapaxes(-1, -2)
+    tangent = back @ k @ map_
+    tangent[:, 3:, 3:] -= second_order(rho, wrench[:, 3:])
+    stiffness = _symmetric(tangent, bushings, "stiffness", holds)
+    damping = _symmetric(back @ c @ map_, bushings, "damping", brakes)
+    return [(stiffness.get(i, part.stiffness), damping.get(i, part.damping), _preload(part, values))
+            for i, (part, values) in enumerate(zip(bushings, (back @ wrench[..., None])[..., 0].tolist(), strict=True))]
 
 
 def _matrix(value: Six | Matrix6) -> Array:
@@ -132,22 +145,27 @@ def _matrix(value: Six | Matrix6) -> Array:
     return array * _SIX if array.ndim == 1 else array
 
 
-def _symmetric(matrix: Array, bushing: Bushing, field: str) -> Matrix6:
-    """The symmetric part of a matrix."""
-    mean = 0.5 * (matrix + matrix.T)
-    if np.count_nonzero(np.isfinite(mean)) < mean.size:
-        raise check.refuse(f"bushing '{bushing.name}'", field, mean, "values that are finite in this pose")
-    return tuple(map(tuple, mean.tolist()))
+def _symmetric(matrices: Array, bushings: Sequence[Bushing], field: str, which: Mask) -> dict[int, Matrix6]:
+    """The symmetric parts of some of the matrices, by number."""
+    numbers, some = which.nonzero()[0].tolist(), matrices[which]
+    mean = 0.5 * (some + some.swapaxes(-1, -2))
+    for i in np.flatnonzero(~np.isfinite(mean).all(axis=(1, 2))).tolist():
+        raise check.refuse(f"bushing '{bushings[numbers[i]].name}'", field, mean[i], FINITE)
+    return {i: tuple(map(tuple, rows)) for i, rows in zip(numbers, mean.tolist(), strict=True)}
 
 
-def _check_turn(bushing: Bushing, rho: Array) -> None:
+def _preload(bushing: Bushing, wrench: list[float]) -> Six | None:
+    if bushing.preload is None and not any(wrench):
+        return None
+    return check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload", FINITE)
+
+
+def _too_far(bushing: Bushing, rho: Array) -> ModelError:
     """Next to half a turn the rotation vector may as well point the other way, and so may the moment."""
-    angle = sqrt(float(rho @ rho))
-    if angle > FARTHEST:
-        who = f"bushing '{bushing.name}'"
-        raise ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
-                         f"(limit {np.degrees(FARTHEST):.0f}). Describe the model in a pose nearer by.",
-                         element=who, field="stiffness")  # fmt: skip
+    who, angle = f"bushing '{bushing.name}'", float(np.linalg.norm(rho))
+    return ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
+                      f"(limit {np.degrees(FARTHEST):.0f}). Describe the model in a pose nearer by.",
+                      element=who, field="stiffness")  # fmt: skip
 
 
 def _acts(value: Six | Matrix6) -> bool:

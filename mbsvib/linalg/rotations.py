@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import sin, sqrt, tan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,16 +68,16 @@ def orthonormal(rotation: Array) -> Array:
 
 
 def inverse_jacobian(w: Array) -> Array:
-    """Return the matrix J with log(exp(e) exp(w)) = w + J e + ... for small rotations e.
+    """Return the matrices J (..., 3, 3) with log(exp(e) exp(w)) = w + J e + ... for small rotations e.
 
     J = 1 - [w]x / 2 + g(a) [w]x^2,  g = (1 - (a/2) cot(a/2)) / a^2
     """
-    matrix = skew(w)
-    return np.asarray(_IDENTITY - 0.5 * matrix + _coefficient(float(w @ w))[0] * (matrix @ matrix))
+    matrix, value = skew(w), _coefficients(np.add.reduce(w * w, axis=-1))[0]
+    return np.asarray(_IDENTITY - 0.5 * matrix + value[..., None, None] * (matrix @ matrix))
 
 
 def second_order(w: Array, moment: Array) -> Array:
-    """Return the Hessian (3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0.
+    """Return the Hessians (..., 3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0.
 
     H = (b w^T + w b^T) / 2 + (m . w) (g - 1/4 - g^2 a^2) 1,
     b = (1/4 - g - g^2 a^2 - 2 g' a^2) m + 2 (m . w) (g^2 + g') w + g w x m
@@ -86,29 +85,32 @@ def second_order(w: Array, moment: Array) -> Array:
     with the moment m, g of ``inverse_jacobian`` and g' = dg / d(a^2): the symmetric part of dJ[J e] e, which is the
     second derivative as d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line.
     """
-    (x, y, z), (k, m, n) = w.tolist(), moment.tolist()
-    square, along = x * x + y * y + z * z, x * k + y * m + z * n
-    value, slope = _coefficient(square)
+    square, along = np.add.reduce(w * w, axis=-1), np.add.reduce(moment * w, axis=-1)
+    value, slope = _coefficients(square)
     squared = value * value
-    p, q = 0.25 - value - square * (squared + 2.0 * slope), 2.0 * along * (squared + slope)
-    b = np.array((p * k + q * x + value * (y * n - z * m), p * m + q * y + value * (z * k - x * n),
-                  p * n + q * z + value * (x * m - y * k)))  # fmt: skip
-    half = b[:, None] * (0.5 * w)
-    return np.asarray(half + half.T + along * (value - 0.25 - squared * square) * _IDENTITY)
+    b = (0.25 - value - square * (squared + 2.0 * slope))[..., None] * moment
+    b += (2.0 * along * (squared + slope))[..., None] * w
+    b += value[..., None] * (skew(w) @ moment[..., None])[..., 0]
+    half = b[..., None] * (0.5 * w)[..., None, :]
+    spherical = (along * (value - 0.25 - squared * square))[..., None, None]
+    return np.asarray(half + half.swapaxes(-1, -2) + spherical * _IDENTITY)
 
 
-def _coefficient(square: float) -> tuple[float, float]:
+def _coefficients(square: Array) -> tuple[Array, Array]:
     """Return g of ``inverse_jacobian`` and its derivative, as functions of the square of the angle."""
-    if square < SMALL * SMALL:
-        value = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
-        return value, 1.0 / 720.0 + square * (1.0 / 15120.0 + square * (1.0 / 403200.0 + square / 11975040.0))
-    angle = sqrt(square)
+    value = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
+    slope = 1.0 / 720.0 + square * (1.0 / 15120.0 + square * (1.0 / 403200.0 + square / 11975040.0))
+    large = square >= SMALL * SMALL
+    if not np.count_nonzero(large):
+        return value, slope
+    square = np.where(large, square, 1.0)
+    angle = np.sqrt(square)
     half = 0.5 * angle
-    cotangent = 1.0 / tan(half)
-    value = (1.0 - half * cotangent) / square
+    cotangent = 1.0 / np.tan(half)
+    closed = (1.0 - half * cotangent) / square
     # d(half cot half)/d(angle) = cot/2 - half/2 / sin^2
-    slope = -(0.5 * cotangent - 0.5 * half / sin(half) ** 2) / (2.0 * angle * square) - value / square
-    return value, slope
+    fall = -(0.5 * cotangent - 0.5 * half / np.sin(half) ** 2) / (2.0 * angle * square) - closed / square
+    return np.where(large, closed, value), np.where(large, fall, slope)
 
 
 def quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:
