@@ -4,7 +4,8 @@ import numpy as np
 
 # Arrays of scenes with fewer coordinates are small enough to be reused anyhow.
 MANY = 40
-_BLOCK = 2_000_000
+# The largest block that glibc lets the threshold grow to has 32 MB; twice that is kept.
+_BLOCK = 4_000_000
 
 
 def keep_freed_memory(size: int) -> None:

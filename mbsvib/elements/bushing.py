@@ -20,16 +20,23 @@ from mbsvib.errors import ModelError
 from mbsvib.linalg.rotations import inverse_jacobian, logarithm, second_order
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.placement import Placement
 
+    Mask = NDArray[np.bool_]
+
 Six = tuple[float, ...]
 Matrix6 = tuple[Six, ...]
+Law = tuple[Six | Matrix6, Six | Matrix6, Six | None]
 ZERO: Six = (0.0,) * 6
 # Bushings that carry moments are followed up to this angle [rad] between their bodies.
 FARTHEST = 3.0
+FINITE = "values that are finite in this pose"
+_SIX = np.eye(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +73,19 @@ class Bushing(Connection):
         return self.preload is not None and any(self.preload)
 
     def in_pose(self, pose: Placement, relaxed: bool) -> Part | dict[str, Any]:
-        if pose.stays(self.first) and pose.stays(self.second):
-            return self
-        words = self.words() | {"position": pose.point(self.second, self.position),
-                                "orientation": pose.axes(self.first, self.orientation)}  # fmt: skip
-        return words if relaxed else words | _law_at(self, *deflection(self, pose))
+        return self.all_in_pose([self], pose, relaxed)[0]
+
+    @staticmethod
+    def all_in_pose(parts: Sequence[Any], pose: Placement, relaxed: bool) -> list[Part | dict[str, Any]]:
+        moved = [part for part in parts if not (pose.stays(part.first) and pose.stays(part.second))]
+        laws = [(part.stiffness, part.damping, part.preload) for part in moved] if relaxed or not moved else \
+            _laws_at(moved, *deflections(moved, pose))  # fmt: skip
+        there = {
+            part.name: Bushing(part.name, part.first, part.second, pose.point(part.second, part.position), stiffness,
+                               damping, pose.axes(part.first, part.orientation), preload)
+            for part, (stiffness, damping, preload) in zip(moved, laws, strict=True)
+        }  # fmt: skip
+        return [there.get(part.name, part) for part in parts]
 
 
 def make(
@@ -92,43 +107,65 @@ def make(
                    check.orientation(orientation, who), preload)  # fmt: skip
 
 
-def deflection(bushing: Bushing, pose: Placement) -> tuple[Array, Array]:
-    """Return d [m] and rho [rad] of a bushing since the pose in which it is described, in its axes."""
-    first, second = (pose.turned(body, bushing.orientation) for body in (bushing.first, bushing.second))
-    gap = np.subtract(pose.point(bushing.second, bushing.position), pose.point(bushing.first, bushing.position))
-    return first.T @ gap, logarithm(first.T @ second)
+def deflections(bushings: Sequence[Bushing], pose: Placement) -> tuple[Array, Array]:
+    """Return d [m] and rho [rad] (n, 3) of bushings since the pose in which they are described, in their axes."""
+    first, second = (np.array([pose.number[body] for body in bodies]) for bodies in (
+        [part.first for part in bushings], [part.second for part in bushings]))  # fmt: skip
+    axes, at = np.array([part.orientation for part in bushings]), np.array([part.position for part in bushings])
+    back = (pose.turn.take(first, axis=0) @ axes).swapaxes(-1, -2)
+    gap = pose.points(second, at) - pose.points(first, at)
+    return (back @ gap[..., None])[..., 0], logarithm(back @ (pose.turn.take(second, axis=0) @ axes))
 
 
-def _law_at(bushing: Bushing, d: Array, rho: Array) -> dict[str, Any]:
-    """Stiffness, damping and preload of a bushing about another pose, as far as they are others there."""
-    words: dict[str, Any] = {}
-    stiffness, damping = (np.array(value) for value in (bushing.stiffness, bushing.damping))
-    full = np.diag(stiffness) if stiffness.ndim == 1 else stiffness
-    wrench = np.array(bushing.preload or np.zeros(6)) - full @ np.concatenate((d, rho))
-    if rho.any():
-        map_ = np.eye(6)
-        map_[3:, 3:] = inverse_jacobian(rho)
-        if wrench[3:].any() or full[3:].any():
-            _check_turn(bushing, rho)
-            tangent = map_.T @ full @ map_
-            tangent[3:, 3:] -= second_order(rho, wrench[3:])
-            words["stiffness"] = 0.5 * (tangent + tangent.T)
-        if damping[3:].any():
-            words["damping"] = map_.T @ (np.diag(damping) if damping.ndim == 1 else damping) @ map_
-        wrench = map_.T @ wrench
-    if wrench.any() or bushing.preload is not None:
-        words["preload"] = wrench
-    return words
+def _laws_at(bushings: Sequence[Bushing], d: Array, rho: Array) -> list[Law]:
+    """Stiffness, damping and preload of bushings about another pose."""
+    k, c = (np.array([_matrix(value) for value in values]) for values in (
+        [part.stiffness for part in bushings], [part.damping for part in bushings]))  # fmt: skip
+    wrench = np.array([part.preload or ZERO for part in bushings])
+    wrench -= (k @ np.concatenate((d, rho), axis=1)[..., None])[..., 0]
+    turned = np.asarray(rho.any(axis=1))
+    holds = turned & (wrench[:, 3:].any(axis=1) | k[:, 3:].any(axis=(1, 2)))
+    brakes = turned & c[:, 3:].any(axis=(1, 2))
+    for i in (holds & (np.square(rho).sum(axis=1) > FARTHEST**2)).nonzero()[0].tolist():
+        raise _too_far(bushings[i], rho[i])
+    map_ = np.tile(_SIX, (len(rho), 1, 1))
+    map_[:, 3:, 3:] = inverse_jacobian(rho)
+    back = map_.swapaxes(-1, -2)
+    tangent = back @ k @ map_
+    tangent[:, 3:, 3:] -= second_order(rho, wrench[:, 3:])
+    stiffness = _symmetric(tangent, bushings, "stiffness", holds)
+    damping = _symmetric(back @ c @ map_, bushings, "damping", brakes)
+    return [(stiffness.get(i, part.stiffness), damping.get(i, part.damping), _preload(part, values))
+            for i, (part, values) in enumerate(zip(bushings, (back @ wrench[..., None])[..., 0].tolist(), strict=True))]
 
 
-def _check_turn(bushing: Bushing, rho: Array) -> None:
+def _matrix(value: Six | Matrix6) -> Array:
+    """Six values or a matrix as a matrix."""
+    array = np.array(value)
+    return array * _SIX if array.ndim == 1 else array
+
+
+def _symmetric(matrices: Array, bushings: Sequence[Bushing], field: str, which: Mask) -> dict[int, Matrix6]:
+    """The symmetric parts of some of the matrices, by number."""
+    numbers, some = which.nonzero()[0].tolist(), matrices[which]
+    mean = 0.5 * (some + some.swapaxes(-1, -2))
+    for i in np.flatnonzero(~np.isfinite(mean).all(axis=(1, 2))).tolist():
+        raise check.refuse(f"bushing '{bushings[numbers[i]].name}'", field, mean[i], FINITE)
+    return {i: tuple(map(tuple, rows)) for i, rows in zip(numbers, mean.tolist(), strict=True)}
+
+
+def _preload(bushing: Bushing, wrench: list[float]) -> Six | None:
+    if bushing.preload is None and not any(wrench):
+        return None
+    return check.numbers(wrench, (6,), f"bushing '{bushing.name}'", "preload", FINITE)
+
+
+def _too_far(bushing: Bushing, rho: Array) -> ModelError:
     """Next to half a turn the rotation vector may as well point the other way, and so may the moment."""
-    angle = float(np.linalg.norm(rho))
-    if angle > FARTHEST:
-        who = f"bushing '{bushing.name}'"
-        raise ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
-                         f"(limit {np.degrees(FARTHEST):.0f}). Describe the model in a pose nearer by.",
-                         element=who, field="stiffness")  # fmt: skip
+    who, angle = f"bushing '{bushing.name}'", float(np.linalg.norm(rho))
+    return ModelError(f"{who}: is turned by {np.degrees(angle):.0f} degrees, where its moment is no longer defined "
+                      f"(limit {np.degrees(FARTHEST):.0f}). Describe the model in a pose nearer by.",
+                      element=who, field="stiffness")  # fmt: skip
 
 
 def _acts(value: Six | Matrix6) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from typing import TYPE_CHECKING, Any, Self
@@ -144,6 +144,26 @@ class Part:
             If no such part can be described in that pose.
         """
         return self
+
+    @staticmethod
+    def all_in_pose(parts: Sequence[Any], pose: Placement, relaxed: bool) -> list[Part | dict[str, Any]]:
+        """Return parts of this kind in another pose, as ``in_pose`` returns each of them.
+
+        Parameters
+        ----------
+        parts : sequence of Part
+            The parts.
+        pose : Placement
+            The pose.
+        relaxed : bool
+            Whether springs keep the forces that they have as described.
+
+        Returns
+        -------
+        list of Part or dict
+            Each part there, or the words of the call that adds it.
+        """
+        return [part.in_pose(pose, relaxed) for part in parts]
 
 
 @cache

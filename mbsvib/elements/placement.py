@@ -5,14 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arguments import Matrix3, Vector
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
 
 
 class Placement(Protocol):
     """A pose of all bodies, against the one in which the mechanism is described."""
+
+    @property
+    def number(self) -> Mapping[str, int]:
+        """The number of each body by name."""
+
+    @property
+    def turn(self) -> Array:
+        """Rotations of the bodies, (bodies, 3, 3)."""
+
+    def points(self, body: Index, at: Array) -> Array:
+        """Return where points (n, 3) of bodies (n,) are that were ``at`` [m] as described."""
 
     def stays(self, body: str) -> bool:
         """Tell whether a body is exactly where it was described."""

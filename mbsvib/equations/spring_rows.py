@@ -159,10 +159,11 @@ def _rows(
     """Turn directions in the bushings' axes into world rows."""
     place = columns([(number[b.first], number[b.second], *b.position) for b in bushings], 5).take(which, axis=1)
     first, second = place[:2].astype(np.intp)
-    force, moment = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
+    both = np.ascontiguousarray(unit.T).reshape(2, 3, -1)
     if any(b.orientation is not IDENTITY for b in bushings):
-        axes = np.array([b.orientation for b in bushings])[which]
-        force, moment = np.einsum("nij,kjn->kin", axes, np.array((force, moment)))
+        axes = columns([x + y + z for x, y, z in [b.orientation for b in bushings]], 9).take(which, axis=1)
+        both = (axes.reshape(3, 3, -1) * both[:, None]).sum(axis=2)
+    force, moment = both
     return Elements(Rows(first, second, place[2:], force, moment), k, c, owner.take(which), unit)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbsvib.elements import Joint, Maxwell, Spring, spring
+from mbsvib.elements.connection import Connection
 from mbsvib.elements.part import Composed, Part
 from mbsvib.equilibrium import flexible_parts as rigid
 from mbsvib.equilibrium import joints
@@ -43,7 +44,18 @@ def carried(model: M, pose: Pose, relaxed: bool = False) -> M:
     ModelError
         If a part cannot be described in that pose.
     """
-    return rebuilt(model, lambda part: _words(part, pose, relaxed))
+    springs = _springs(model, pose, relaxed)
+    return rebuilt(model, lambda part: springs[part.name] if isinstance(part, Connection)
+                   else _words(part, pose, relaxed))  # fmt: skip
+
+
+def _springs(model: Mechanism, pose: Pose, relaxed: bool) -> dict[str, dict[str, Any] | Part]:
+    """All connections in another pose, those of one kind at once."""
+    kinds: dict[type[Part], list[Any]] = {}
+    for part in model.springs.values():
+        kinds.setdefault(type(part), []).append(part)
+    return {part.name: there for kind, parts in kinds.items()
+            for part, there in zip(parts, kind.all_in_pose(parts, pose, relaxed), strict=True)}  # fmt: skip
 
 
 def bare(model: M) -> M:

@@ -308,14 +308,15 @@ def clear_rounding(value: Array, *vectors: Array) -> None:
         f, m, v, w, p_r and p_k of each.
     """
     size = np.abs(value)
-    small = size < LARGEST_ROUNDING
-    if np.count_nonzero(small) + np.count_nonzero(value) == value.size:  # what is small is zero
+    small = (size < LARGEST_ROUNDING) & (value != 0.0)
+    if not np.count_nonzero(small):
         return
     if value.ndim == 1:
         at = small.nonzero()[0]
-        value[at[size.take(at) <= _noise(*np.abs(np.array(vectors).take(at, axis=2)).max(axis=1))]] = 0.0
+        sizes = np.abs(np.array([array.take(at, axis=1) for array in vectors])).max(axis=1)
+        value[at[size.take(at) <= _noise(*sizes)]] = 0.0
         return
-    at = (small & (value != 0.0)).any(axis=1).nonzero()[0]
+    at = small.any(axis=1).nonzero()[0]
     some = value.take(at, axis=0)
     some[np.abs(some) <= _noise(*(np.abs(array.take(at, axis=1)).max(axis=0) for array in vectors))] = 0.0
     value[at] = some

@@ -22,7 +22,8 @@ _SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], 
 
 def skew(w: Array) -> Array:
     """Return [w]x (..., 3, 3), the matrices with [w]x v = w x v, of vectors (..., 3)."""
-    return np.asarray(np.asarray(w) @ _SKEW).reshape(*np.shape(w), 3)
+    vectors = np.asarray(w)
+    return np.asarray(vectors @ _SKEW).reshape(*vectors.shape, 3)
 
 
 def axial(matrix: Array) -> Array:
@@ -36,7 +37,7 @@ def exponential(w: Array) -> Array:
     exp([w]x) = 1 + sin(a)/a [w]x + (1 - cos(a))/a^2 [w]x^2,  a = |w|
     """
     # sin(a) / a is 1 for the least angle that is kept
-    angle = np.maximum(np.sqrt((w * w).sum(axis=-1)), LEAST)[..., None, None]
+    angle = np.maximum(np.sqrt(np.add.reduce(w * w, axis=-1)), LEAST)[..., None, None]
     matrix, half = skew(w), 0.5 * angle
     return np.asarray(
         _IDENTITY + (np.sin(angle) / angle) * matrix + 0.5 * np.square(np.sin(half) / half) * (matrix @ matrix)
@@ -46,11 +47,12 @@ def exponential(w: Array) -> Array:
 def logarithm(rotation: Array) -> Array:
     """Return the rotation vectors (..., 3) [rad] of rotation matrices (..., 3, 3), at most half a turn long."""
     w = axial(rotation)
-    sine, cosine = np.sqrt((w * w).sum(axis=-1)), 0.5 * (rotation.trace(axis1=-2, axis2=-1) - 1.0)
+    sine, cosine = np.sqrt(np.add.reduce(w * w, axis=-1)), 0.5 * (rotation.trace(axis1=-2, axis2=-1) - 1.0)
     angle = np.arctan2(sine, cosine)
     straight = cosine <= HALF_TURN
-    if not straight.any():
-        return np.asarray(w / np.sinc(angle / np.pi)[..., None])
+    if not np.count_nonzero(straight):
+        angle = np.maximum(angle, LEAST)
+        return np.asarray(w * (angle / np.sin(angle))[..., None])
     if rotation.ndim > 2:
         return np.array([logarithm(one) for one in rotation])
     # next to half a turn the axial part vanishes: the axis is the largest column of the symmetric part
@@ -66,41 +68,49 @@ def orthonormal(rotation: Array) -> Array:
 
 
 def inverse_jacobian(w: Array) -> Array:
-    """Return the matrix J with log(exp(e) exp(w)) = w + J e + ... for small rotations e.
+    """Return the matrices J (..., 3, 3) with log(exp(e) exp(w)) = w + J e + ... for small rotations e.
 
     J = 1 - [w]x / 2 + g(a) [w]x^2,  g = (1 - (a/2) cot(a/2)) / a^2
     """
-    matrix = skew(w)
-    return np.asarray(np.eye(3) - 0.5 * matrix + _coefficient(float(w @ w))[0] * (matrix @ matrix))
+    matrix, value = skew(w), _coefficients(np.add.reduce(w * w, axis=-1))[0]
+    return np.asarray(_IDENTITY - 0.5 * matrix + value[..., None, None] * (matrix @ matrix))
 
 
 def second_order(w: Array, moment: Array) -> Array:
-    """Return the Hessian (3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0."""
-    # d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line, so that the second derivative is dJ[J e] e
-    jacobian, matrix = inverse_jacobian(w), skew(w)
-    value, slope = _coefficient(float(w @ w))
-    result = np.empty((3, 3))
-    for k in range(3):
-        turn = jacobian[:, k]
-        change = skew(turn)
-        derivative = -0.5 * change + value * (change @ matrix + matrix @ change)
-        derivative += 2.0 * slope * float(w @ turn) * (matrix @ matrix)
-        result[k] = moment @ derivative
-    return 0.5 * (result + result.T)
+    """Return the Hessians (..., 3, 3) of moment . log(exp(e) exp(w)) in the small rotation e, at e = 0.
+
+    H = (b w^T + w b^T) / 2 + (m . w) (g - 1/4 - g^2 a^2) 1,
+    b = (1/4 - g - g^2 a^2 - 2 g' a^2) m + 2 (m . w) (g^2 + g') w + g w x m
+
+    with the moment m, g of ``inverse_jacobian`` and g' = dg / d(a^2): the symmetric part of dJ[J e] e, which is the
+    second derivative as d/ds log(exp(s e) exp(w)) = J(w(s)) e along the whole line.
+    """
+    square, along = np.add.reduce(w * w, axis=-1), np.add.reduce(moment * w, axis=-1)
+    value, slope = _coefficients(square)
+    squared = value * value
+    b = (0.25 - value - square * (squared + 2.0 * slope))[..., None] * moment
+    b += (2.0 * along * (squared + slope))[..., None] * w
+    b += value[..., None] * (skew(w) @ moment[..., None])[..., 0]
+    half = b[..., None] * (0.5 * w)[..., None, :]
+    spherical = (along * (value - 0.25 - squared * square))[..., None, None]
+    return np.asarray(half + half.swapaxes(-1, -2) + spherical * _IDENTITY)
 
 
-def _coefficient(square: float) -> tuple[float, float]:
+def _coefficients(square: Array) -> tuple[Array, Array]:
     """Return g of ``inverse_jacobian`` and its derivative, as functions of the square of the angle."""
-    if square < SMALL * SMALL:
-        value = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
-        return value, 1.0 / 720.0 + square * (1.0 / 15120.0 + square * (1.0 / 403200.0 + square / 11975040.0))
-    angle = float(np.sqrt(square))
+    value = 1.0 / 12.0 + square * (1.0 / 720.0 + square * (1.0 / 30240.0 + square / 1209600.0))
+    slope = 1.0 / 720.0 + square * (1.0 / 15120.0 + square * (1.0 / 403200.0 + square / 11975040.0))
+    large = square >= SMALL * SMALL
+    if not np.count_nonzero(large):
+        return value, slope
+    square = np.where(large, square, 1.0)
+    angle = np.sqrt(square)
     half = 0.5 * angle
     cotangent = 1.0 / np.tan(half)
-    value = (1.0 - half * cotangent) / square
+    closed = (1.0 - half * cotangent) / square
     # d(half cot half)/d(angle) = cot/2 - half/2 / sin^2
-    slope = -(0.5 * cotangent - 0.5 * half / np.sin(half) ** 2) / (2.0 * angle * square) - value / square
-    return float(value), float(slope)
+    fall = -(0.5 * cotangent - 0.5 * half / np.sin(half) ** 2) / (2.0 * angle * square) - closed / square
+    return np.where(large, closed, value), np.where(large, fall, slope)
 
 
 def quaternion(turn: Array) -> tuple[float, tuple[float, ...]]:

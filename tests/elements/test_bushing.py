@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
+from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.pose import start
 
 SIX = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 
@@ -57,3 +59,38 @@ def test_bushings_are_immutable():
         make().stiffness = SIX
     with pytest.raises(TypeError):
         make().stiffness[0] = 7.0
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(("field", "words"), [
+    ("stiffness", {"stiffness": (1e308,) * 6}), ("damping", {"damping": (0.0, 0.0, 0.0, 1.7e308, 1.7e308, 1.7e308)}),
+    ("preload", {"preload": (0.0, 0.0, 0.0, 1.7e308, 1.7e308, 1.7e308)}),
+])  # fmt: skip
+def test_values_that_overflow_in_another_pose_are_refused(field, words):
+    model = mv.Model()
+    model.add_body("a", 1.0, (1, 1, 1))
+    model.add_joint("ball", "spherical", "ground", "a", (0, 0, 0))
+    model.add_bushing("k", "ground", "a", (0, 0, 0), **{"stiffness": SIX} | words)
+    with pytest.raises(mv.ModelError, match=f"bushing 'k': {field} = .*finite in this pose"):
+        model.moved({"ball.rx": 0.3})
+
+
+def test_several_go_to_another_pose_as_each_of_them_does():
+    model, matrix = mv.Model(), np.diag(SIX) + 0.1
+    kinds = ({}, {"stiffness": matrix}, {"damping": matrix}, {"preload": SIX},
+             {"stiffness": (1.0, 2.0, 3.0, 0.0, 0.0, 0.0), "orientation": (0.1, 0.2, 0.3)})  # fmt: skip
+    for i, words in enumerate(kinds):
+        model.add_body(f"b{i}", 1.0, (1, 1, 1), (0.1 * i, 0.2, 0.3))
+        model.add_joint(f"ball{i}", "spherical", "ground", f"b{i}", (0, 0, 0))
+        model.add_bushing(f"k{i}", "ground", f"b{i}", (0.3, 0.1 * i, 0.2), **{"stiffness": SIX} | words)
+    model.add_body("still", 1.0, (1, 1, 1))
+    model.add_bushing("rests", "ground", "still", (0, 0, 0), SIX)
+    here = stance(model, start(model))
+    pose = here.moved(np.where(np.arange(len(here.scale)) < 15, 0.2, 0.0)).pose
+    for there in model.moved(dict.fromkeys(here.coordinates.names[:15], 0.2)).springs.values():
+        alone = model.springs[there.name].in_pose(pose, False)
+        assert np.allclose(there.stiffness, alone.stiffness, rtol=1e-14, atol=1e-14)
+        assert np.allclose(there.damping, alone.damping, rtol=1e-14, atol=1e-14)
+        assert (there.preload is None) == (alone.preload is None)
+        assert there.preload is None or there.preload == pytest.approx(alone.preload, rel=1e-14, abs=1e-14)
+        assert (there is model.springs[there.name]) == (there.name == "rests")

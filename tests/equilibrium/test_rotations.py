@@ -68,7 +68,8 @@ def test_first_and_second_order_of_the_logarithm(w):
         mixed = lambda i, j: (even(both(i, j, 1)) - even(both(i, j, -1))) / (4 * h * h)  # noqa: E731
         second = np.array([[float(mixed(i, j)) for j in range(3)] for i in range(3)])
     assert np.allclose(inverse_jacobian(np.array(w)), first, rtol=0, atol=1e-13)
-    assert np.allclose(second_order(np.array(w), moment), second, rtol=1e-12, atol=1e-12)
+    # the antisymmetric part of the second derivative, which does not become small with w, leaves no rounding
+    assert np.allclose(second_order(np.array(w), moment), second, rtol=0, atol=1e-13 * np.abs(second).max() + 1e-20)
 
 
 def test_rounding_is_taken_out_of_a_rotation():
