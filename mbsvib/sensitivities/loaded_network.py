@@ -53,7 +53,8 @@ class LoadedNetwork:
     """A network in balance under its ``forces``, with all its parameters ``entries``, their ``groups`` and ``changes``.
 
     The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then
-    carried along at ``parameter_rates`` (p, c), and forces change at ``force_rates`` (e, c) beside these.
+    carried along at ``parameter_rates`` (p, c), and forces change at ``force_rates`` (e, c) beside these. Forces of
+    ``size_of_forces`` (m,) [N, N m] cancel along the coordinates.
     """
 
     network: Network
@@ -64,6 +65,7 @@ class LoadedNetwork:
     motions: Array
     parameter_rates: Array
     force_rates: Array
+    size_of_forces: Array
 
     @property
     def dof(self) -> int:
@@ -253,12 +255,14 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     LoadedNetwork
         What its parameters do to forces and pose.
     """
+    statics = system.provenance.statics
     assert network.forces is not None
+    assert statics is not None
     forces, entries = network.forces, system.parameters.entries
     changes = force_changes(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     return LoadedNetwork(
         network, forces, entries, groups_by_rule(network, entries), changes, motions,
         parameter_rates(network, forces, changes, motions),
-        force_rates(network, forces, changes, motions),
+        force_rates(network, forces, changes, motions), statics.size,
     )  # fmt: skip

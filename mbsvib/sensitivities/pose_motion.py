@@ -48,7 +48,7 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
     sizes = _sizes(loaded)
-    unit = inverse_root(np.abs(np.diagonal(stiffness)) + _works(sizes))
+    unit = inverse_root(np.abs(np.diagonal(stiffness)) + _works(sizes) + _least(loaded))
 
     def terms() -> Array:
         size = _term_sizes(loaded, sizes)
@@ -105,6 +105,14 @@ def _works(sizes: Sizes) -> Array:
     """Sizes (m,) of the products whose sums are the geometric stiffness along each coordinate."""
     f, t, bend, v, w = sizes
     return np.asarray((f * v * w + t * w * w + bend * v * v).sum(axis=0))
+
+
+def _least(loaded: LoadedNetwork) -> Array:
+    """Sizes (m,) of the geometric stiffness along coordinates that forces do not feel: their points are rounded."""
+    m = loaded.dof
+    turns = np.abs(loaded.motions[:, 3:, :m]).max(axis=(0, 1), initial=0.0) > 0.0
+    reach = float(np.ptp(loaded.forces.point, axis=0).max(initial=0.0)) or 1.0
+    return loaded.size_of_forces / np.where(turns, 1.0, reach)
 
 
 def _term_sizes(loaded: LoadedNetwork, sizes: Sizes) -> Array:
