@@ -28,10 +28,10 @@ from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
-from mbsvib_export.mat_script import script
+from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
 from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -85,13 +85,19 @@ def to_mat(
     # scipy writes the time into the title; without it the same system gives the same bytes
     rest = stream.getvalue()[TITLE:]
     whole = _title(rest) + rest
-    is_new = not os.path.lexists(a_path(path, "to_mat", ExportError))
+    goal = Path(a_path(path, "to_mat", ExportError))
+    is_new = not os.path.lexists(goal)
+    name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", goal.stem)[:50]
+    beside = goal.with_name(f"{name}.m")
+    if loader:
+        check_companion(beside, lambda file: is_script_of(goal.name, file.read_bytes()),
+                        f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
+                        "loader=False.")  # fmt: skip
     result = write_whole(path, lambda file: file.write(whole))
     if loader:
-        name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", result.stem)[:50]
         text = script(name, result.name, data.name)
         try:
-            write_whole(result.with_name(f"{name}.m"), lambda file: file.write(text.encode("ascii")))
+            write_whole(beside, lambda file: file.write(text.encode("ascii")))
         except ExportError:
             if is_new:
                 result.unlink(missing_ok=True)

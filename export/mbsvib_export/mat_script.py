@@ -101,6 +101,15 @@ def script(function: str, file: str, system: str) -> str:
     str
         ASCII text.
     """
-    plain = file.replace("'", "''").encode("ascii", "replace").decode()
-    return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=plain,
+    return _TEXT.format(function=function, upper=function.upper(), system=ascii(system), file=_plain(file),
                         tolerance=f"{TOLERANCE:.0e}")  # fmt: skip
+
+
+def is_script_of(file: str, content: bytes) -> bool:
+    """Return whether a text is what ``script`` has written for a .mat file of this name."""
+    place = f"fileparts(mfilename('fullpath')), '{_plain(file)}');"
+    return b"Written by mbsvib." in content and place.encode() in content
+
+
+def _plain(file: str) -> str:
+    return file.replace("'", "''").encode("ascii", "replace").decode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from mbsvib.common import atomic_file as whole_file
@@ -11,7 +12,6 @@ from mbsvib.errors import ExportError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
@@ -42,3 +42,31 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
             f"{os.fspath(path)}: cannot be written: {error.strerror or error}. Give the path of a file in a folder "
             f"that exists and that you may write to; nothing was changed there."
         ) from error
+
+
+def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, instead: str) -> None:
+    """Refuse to replace a file beside the one that was asked for, unless the same export has written it before.
+
+    Parameters
+    ----------
+    path : Path
+        Where the companion goes.
+    is_own : callable
+        Tells whether what is there comes from the same export.
+    what, instead : str
+        What the companion is, and what to do, for the message.
+
+    Raises
+    ------
+    ExportError
+        If another file is there. Nothing has been written then.
+    """
+    if not os.path.lexists(path):
+        return
+    try:
+        own = path.is_file() and is_own(path)
+    except OSError:
+        own = False
+    if not own:
+        raise ExportError(f"{path}: this file is there already and is not {what}, so that it is not replaced. "
+                          f"{instead} Nothing was written.")  # fmt: skip

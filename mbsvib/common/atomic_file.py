@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 from uuid import uuid4
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+# Drafts are named after their file, eight digits, and this.
+DRAFT = ".part"
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
@@ -28,9 +33,13 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
         The path. Where an OSError is raised instead, what was there is still there, untouched.
     """
     target = Path(os.path.realpath(path))
-    draft = target.with_name(f".{target.name[:60]}.{uuid4().hex[:8]}.part")
+    start = f".{target.name[:60]}."
+    _remove_abandoned(target.parent, start)
+    draft = target.with_name(f"{start}{uuid4().hex[:8]}{DRAFT}")
     try:
         with open(draft, "xb") as stream:
+            with suppress(OSError):  # some file systems have no locks
+                _lock(stream)
             write(stream)
             stream.flush()
             os.fsync(stream.fileno())
@@ -40,3 +49,27 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
     finally:
         draft.unlink(missing_ok=True)
     return Path(path)
+
+
+def _remove_abandoned(folder: Path, start: str) -> None:
+    """Remove drafts of a file that writers have left behind who were stopped; those being written are locked."""
+    try:
+        drafts = [draft for draft in folder.iterdir() if draft.name.startswith(start) and draft.name.endswith(DRAFT)
+                  and len(draft.name) == len(start) + 8 + len(DRAFT)]  # fmt: skip
+    except OSError:
+        return
+    for draft in drafts:
+        try:
+            with open(draft, "rb") as stream:
+                _lock(stream)
+            draft.unlink(missing_ok=True)
+        except OSError:  # somebody writes it, or it is not ours
+            continue
+
+
+def _lock(stream: IO[bytes]) -> None:
+    """Lock a file for as long as it is open, or raise OSError; Windows removes no file that is open anyway."""
+    if sys.platform != "win32":
+        import fcntl
+
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -128,11 +128,27 @@ def test_files_of_another_kind(content, tmp_path):
 
 def test_a_script_that_cannot_be_written_leaves_no_file_without_it(tmp_path):
     (tmp_path / "load_x.m").mkdir()
-    with pytest.raises(mv.ExportError, match=r"load_x\.m: cannot be written"):
+    with pytest.raises(mv.ExportError, match=r"load_x\.m: this file is there already"):
         mx.to_mat(slider(), tmp_path / "x.mat")
     assert [each.name for each in tmp_path.iterdir()] == ["load_x.m"]
     mx.to_mat(slider(), tmp_path / "x.mat", loader=False)
     assert (tmp_path / "x.mat").exists()
+
+
+def test_scripts_of_others_are_not_replaced(tmp_path):
+    """A user's own load_x.m, and the one script that two .mat files would share."""
+    own = tmp_path / "load_x.m"
+    own.write_text("function data = load_x()  % mine\n")
+    with pytest.raises(mv.ExportError, match=r"is not the script of 'x\.mat'.*loader=False"):
+        mx.to_mat(slider(), tmp_path / "x.mat")
+    assert own.read_text().endswith("mine\n")
+    assert not (tmp_path / "x.mat").exists()
+    mx.to_mat(slider(), tmp_path / "a-b.mat")
+    first = (tmp_path / "load_a_b.m").read_bytes()
+    with pytest.raises(mv.ExportError, match=r"is not the script of 'a_b\.mat'"):
+        mx.to_mat(slider(), tmp_path / "a_b.mat")
+    mx.to_mat(slider(name="other"), tmp_path / "a-b.mat")  # the same export may be repeated
+    assert b"'other'" in (tmp_path / "load_a_b.m").read_bytes() != first
 
 
 def test_places_that_cannot_be_written(tmp_path):

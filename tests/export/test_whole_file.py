@@ -55,6 +55,38 @@ def test_a_failure_halfway_leaves_the_old_file(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_what_a_kill_left_behind_is_removed(tmp_path):
+    """Drafts of the same file, but not those that somebody writes at the time, nor other files."""
+    dead, other = tmp_path / ".plant.json.0123abcd.part", tmp_path / ".plant.json.txt.part"
+    dead.write_bytes(b"half")
+    other.write_bytes(b"mine")
+
+    def write(stream):
+        mine = next(each for each in tmp_path.iterdir() if each not in (dead, other))
+        write_whole(tmp_path / "plant.json", lambda inner: inner.write(b"second"))
+        assert mine.exists() or os.name == "nt"
+        stream.write(b"first")
+
+    write_whole(tmp_path / "plant.json", write)
+    assert not dead.exists()
+    assert sorted(each.name for each in tmp_path.iterdir()) == [other.name, "plant.json"]
+    assert (tmp_path / "plant.json").read_bytes() == b"first"
+
+
+def test_fmus_of_others_are_not_replaced(tmp_path):
+    pytest.importorskip("fmpy")
+    own = tmp_path / "plant-fmi3.fmu"
+    mx.to_fmu(slider(name="another"), own, "3.0")
+    before = own.read_bytes()
+    with pytest.raises(mv.ExportError, match=r"plant-fmi3\.fmu: .* is not an FMU of 'slider' by mbsvib"):
+        mx.to_fmu(slider(), tmp_path / "plant.fmu", ("2.0", "3.0"))
+    assert [each.name for each in tmp_path.iterdir()] == [own.name]
+    assert own.read_bytes() == before
+    own.unlink()
+    for _ in range(2):
+        assert len(mx.to_fmu(slider(), tmp_path / "plant.fmu", ("2.0", "3.0"))) == 2
+
+
 @pytest.mark.parametrize("kind", WRITERS)
 def test_an_old_file_is_replaced_and_keeps_its_mode(kind, tmp_path):
     path = tmp_path / "plant"

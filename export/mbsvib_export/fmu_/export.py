@@ -17,8 +17,8 @@ from mbsvib_export.fmu_.description_3 import description_3
 from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.sources import plant_of
-from mbsvib_export.fmu_.variables import variables_of
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.fmu_.variables import attributes, variables_of
+from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     Source: TypeAlias = System | StateSpace | SystemData | control.StateSpace
 
 VERSIONS = {"2.0": description_2, "3.0": description_3}
+# Bytes of a description in which its attributes are looked for.
+HEAD = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +132,11 @@ def to_fmu(
     libraries = {name: binary(name) for name in wanted}
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)
-    return tuple(_write(plant, goal.with_name(f"{goal.stem}-fmi{each[0]}{goal.suffix}"), each, libraries)
-                 for each in versions)  # fmt: skip
+    places = [goal.with_name(f"{goal.stem}-fmi{each[0]}{goal.suffix}") for each in versions]
+    for path in places:
+        check_companion(path, lambda file: _holds(file, plant.name), f"an FMU of '{plant.name}' by mbsvib",
+                        "Move it, or take another name.")  # fmt: skip
+    return tuple(_write(plant, path, each, libraries) for path, each in zip(places, versions, strict=True))
 
 
 def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:
@@ -155,6 +160,16 @@ def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) 
                 _put(archive, f"binaries/{folder}/{name}{PLATFORMS[each].suffix}", library)
 
     return FmuFile(write_whole(path, write), version, tuple(libraries), variables.names)
+
+
+def _holds(path: Path, name: str) -> bool:
+    """Whether a file is an FMU that mbsvib has written for a model of this name."""
+    try:
+        with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as stream:
+            head = stream.read(HEAD).decode(errors="replace")
+    except (KeyError, zipfile.BadZipFile):
+        return False
+    return 'generationTool="mbsvib ' in head and attributes(modelName=name or "system") in head
 
 
 def _put(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
