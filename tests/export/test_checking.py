@@ -55,6 +55,29 @@ def test_units_of_other_platforms_and_ports_of_one_name(tmp_path):
         mx.check_export(tmp_path / "y.fmu", system)
 
 
+@pytest.mark.parametrize("name", ["../../evil", "/tmp/evil", "a b", "lib.evil", ""])
+def test_fmus_that_name_a_library_elsewhere_are_refused(name, tmp_path):
+    """The name of the binary is made of modelIdentifier: a path would run what lies outside of the archive."""
+    pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
+    path = mx.to_fmu(slider(), tmp_path / "x.fmu").path
+    with zipfile.ZipFile(path) as one, zipfile.ZipFile(tmp_path / "y.fmu", "w") as two:
+        for each in one.namelist():
+            content = one.read(each)
+            two.writestr(each, content.replace(b'modelIdentifier="slider"', f'modelIdentifier="{name}"'.encode()))
+    with pytest.raises(mv.ExportError, match="modelIdentifier"):
+        mx.check_export(tmp_path / "y.fmu", slider())
+
+
+def test_archives_that_would_fill_the_disk_are_refused(tmp_path):
+    pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mbsvib[fmu]'")
+    path = mx.to_fmu(slider(), tmp_path / "x.fmu").path
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive, archive.open("resources/junk", "w") as stream:
+        for _ in range(1001):
+            stream.write(bytes(1_000_000))
+    with pytest.raises(mv.ExportError, match=r"x\.fmu: holds .* GB together; expected at most"):
+        mx.check_export(path, slider())
+
+
 def test_a_spring_that_was_changed_since_is_found(tmp_path):
     system = stewart()
     path = mx.to_npz(system, tmp_path / "x.npz")
