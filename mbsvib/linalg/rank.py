@@ -85,6 +85,8 @@ HOLDS_NOTHING = 1e-10
 ZERO_STIFFNESS = 1e-10
 # Forces along motions that no stiffness holds are rounding below this share of the products that they are sums of.
 ZERO_UNHELD_FORCE = 1e-9
+# What is left of forces that cancel is rounding below this share of them.
+CANCELLED = 16.0 * EPS
 # Differences of forces that balance, and the motions that they make, are rounding below this share of the forces that
 # cancel, and of the largest motion.
 ZERO_DIFFERENCE = 1e-12

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import ZERO_STIFFNESS, ZERO_UNHELD_FORCE
+from mbsvib.linalg.rank import CANCELLED, ZERO_STIFFNESS, ZERO_UNHELD_FORCE
 from mbsvib.linalg.vectors import inverse_root
 
 if TYPE_CHECKING:
@@ -51,7 +51,8 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     unit = inverse_root(np.abs(np.diagonal(stiffness)) + _works(sizes) + _least(loaded))
 
     def terms() -> Array:
-        size = _term_sizes(loaded, sizes)
+        # forces that all but vanish at rest are rounding of those that cancel
+        size = _term_sizes(loaded, sizes) + CANCELLED / ZERO_UNHELD_FORCE * loaded.size_of_forces
         return size if rates is None else np.asarray(abs(rates) @ size)
 
     motion, lost = balancing_motion(stiffness, unit, pushed, terms)

@@ -12,7 +12,7 @@ from tests.hunt.answers import Mismatch
 from tests.hunt.skip import Skip
 
 # How many parameters are tried under loads.
-UNDER_LOAD = 3
+UNDER_LOAD = 2
 # The first step of the differences, as a share of the parameter, and of the distance to the next eigenvalue.
 STEP, NEAR = 2.0**-8, 0.02
 # Another step, against the first.
