@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.equations import MATRICES
-from mbsvib.responses.basis import Basis
+from mbsvib.modes.result import modes
+from mbsvib.responses.basis import RESPONSE_RTOL, Basis
 from mbsvib.sensitivities.loaded_network import loaded_network
 from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
+    from mbsvib.modes import Modes
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
@@ -74,9 +76,16 @@ class SensitivityBasis:
         return self.network if self.network.bare else bare_network(self.equations)
 
     @cached_property
+    def modes(self) -> Modes:
+        """All modes as accurate as responses need them; modes of less accuracy are not computed before."""
+        if self.responses.computed & {"modes", "response_modes"}:
+            return self.responses.response_modes
+        return modes(self.equations, RESPONSE_RTOL, form=self.responses.form)
+
+    @cached_property
     def spectrum(self) -> tuple[Spectrum, Pairs]:
         """Eigenvalues with their vectors, and the pairs of those that coincide."""
-        known = spectrum(self.responses)
+        known = spectrum(self.modes)
         return known, known.pairs()
 
     @cached_property

@@ -80,7 +80,7 @@ def sparse_mode_sensitivities(
         extra *= 2
     basis = _basis(system, known.reduced)
     values = eigenvalue_sensitivities(basis, parameters)
-    place = places(wanted.eigenvalues, basis.responses.response_modes.eigenvalues)
+    place = places(wanted.eigenvalues, basis.modes.eigenvalues)
     groups = basis.groups(parameters)
     return ModeSensitivities(groups.variables.names, wanted, values[:, place], basis, groups)
 
