@@ -164,7 +164,7 @@ class SensitivityBasis:
         return self._groups_of_all[network.bare]
 
     def _grouped(self, network: Network, asked: Variables, *, every: bool) -> ParameterGroups:
-        ruled = have_rules(network, asked.parameters)
+        ruled = have_rules(network, asked.layout)
         loaded = None if ruled.all() or network.bare else self.loaded
         reference = None if loaded is None else self.reference_pose
         if loaded is None or not (reference is None or all(map(reference.tells, asked.parameters))):

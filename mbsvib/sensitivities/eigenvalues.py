@@ -260,8 +260,8 @@ def _branches(form: Complex, pair: Complex, rounding: Array) -> Complex:
 
 
 def _eigenvalues(matrices: Complex, rounding: Array) -> Complex:
-    """Return eigenvalues (n, k) of matrices (n, k, k): their diagonals where no entry exceeds the ``rounding`` (n,), not
-    a number where these are not.
+    """Return eigenvalues (n, k) of matrices (n, k, k): diagonals where no entry exceeds the ``rounding`` (n,), not a
+    number where these are not.
 
     The change of one part often has rank one: A^2 = A tr A, and the trace is the only eigenvalue that is not 0.
     """

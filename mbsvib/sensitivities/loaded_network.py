@@ -34,6 +34,7 @@ from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
 from mbsvib.sensitivities.transmitted_wrenches import transmitted
+from mbsvib.sensitivities.variables import FieldLayout
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -255,10 +256,11 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     """
     assert network.forces is not None
     forces, entries = network.forces, system.parameters.entries
+    layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     return LoadedNetwork(
-        network, forces, entries, groups_by_rule(network, entries), changes, motions,
+        network, forces, entries, tuple(groups_by_rule(network, layout)), changes, motions,
         parameter_rates(network, forces, changes, motions),
         force_rates(network, forces, changes, motions),
     )  # fmt: skip

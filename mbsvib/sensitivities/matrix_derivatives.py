@@ -147,7 +147,7 @@ def matrix_derivatives(
         for key, change in seen.items():
             change[:, seeing.beside] = groups.variable_slopes[key][:, seeing.beside]
     return MatrixDerivatives(
-        groups.variables.names, square("M"), square("C"), square("K"),
+        tuple(groups.variables.names), square("M"), square("C"), square("K"),
         ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], groups,
     )  # fmt: skip
 

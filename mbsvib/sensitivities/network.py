@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 # Parts that are made of bodies and connections, or act on these, with rules of their own.
 MADE = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
+_MADE = tuple(MADE.values())
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,8 @@ class Network:
                                      ("spring", joints, self.springs)):  # fmt: skip
             result.update({part.name: (kind, shift + i, part) for i, part in enumerate(members)})
         for i, part in enumerate(() if self.bare else self.parts):
-            for kind, what in MADE.items():
-                if isinstance(part, what):
-                    result[part.name] = kind, i, part
+            if isinstance(part, _MADE):
+                result[part.name] = next(kind for kind, what in MADE.items() if isinstance(part, what)), i, part
         return result
 
     @cached_property

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.linalg.vectors import incidence_sum, product
 from mbsvib.sensitivities.lost_freedoms import lost_freedoms
 from mbsvib.sensitivities.matrix_group import MatrixDerivativeGroup
-from mbsvib.sensitivities.parameter_group import ParameterGroup, numbered_groups
+from mbsvib.sensitivities.parameter_group import ParameterGroup, groups_by_rule
 from mbsvib.sensitivities.pose_motion import pose_motion
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.variables import Direction
@@ -159,15 +159,16 @@ def grouped_by_rule(
     ModelError
         If the equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
     """
-    if not ruled.all() and not asked.identity:
+    layout, rows, directions = asked.layout, np.flatnonzero(~ruled), asked.directions
+    if len(rows) and not asked.identity:
         asked = asked.joined(~ruled)
-        rows, directions = len(asked.parameters) + np.arange(len(asked.directions)), asked.directions
-        members = list(enumerate(asked.parameters))
-    else:
-        rows = np.flatnonzero(~ruled)
-        directions = tuple(Direction(name, ((name, 1.0),)) for name in (asked.parameters[k].name for k in rows))
-        members = [(place, each) for place, each in enumerate(asked.parameters) if ruled[place]]
-    groups: list[ParameterGroup | MatrixDerivativeGroup] = [*numbered_groups(network, members)]
+        layout, directions = asked.layout, asked.directions
+        rows = len(asked.parameters) + np.arange(len(directions))
+    elif len(rows):
+        layout = layout.only(ruled)
+        names = [asked.parameters[k].name for k in rows.tolist()]
+        directions = tuple(Direction(name, ((name, 1.0),)) for name in names)
+    groups: list[ParameterGroup | MatrixDerivativeGroup] = [*groups_by_rule(network, layout)]
     if directions:
         groups.append(MatrixDerivativeGroup(rows[:, None], slopes(directions, every)))
     return ParameterGroups(network, asked, tuple(groups), slopes, every=every)

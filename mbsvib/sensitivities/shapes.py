@@ -133,7 +133,7 @@ def mode_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> Mod
     """
     groups = basis.groups(parameters)
     values = eigenvalue_sensitivities(basis, parameters)
-    return ModeSensitivities(groups.variables.names, basis.modes, values, basis, groups)
+    return ModeSensitivities(tuple(groups.variables.names), basis.modes, values, basis, groups)
 
 
 def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes: Modes) -> Complex:

@@ -82,7 +82,7 @@ def sparse_mode_sensitivities(
     values = eigenvalue_sensitivities(basis, parameters)
     place = places(wanted.eigenvalues, basis.modes.eigenvalues)
     groups = basis.groups(parameters)
-    return ModeSensitivities(groups.variables.names, wanted, values[:, place], basis, groups)
+    return ModeSensitivities(tuple(groups.variables.names), wanted, values[:, place], basis, groups)
 
 
 def _cut(wanted: SomeModes, known: SomeModes, near: float) -> bool:
