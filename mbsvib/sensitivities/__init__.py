@@ -12,7 +12,7 @@ What they share:
 basis                  all that is kept for repeated questions, derivatives of the matrices among it
 matrix_derivatives     derivatives of the matrices, whole and as factors of low rank
 port_forms             derivatives of a response, from the motions of its inputs and outputs
-spectrum               eigenvalues with right and left vectors
+spectrum               eigenvalues with right and left vectors; branches has those that coincide
 solutions, states      solutions at many frequencies; first-order equations and their derivatives
 
 Parameters:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import EPS
 from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.branches import branches, pair_branches
 from mbsvib.sensitivities.products import forms, picked
 
 if TYPE_CHECKING:
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 ZERO_FORM = 1e-12
 # The same where derivatives are differences of whole matrices, or go through the equilibrium: more may cancel there.
 ZERO_WHOLE = 1e-8
-# Where eigenvalues coincide, less than this share of the largest derivative to the same variable is rounding: it parts
-# no branches.
-ONE_BRANCH = 8.0 * EPS
 # Rows beyond the last parameter, so that the last part of a group has as many behind it as the others.
 PADDING = 64
 
@@ -205,7 +202,7 @@ def _part(
     for k, groups, numbers in pairs.by_size():
         own = spectrum.place[groups]
         if k == 2:
-            values = _pair_branches(
+            values = pair_branches(
                 (result[:, own[:, 0]], cross[:, numbers[:, 0]], cross[:, half + numbers[:, 0]], result[:, own[:, 1]]),
                 (gram[0][groups[:, 0]], gram[1][numbers[:, 0]], gram[1][half + numbers[:, 0]], gram[0][groups[:, 1]]),
             )  # fmt: skip
@@ -216,67 +213,7 @@ def _part(
             form[..., which, which], pair[:, which, which] = result[:, own], gram[0][groups]
             form[..., upper, lower], pair[:, upper, lower] = cross[:, numbers], gram[1][numbers]
             form[..., lower, upper], pair[:, lower, upper] = cross[:, half + numbers], gram[1][half + numbers]
-            values = _branches(form, pair, ONE_BRANCH * largest)
+            values = branches(form, pair, largest)
         values = values.reshape(len(result), groups.size)
         largest = np.maximum(largest, np.abs(values).max(axis=1, initial=0.0, where=np.isfinite(values)))
         _set(result, spectrum, groups.reshape(-1), values)
-
-
-def _pair_branches(form: tuple[Complex, ...], pair: tuple[Complex, ...]) -> Complex:
-    """Derivatives (variables, groups, 2) of eigenvalues that coincide two by two, from the entries 11, 12, 21 and 22 of
-    their forms (variables, groups) and of y^T (2 lambda M + C) x, (groups,).
-    """
-    (f, g, h, k), (a, b, c, d) = form, pair
-    with np.errstate(all="ignore"):
-        determinant = a * d - b * c
-        a, b, c, d = a / determinant, b / determinant, c / determinant, d / determinant
-        condition = np.abs((a, b, c, d)).max(axis=0) * np.abs(pair).max(axis=0)
-        first, last = b * h - d * f, c * g - a * k
-        mean, apart = 0.5 * (first + last), 0.5 * (first - last)
-        root = np.sqrt(apart * apart + (b * k - d * g) * (c * f - a * h))
-        turns = np.abs(mean.imag) + np.abs(root.imag) > np.abs(mean.real) + np.abs(root.real)
-        root[np.where(turns, root.imag, root.real) < 0.0] *= -1.0
-    result: Complex = np.empty((*mean.shape, 2), dtype=complex)
-    np.subtract(mean, root, out=result[..., 0])
-    np.add(mean, root, out=result[..., 1])
-    result[:, ~(condition * EPS < 1.0)] = np.inf  # a defective pair parts with the square root
-    return result
-
-
-def _branches(form: Complex, pair: Complex, rounding: Array) -> Complex:
-    """Derivatives (variables, groups, k) of eigenvalues that coincide, from their forms (variables, groups, k, k) and
-    y^T (2 lambda M + C) x, (groups, k, k); changes below a ``rounding`` (variables,) leave them together.
-    """
-    inverse = np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS)
-    with np.errstate(all="ignore"):
-        condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
-        matrix = -np.einsum("gij,vgjk->vgik", inverse, form).reshape(-1, *pair.shape[1:])
-        values = _eigenvalues(matrix, rounding.repeat(len(pair))).reshape(form.shape[:3])
-    turns = np.abs(values.imag).max(axis=2, keepdims=True) > np.abs(values.real).max(axis=2, keepdims=True)
-    order = np.where(turns, values.imag, values.real).argsort(axis=2)
-    result: Complex = np.take_along_axis(values, order, axis=2)
-    result[:, ~(condition * EPS < 1.0)] = np.inf  # a defective group parts with a root
-    return result
-
-
-def _eigenvalues(matrices: Complex, rounding: Array) -> Complex:
-    """Return eigenvalues (n, k) of matrices (n, k, k): diagonals where no entry exceeds the ``rounding`` (n,), not a
-    number where these are not.
-
-    The change of one part often has rank one: A^2 = A tr A, and the trace is the only eigenvalue that is not 0.
-    """
-    flat = matrices.reshape(len(matrices), -1)
-    size = np.abs(flat).max(axis=1)
-    result: Complex = np.einsum("nii->ni", matrices).copy()
-    apart = np.flatnonzero(~(size <= rounding))
-    matrices, flat, size = matrices[apart], flat[apart], size[apart]
-    trace = result[apart].sum(axis=1)
-    square = np.einsum("nij,njk->nik", matrices, matrices).reshape(flat.shape)
-    rest = np.abs(square - flat * trace[:, None]).max(axis=1)
-    one = (rest <= ONE_BRANCH * size * size) & (np.abs(trace) >= 0.5 * size)
-    result[apart] = 0.0
-    result[apart, 0] = trace
-    result[apart[~np.isfinite(size)]] = np.nan
-    others = ~one & np.isfinite(size)
-    result[apart[others]] = np.linalg.eigvals(matrices[others])
-    return result
