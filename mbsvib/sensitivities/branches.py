@@ -1,6 +1,7 @@
 """Branches of eigenvalues that coincide, along which they part as a parameter changes.
 
-Their derivatives are the eigenvalues of -(Y^T (2 lambda M + C) X)^-1 Y^T dT X in the common subspace.
+Their derivatives are the eigenvalues of -(Y^T (2 lambda M + C) X)^-1 Y^T dT X in the common subspace. Variables come
+last, so that entries of the matrices of all variables are one contiguous vector.
 """
 
 from __future__ import annotations
@@ -12,120 +13,123 @@ import numpy as np
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
-    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.sensitivities.spectrum import Pairs
 
 # Where eigenvalues coincide, less than this share of the largest derivative to the same variable is rounding: it parts
 # no branches.
 ONE_BRANCH = 8.0 * EPS
 # Cardano's formula is as accurate as the matrix where the root in it exceeds this share of its sum.
 DISTINCT = 0.1
-_THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))
+_THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))[:, None]
 
 
-def pair_branches(form: tuple[Complex, ...], pair: tuple[Complex, ...]) -> Complex:
-    """Return derivatives of eigenvalues that coincide two by two.
-
-    Parameters
-    ----------
-    form : tuple of four arrays, shape (variables, groups)
-        Entries 11, 12, 21 and 22 of their forms.
-    pair : tuple of four arrays, shape (groups,)
-        The same entries of y^T (2 lambda M + C) x.
-
-    Returns
-    -------
-    array, shape (variables, groups, 2)
-        Derivatives of their branches, in ascending order.
-    """
-    (f, g, h, k), (a, b, c, d) = form, pair
-    with np.errstate(all="ignore"):
-        determinant = a * d - b * c
-        a, b, c, d = a / determinant, b / determinant, c / determinant, d / determinant
-        condition = np.abs((a, b, c, d)).max(axis=0) * np.abs(pair).max(axis=0)
-        first, last = b * h - d * f, c * g - a * k
-        mean, apart = 0.5 * (first + last), 0.5 * (first - last)
-        root = np.sqrt(apart * apart + (b * k - d * g) * (c * f - a * h))
-        turns = np.abs(mean.imag) + np.abs(root.imag) > np.abs(mean.real) + np.abs(root.real)
-        root[np.where(turns, root.imag, root.real) < 0.0] *= -1.0
-    result: Complex = np.empty((*mean.shape, 2), dtype=complex)
-    np.subtract(mean, root, out=result[..., 0])
-    np.add(mean, root, out=result[..., 1])
-    result[:, ~(condition * EPS < 1.0)] = np.inf  # a defective pair parts with the square root
-    return result
-
-
-def branches(form: Complex, pair: Complex, largest: Array) -> Complex:
-    """Return derivatives of eigenvalues of which k coincide.
+def branches(
+    pairs: Pairs, own: Complex, cross: Complex, gram: tuple[Complex, Complex]
+) -> Iterator[tuple[Index, Complex]]:  # fmt: skip
+    """Yield derivatives of eigenvalues that coincide, groups of one size together.
 
     Parameters
     ----------
-    form : array, shape (variables, groups, k, k)
-        Their forms.
-    pair : array, shape (groups, k, k)
-        y^T (2 lambda M + C) x.
-    largest : array, shape (variables,)
-        The largest derivative of other eigenvalues.
+    pairs : Pairs
+        Groups of eigenvalues that coincide.
+    own : array, shape (eigenvalues, variables)
+        Derivatives of single eigenvalues, the forms of those that coincide.
+    cross : array, shape (pairs, variables) or (2 pairs, variables)
+        The forms of pairs, first with second, then second with first unless these are the same.
+    gram : pair of array, shape (eigenvalues,) and (pairs,) or (2 pairs,)
+        y^T (2 lambda M + C) x of single eigenvalues and of pairs.
 
     Returns
     -------
-    array, shape (variables, groups, k)
-        Derivatives of their branches, in ascending order.
+    iterator of tuple of array, shape (n,) and array, shape (n, variables)
+        Numbers of eigenvalues, and the derivatives of their branches, those of a group in ascending order.
     """
-    inverse = np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS)
-    with np.errstate(all="ignore"):
-        condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
-        matrix = -np.einsum("gij,vgjk->vgik", inverse, form).reshape(-1, *pair.shape[1:])
-        values = _eigenvalues(matrix, (ONE_BRANCH * largest).repeat(len(pair))).reshape(form.shape[:3])
-    turns = np.abs(values.imag).max(axis=2, keepdims=True) > np.abs(values.real).max(axis=2, keepdims=True)
-    order = np.where(turns, values.imag, values.real).argsort(axis=2)
-    result: Complex = np.take_along_axis(values, order, axis=2)
-    result[:, ~(condition * EPS < 1.0)] = np.inf  # a defective group parts with a root
-    return result
+    half, count = len(cross) - len(pairs.first), own.shape[1]
+    single = np.ones(len(own), dtype=bool)
+    single[np.concatenate(pairs.groups)] = False
+    largest = np.abs(own[single]).max(axis=0, initial=0.0, where=np.isfinite(own[single]))
+    for k, groups, numbers in pairs.by_size():
+        n = len(groups)
+        upper, lower = np.triu_indices(k, 1)
+        form, pair = np.empty((n, k, k, count), dtype=complex), np.empty((n, k, k), dtype=complex)
+        diagonal = np.arange(k)
+        for full, single_form, pair_form in ((form, own, cross), (pair, gram[0], gram[1])):
+            full[:, diagonal, diagonal] = single_form[groups]
+            full[:, upper, lower], full[:, lower, upper] = pair_form[numbers], pair_form[half + numbers]
+        inverse = np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS)
+        with np.errstate(all="ignore"):
+            matrix = -(inverse @ form.reshape(n, k, k * count)).reshape(form.shape)
+            entries = np.moveaxis(matrix, 0, 2).reshape(k, k, n * count)
+            values = _of_pairs(entries) if k == 2 else _ascending(
+                _eigenvalues(entries, np.tile(ONE_BRANCH * largest, n)))  # fmt: skip
+            values = np.moveaxis(values.reshape(k, n, count), 0, 1)
+            condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
+        largest = np.maximum(largest, np.abs(values).max(axis=(0, 1), initial=0.0, where=np.isfinite(values)))
+        values[~(condition * EPS < 1.0)] = np.inf  # a defective group parts with a root
+        yield groups.reshape(-1), values.reshape(n * k, count)
+
+
+def _of_pairs(matrices: Complex) -> Complex:
+    """Eigenvalues (2, n) of 2x2 matrices (2, 2, n), in ascending order."""
+    (a, b), (c, d) = matrices
+    half, mean = 0.5 * (a - d), 0.5 * (a + d)
+    root = np.sqrt(half * half + b * c)
+    turns = np.abs(mean.imag) + np.abs(root.imag) > np.abs(mean.real) + np.abs(root.real)
+    root[np.where(turns, root.imag, root.real) < 0.0] *= -1.0
+    return np.array([mean - root, mean + root])
+
+
+def _ascending(values: Complex) -> Complex:
+    """Values (k, n) in ascending order of their imaginary parts where these are larger, else of their real parts."""
+    turns = np.abs(values.imag).max(axis=0) > np.abs(values.real).max(axis=0)
+    order = np.where(turns, values.imag, values.real).argsort(axis=0)
+    return np.take_along_axis(values, order, axis=0)
 
 
 def _eigenvalues(matrices: Complex, rounding: Array) -> Complex:
-    """Return eigenvalues (n, k) of matrices (n, k, k): diagonals where no entry exceeds the ``rounding`` (n,), not a
+    """Eigenvalues (k, n) of matrices (k, k, n): their diagonals where no entry exceeds the ``rounding`` (n,), not a
     number where these are not.
-
-    The change of one part often has rank one: A^2 = A tr A, and the trace is the only eigenvalue that is not 0.
     """
-    flat = matrices.reshape(len(matrices), -1)
-    size = np.abs(flat).max(axis=1)
-    result: Complex = np.einsum("nii->ni", matrices).copy()
-    apart = np.flatnonzero(~(size <= rounding))
-    matrices, flat, size = matrices[apart], flat[apart], size[apart]
-    trace = result[apart].sum(axis=1)
-    square = np.einsum("nij,njk->nik", matrices, matrices).reshape(flat.shape)
-    rest = np.abs(square - flat * trace[:, None]).max(axis=1)
-    one = (rest <= ONE_BRANCH * size * size) & (np.abs(trace) >= 0.5 * size)
-    result[apart] = 0.0
-    result[apart, 0] = trace
-    result[apart[~np.isfinite(size)]] = np.nan
-    others = np.flatnonzero(~one & np.isfinite(size))
-    if matrices.shape[1] == 3:
-        values, distinct = _cubic_roots(matrices[others])
-        result[apart[others[distinct]]] = values[distinct]
-        others = others[~distinct]
-    result[apart[others]] = np.linalg.eigvals(matrices[others])
+    k, _, n = matrices.shape
+    size = np.abs(matrices.reshape(k * k, n)).max(axis=0)
+    result: Complex = matrices.reshape(k * k, n)[:: k + 1].copy()
+    others = np.flatnonzero(~(size <= rounding))
+    if k == 3:
+        values, known = _of_triples(matrices[..., others], size[others])
+        result[:, others[known]] = values[:, known]
+        others = others[~known]
+    finite = np.isfinite(size[others])
+    result[:, others[~finite]] = np.nan
+    others = others[finite]
+    result[:, others] = np.linalg.eigvals(np.moveaxis(matrices[..., others], 2, 0)).T
     return result
 
 
-def _cubic_roots(matrices: Complex) -> tuple[Complex, NDArray[np.bool_]]:
-    """Eigenvalues (n, 3) of 3x3 matrices by Cardano's formula, and whether they are as distinct as it needs.
+def _of_triples(matrices: Complex, size: Array) -> tuple[Complex, NDArray[np.bool_]]:
+    """Eigenvalues (3, n) of 3x3 matrices (3, 3, n) with entries up to a ``size`` (n,), and whether they are known.
 
-    With A = B + 1 tr A / 3, p = tr B^2 / 6, q = det B / 2 they are tr A / 3 + u + p / u, u^3 = q + (q^2 - p^3)^1/2.
+    The change of one part often has rank one: all minors vanish, and the trace is the only eigenvalue that does not.
+    Where the three are distinct Cardano's formula gives them: with A = B + 1 tr A / 3, p = tr B^2 / 6 and q = det B / 2
+    they are tr A / 3 + u + p / u for u^3 = q + (q^2 - p^3)^1/2.
     """
-    centre = np.einsum("nii->n", matrices) / 3.0
-    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, 0, 2)
+    (a, b, c), (d, e, f), (g, h, i) = matrices
+    trace = a + e + i
+    minors = np.abs((e * i - f * h, d * i - f * g, d * h - e * g, b * i - c * h, a * i - c * g, a * h - b * g,
+                     b * f - c * e, a * f - c * d, a * e - b * d)).max(axis=0)  # fmt: skip
+    one = (minors <= ONE_BRANCH * size * size) & (np.abs(trace) >= 0.5 * size)
+    centre = trace / 3.0
     a, e, i = a - centre, e - centre, i - centre
     p = (a * a + e * e + i * i + 2.0 * (b * d + c * g + f * h)) / 6.0
     q = 0.5 * (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
-    cube = p * p * p
-    root = np.sqrt(q * q - cube)
+    root = np.sqrt(q * q - p * p * p)
     root[(root * q.conj()).real < 0.0] *= -1.0
-    u = ((q + root) ** (1.0 / 3.0))[:, None] * _THIRD_ROOTS
-    distinct = np.abs(root) > DISTINCT * np.abs(q + root)
-    with np.errstate(all="ignore"):
-        return centre[:, None] + u + p[:, None] / u, distinct
+    u = (q + root) ** (1.0 / 3.0) * _THIRD_ROOTS
+    values: Complex = centre + u + p / u
+    values[:, one] = 0.0
+    values[0, one] = trace[one]
+    return values, one | (np.abs(root) > DISTINCT * np.abs(q + root))

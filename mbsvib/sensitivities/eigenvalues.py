@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.branches import branches, pair_branches
+from mbsvib.sensitivities.branches import branches
 from mbsvib.sensitivities.products import forms, picked
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
+    from mbsvib.sensitivities.spectrum import Spectrum
     from mbsvib.sensitivities.variables import Asked
 
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
@@ -91,20 +91,20 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
             work = basis.variants.sizes(groups.variables.each()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
         _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
-    if len(pairs.groups) and left is not None:
-        first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
-        cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
-        if groups.network.partial:
-            twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
-            cross = _whole_gram(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
-        form = _joined(groups.chain(groups.forms(left.take(first), right.take(second))))
-        _part(result, spectrum, pairs, (gram, cross), form)
-    elif len(pairs.groups):
-        # between two motions: half of what both together have beyond each
-        cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
-        own = result[:, spectrum.place]
-        form = 0.5 * (beside - own[:, pairs.first] - own[:, pairs.second])
-        _part(result, spectrum, pairs, (gram, np.tile(cross, 2)), np.tile(form, 2))
+    if len(pairs.groups):
+        own = np.ascontiguousarray(result.T[spectrum.place])
+        if left is None:  # between two motions: half of what both together have beyond each
+            cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
+            form = 0.5 * (np.ascontiguousarray(beside.T) - own[pairs.first] - own[pairs.second])
+        else:
+            first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
+            cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
+            if groups.network.partial:
+                twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
+                cross = _whole_gram(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
+            form = _joined(groups.chain(groups.forms(left.take(first), right.take(second)))).T
+        for which, values in branches(pairs, own, form, (gram, cross)):
+            _set(result, spectrum, which, values.T)
     return result
 
 
@@ -187,33 +187,3 @@ def _set(result: Complex, spectrum: Spectrum, which: Index, form: Complex | Arra
     mirror[spectrum.mirrored] = spectrum.mirror
     paired = mirror[which] >= 0
     result[:, mirror[which][paired]] = form[:, paired].conj()
-
-
-def _part(
-    result: Complex, spectrum: Spectrum, pairs: Pairs, gram: tuple[Complex, Complex], cross: Complex
-) -> None:  # fmt: skip
-    """Eigenvalues that coincide part along branches of their own: ``gram`` is y^T (2 lambda M + C) x of each and of the
-    pairs, first with second and second with first, ``cross`` the form of these.
-    """
-    half = len(pairs.first)
-    single = spectrum.lead != 0.0
-    single[np.concatenate(pairs.groups)] = False
-    largest = np.abs(result[:, spectrum.place[single]]).max(axis=1, initial=0.0)
-    for k, groups, numbers in pairs.by_size():
-        own = spectrum.place[groups]
-        if k == 2:
-            values = pair_branches(
-                (result[:, own[:, 0]], cross[:, numbers[:, 0]], cross[:, half + numbers[:, 0]], result[:, own[:, 1]]),
-                (gram[0][groups[:, 0]], gram[1][numbers[:, 0]], gram[1][half + numbers[:, 0]], gram[0][groups[:, 1]]),
-            )  # fmt: skip
-        else:
-            which, (upper, lower) = np.arange(k), np.triu_indices(k, 1)
-            form = np.empty((len(result), len(groups), k, k), dtype=complex)
-            pair = np.empty(form.shape[1:], dtype=complex)
-            form[..., which, which], pair[:, which, which] = result[:, own], gram[0][groups]
-            form[..., upper, lower], pair[:, upper, lower] = cross[:, numbers], gram[1][numbers]
-            form[..., lower, upper], pair[:, lower, upper] = cross[:, half + numbers], gram[1][half + numbers]
-            values = branches(form, pair, largest)
-        values = values.reshape(len(result), groups.size)
-        largest = np.maximum(largest, np.abs(values).max(axis=1, initial=0.0, where=np.isfinite(values)))
-        _set(result, spectrum, groups.reshape(-1), values)
