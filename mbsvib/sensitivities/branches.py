@@ -63,8 +63,8 @@ def branches(
             full[:, upper, lower], full[:, lower, upper] = pair_form[numbers], pair_form[half + numbers]
         inverse = np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS)
         with np.errstate(all="ignore"):
-            matrix = -(inverse @ form.reshape(n, k, k * count)).reshape(form.shape)
-            entries = np.moveaxis(matrix, 0, 2).reshape(k, k, n * count)
+            matrix = np.asarray(-(inverse @ form.reshape(n, k, k * count)), dtype=complex).reshape(form.shape)
+            entries: Complex = np.moveaxis(matrix, 0, 2).reshape(k, k, n * count)
             values = _of_pairs(entries) if k == 2 else _ascending(
                 _eigenvalues(entries, np.tile(ONE_BRANCH * largest, n)))  # fmt: skip
             values = np.moveaxis(values.reshape(k, n, count), 0, 1)

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.elements.coupler import Coupling
 from mbsvib.equations.scene import cut_rows
 from mbsvib.kinematics.couplers import terms, with_couplers
-from mbsvib.kinematics.relative_motion import body_motion, relative_motion
+from mbsvib.kinematics.relative_motion import relative_motion
 from mbsvib.linalg.vectors import entries_matrix
 from mbsvib.mechanism.topology import FLOATS
 
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 class Constraints:
     """What cut joints lock and couplers tie: rows of Phi. A force in one is ``share`` (t, rows) of ``wrench`` (t, 6)
     of each term, a locked row or what a coupler measures in a cut joint, at its joint's point, world axes; ``closing``
-    (j, t) adds them up by joint. Of dependent coordinates (d,): how bodies ``swing`` (b, 6, d) along, the body
-    ``carried`` and from the network's origin the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d), a matrix
-    or what multiplies like one, leads from what they feel to the forces in the rows, the smallest; ``stress`` (rows, r)
-    are combinations of redundant rows that load nothing.
+    (j, t) adds them up by joint. Of ``dependent`` coordinates (d,): the body ``carried`` and from the network's origin
+    the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d), a matrix or what multiplies like one, leads from
+    what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that
+    load nothing.
     """
 
     wrench: Array
     closing: Any
     share: Any
-    swing: Array
+    dependent: Index
     carried: Index
     arm: Array
     twist: Array
@@ -90,16 +90,24 @@ def constraints(
         more = np.zeros((len(own), len(cuts.names)))
         more[np.arange(len(own)), locked + cuts.couplings.row[own]] = cuts.couplings.value[own]
         share = np.concatenate((share, more))
-    q, r = np.linalg.qr(phi[:, dependent], mode="complete")
-    d = len(dependent)
+    pull, stress = _solution(phi[:, dependent])
     twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
     return Constraints(
         wrench,
         entries_matrix(np.ones(len(joint)), joint, np.arange(len(joint)), (len(topology.joints), len(joint))), share,
-        body_motion(coordinates, np.array([body.position for body in bodies]))[:, :, dependent],
+        dependent,
         behind[dependent], origin - coordinates.point[:, dependent].T, twist,
-        np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:],
+        pull, stress,
     )  # fmt: skip
+
+
+def _solution(phi: Array) -> tuple[Array, Array]:
+    """The least mu = ``pull`` f (rows, d) with phi^T mu = f, and what may be added to it, phi^T ``stress`` = 0."""
+    rows, d = phi.shape
+    if rows == d:
+        return np.asarray(np.linalg.inv(phi).T, dtype=float), np.zeros((rows, 0))
+    q, r = np.linalg.qr(phi, mode="complete")
+    return np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:]
 
 
 def _coordinates(system: Equations) -> tuple[Index, Array]:

@@ -141,10 +141,9 @@ def _simple(groups: ParameterGroups, spectrum: Spectrum, left: Fields | None, ri
         for rows, stride, block in forms(groups.members, first, second):
             view, sums = picked(result, rows, stride), picked(beside, rows, stride)
             if view is None:
-                asked = rows >= 0
                 into = np.empty((*rows.shape, spectrum.count), dtype=complex)
                 _with_conjugates(into, block, lead)
-                result[rows[asked]], beside[rows[asked]] = into[asked], _joined(block[..., lead:])[asked]
+                result[rows], beside[rows] = into, _joined(block[..., lead:])  # -1 is the padding
             else:
                 _with_conjugates(view, block, lead)
                 if len(sums.T):

@@ -44,7 +44,7 @@ def joint_release_motion(network: Network, gap: Field) -> Field:
         assert network.closing is not None
         opened = moved(incidence_sum(network.closing.T, result) - flat, network.point[:joints] - network.origin)
         residual = ties.share.T @ transformed(ties.wrench[:, None], incidence_sum(ties.closing.T, opened))[:, 0]
-        dependent = np.tensordot(ties.swing, ties.pull.T @ residual, axes=1)
+        dependent = np.tensordot(network.swing, ties.pull.T @ residual, axes=1)
         return np.asarray((moved(result, network.position - network.origin) - dependent).reshape(bodies, 6, *tail))
     return moved(result, network.position - network.origin).reshape(bodies, 6, *tail)
 

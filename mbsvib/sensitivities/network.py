@@ -15,6 +15,7 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.kinematics.relative_motion import body_motion
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
@@ -96,6 +97,13 @@ class Network:
             if isinstance(part, _MADE):
                 result[part.name] = next(kind for kind, what in MADE.items() if isinstance(part, what)), i, part
         return result
+
+    @cached_property
+    def swing(self) -> Array:
+        """How bodies (b, 6, d) move along with dependent coordinates."""
+        assert self.constraints is not None
+        assert self.coordinates is not None
+        return body_motion(self.coordinates, self.position)[:, :, self.constraints.dependent]
 
     @cached_property
     def damped(self) -> bool:

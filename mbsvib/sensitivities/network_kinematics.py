@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from scipy.sparse import csr_array
+
 from mbsvib.kinematics.relative_motion import relative_motion, twists
-from mbsvib.linalg.vectors import entries_matrix
+from mbsvib.linalg.vectors import DENSE
 from mbsvib.sensitivities.constraint_forces import constraints
 
 if TYPE_CHECKING:
@@ -17,8 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.linalg.vectors import entries_matrix
-from mbsvib.sensitivities.constraint_forces import Constraints
+    from mbsvib.sensitivities.constraint_forces import Constraints
 
 
 class Kinematics(Protocol):
@@ -60,8 +61,10 @@ class JointCoordinates:
 
     def relative(self, rows: Rows) -> Any:
         """Return relative displacements over the joint coordinates."""
-        found = relative_motion(self.coordinates, rows)
-        return entries_matrix(found.value, found.row, found.column, found.shape)
+        entries = relative_motion(self.coordinates, rows)
+        if entries.shape[0] * entries.shape[1] > DENSE:
+            return csr_array((entries.value, (entries.row, entries.column)), shape=entries.shape)
+        return entries.dense(0, entries.shape[0])
 
     def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
         """Return what closes loops and couples coordinates."""

@@ -58,7 +58,7 @@ class ModalCoordinates:
         return np.asarray(relative_rows(self.system.structure, self.system.layout, rows) @ self.unknowns)
 
     def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
-        """Return what closes loops and couples coordinates; how bodies swing along with dependent ones is left out."""
+        """Return what closes loops and couples coordinates."""
         closure, tree, topology = self.system.constraints, self.system.structure, self.system.topology
         if not len(closure.names):
             return None
@@ -79,7 +79,7 @@ class ModalCoordinates:
         return Constraints(
             wrench,
             csr_array((np.ones(len(joint)), (joint, np.arange(len(joint)))), shape=(len(topology.joints), len(joint))),
-            csr_array(share), np.zeros((len(bodies), 6, 0)), tree.carried, origin - tree.point.T,
+            csr_array(share), np.arange(len(tree.names)), tree.carried, origin - tree.point.T,
             np.concatenate((tree.linear, tree.angular)).T * tree.sign[:, None], forces, forces.stress,
         )  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -82,12 +82,8 @@ class Spectrum:
     def pairs(self) -> Pairs:
         """Return the groups of eigenvalues that coincide with all pairs in them."""
         groups = self.clusters()
-        if not groups:
-            none = np.zeros(0, dtype=np.intp)
-            return Pairs(groups, none, none)
-        upper = [np.triu_indices(len(group), 1) for group in groups]
-        first, second = (np.concatenate([group[which[side]] for group, which in zip(groups, upper, strict=True)])
-                         for side in (0, 1))  # fmt: skip
+        members = [pair for group in groups for pair in combinations(group.tolist(), 2)]
+        first, second = np.array(members, dtype=np.intp).reshape(-1, 2).T
         return Pairs(groups, first, second)
 
     def with_sums(self, pairs: Pairs) -> Spectrum:
