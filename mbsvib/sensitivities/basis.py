@@ -16,7 +16,7 @@ from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
 from mbsvib.sensitivities.parameter_group import have_rules
 from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_through_equilibrium
-from mbsvib.sensitivities.port_checks import checked_loads
+from mbsvib.sensitivities.port_forms import checked_loads
 from mbsvib.sensitivities.ports import no_loads
 from mbsvib.sensitivities.reference_pose import reference_pose
 from mbsvib.sensitivities.spectrum import spectrum

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from mbsvib.elements import Bushing, Load, Spring
 from mbsvib.elements.load import Gravity
-from mbsvib.sensitivities.network_parts import maxwell_lines
+from mbsvib.sensitivities.network import maxwell_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -9,10 +9,9 @@ import numpy as np
 
 from mbsvib.errors import ModelError, nearest
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.matrix_group import MatrixDerivativeGroup, factored
-from mbsvib.sensitivities.port_checks import feedthrough
-from mbsvib.sensitivities.port_forms import port_forms
+from mbsvib.sensitivities.port_forms import feedthrough, port_forms
 from mbsvib.sensitivities.ports import no_loads
+from mbsvib.sensitivities.products import MatrixDerivativeGroup, factored
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

@@ -9,7 +9,7 @@ import numpy as np
 from mbsvib.elements import Bushing, Load
 from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.network_parts import maxwell_lines
+from mbsvib.sensitivities.network import maxwell_lines
 from mbsvib.sensitivities.rule_terms import line_turn_rates
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, is_loaded, limits
-from mbsvib.sensitivities.forces_at_rest import forces_at_rest
-from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.forces import forces_at_rest
+from mbsvib.sensitivities.network import Network, maxwell_parts
 from mbsvib.sensitivities.network_kinematics import JointCoordinates
-from mbsvib.sensitivities.network_parts import maxwell_parts
 from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.basis import SensitivityBasis
-from mbsvib.sensitivities.responses import frequency_response_sensitivities
-from mbsvib.sensitivities.solutions import solutions
+from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
 from mbsvib.sensitivities.states import changed, states
 from mbsvib.sensitivities.variables import variables
 

@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.sensitivities import beam_rules
-from mbsvib.sensitivities.coupler_rules import coupler_rule
-from mbsvib.sensitivities.maxwell_rules import maxwell_rule
+from mbsvib.sensitivities.made_part_rules import coupler_rule, maxwell_rule, rotor_rule, torsion_rule
 from mbsvib.sensitivities.part_rules import constants, moved_floating, rule
-from mbsvib.sensitivities.rotor_rules import rotor_rule
-from mbsvib.sensitivities.torsion_rules import torsion_rule
 
 if TYPE_CHECKING:
     from collections.abc import Callable

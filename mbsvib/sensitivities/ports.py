@@ -19,9 +19,8 @@ from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
-from mbsvib.sensitivities.joint_release_motion import joint_release_motion, relative_twists
-from mbsvib.sensitivities.network_parts import line_name
-from mbsvib.sensitivities.transmitted_wrenches import in_joints
+from mbsvib.sensitivities.network import line_name
+from mbsvib.sensitivities.transmitted_wrenches import in_joints, joint_release_motion, relative_twists
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
