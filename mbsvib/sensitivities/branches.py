@@ -6,6 +6,7 @@ last, so that entries of the matrices of all variables are one contiguous vector
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,33 +50,44 @@ def branches(
     iterator of tuple of array, shape (n,) and array, shape (n, variables)
         Numbers of eigenvalues, and the derivatives of their branches, those of a group in ascending order.
     """
-    half, count = len(cross) - len(pairs.first), own.shape[1]
+    forms, grams = np.concatenate((own, cross)), np.concatenate((gram[0][: len(own)], gram[1]))
     single = np.ones(len(own), dtype=bool)
     single[np.concatenate(pairs.groups)] = False
-    largest = np.abs(own[single]).max(axis=0, initial=0.0, where=np.isfinite(own[single]))
+    derivatives, mirrored = [own[single]], len(cross) - len(pairs.first)
     for k, groups, numbers in pairs.by_size():
-        n = len(groups)
-        upper, lower = np.triu_indices(k, 1)
-        form, pair = np.empty((n, k, k, count), dtype=complex), np.empty((n, k, k), dtype=complex)
-        diagonal = np.arange(k)
-        for full, single_form, pair_form in ((form, own, cross), (pair, gram[0], gram[1])):
-            full[:, diagonal, diagonal] = single_form[groups]
-            full[:, upper, lower], full[:, lower, upper] = pair_form[numbers], pair_form[half + numbers]
-        inverse = np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS)
+        n, count = len(groups), forms.shape[1]
+        rows = np.empty((n, k, k), dtype=np.intp)
+        upper, lower = np.array(list(combinations(range(k), 2))).T
+        rows[:, range(k), range(k)] = groups
+        rows[:, upper, lower], rows[:, lower, upper] = len(own) + numbers, len(own) + numbers + mirrored
+        pair = grams[rows]
         with np.errstate(all="ignore"):
-            matrix = np.asarray(-(inverse @ form.reshape(n, k, k * count)), dtype=complex).reshape(form.shape)
-            entries: Complex = np.moveaxis(matrix, 0, 2).reshape(k, k, n * count)
-            values = _of_pairs(entries) if k == 2 else _ascending(
-                _eigenvalues(entries, np.tile(ONE_BRANCH * largest, n)))  # fmt: skip
+            inverse = _inverse(pair)
+            product = np.asarray(-(inverse @ forms[rows].reshape(n, k, k * count)), dtype=complex)
+            matrix: Complex = np.moveaxis(product.reshape(n, k, k, count), 0, 2)
+            if k == 2:
+                values = _of_pairs(matrix)
+            else:
+                sizes = np.abs(np.concatenate(derivatives))
+                rounding = ONE_BRANCH * sizes.max(axis=0, initial=0.0, where=np.isfinite(sizes))
+                values = _ascending(_eigenvalues(matrix.reshape(k, k, n * count), np.tile(rounding, n)))
             values = np.moveaxis(values.reshape(k, n, count), 0, 1)
             condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
-        largest = np.maximum(largest, np.abs(values).max(axis=(0, 1), initial=0.0, where=np.isfinite(values)))
-        values[~(condition * EPS < 1.0)] = np.inf  # a defective group parts with a root
-        yield groups.reshape(-1), values.reshape(n * k, count)
+            values[~(condition * EPS < 1.0)] = np.inf  # a defective group parts with a root
+        derivatives.append(values.reshape(n * k, count))
+        yield groups.reshape(-1), derivatives[-1]
+
+
+def _inverse(pair: Complex) -> Complex:
+    """Inverses of matrices (n, k, k), of singular ones those that solve as well as can be."""
+    try:
+        return np.asarray(np.linalg.inv(pair), dtype=complex)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS))
 
 
 def _of_pairs(matrices: Complex) -> Complex:
-    """Eigenvalues (2, n) of 2x2 matrices (2, 2, n), in ascending order."""
+    """Eigenvalues (2, ...) of 2x2 matrices (2, 2, ...), in ascending order."""
     (a, b), (c, d) = matrices
     half, mean = 0.5 * (a - d), 0.5 * (a + d)
     root = np.sqrt(half * half + b * c)

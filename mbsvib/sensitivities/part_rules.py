@@ -78,8 +78,10 @@ def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
     if isinstance(first, Body):
         return (np.array([part.orientation for part in parts]).transpose(0, 2, 1),) if field == "inertia" else ()
     if isinstance(first, (Inerter, Spring)):
-        span = np.array([np.subtract(part.end, part.start) for part in parts])
-        return np.array([part.line for part in parts]), span
+        line = np.array([part.line for part in parts])
+        if field not in ("start", "end"):
+            return (line,)
+        return line, np.array([part.end for part in parts]) - np.array([part.start for part in parts])
     if isinstance(first, Joint):
         if first.end is not None:
             return (line_turn_rates(np.array([np.subtract(part.end, part.position) for part in parts])),)
