@@ -113,20 +113,7 @@ class SensitivityBasis:
         return None if equations is None else SensitivityBasis.of(equations)
 
     def ported(self, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
-        """Return the network with some of the ports as loads; the bare one where ports are more than that.
-
-        Parameters
-        ----------
-        inputs, outputs : list of int
-            Numbers of the ports.
-
-        Returns
-        -------
-        Network
-            Bodies and connections.
-        Loads, Loads
-            Inputs and outputs.
-        """
+        """Return the network with some of the ports as loads; the bare one where ports are more than that."""
         if not self.network.bare:
             known = checked_loads(self.equations, self.network, inputs, outputs)
             if known is not None:
@@ -137,23 +124,9 @@ class SensitivityBasis:
     def groups(self, parameters: Asked = None, network: Network | None = None) -> ParameterGroups:
         """Return the groups of parameters that some variables move; those of all parameters are kept.
 
-        Parameters
-        ----------
-        parameters : str, iterable of str, mapping or None
-            Names, patterns or linear maps of parameters; None: every parameter of the system.
-        network : Network, optional
-            ``network`` or ``bare_network``; default: the former.
-
-        Returns
-        -------
-        ParameterGroups
-            Variables and groups.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, the equations do not change smoothly with it, or it loads a motion that nothing
-            holds.
+        ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system. Raises an
+        error if a parameter is unknown, the equations do not change smoothly with it, or it loads a motion that nothing
+        holds.
         """
         network = self.network if network is None else network
         if parameters is not None:
@@ -177,23 +150,10 @@ class SensitivityBasis:
     def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
         """Return the derivatives of whole matrices along some directions: differences, or rows of the whole system.
 
-        Parameters
-        ----------
-        directions : sequence of Direction
-            What changes.
-        every : bool
-            Whether these are all parameters there are, so that what is refused is not a number instead.
-
-        Returns
-        -------
-        mapping of str to array
-            Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a
-            direction takes degrees of freedom away.
-
-        Raises
-        ------
-        ModelError
-            If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
+        ``every``: whether these are all parameters there are, so that what is refused is not a number instead. Returns
+        derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a direction
+        takes degrees of freedom away. Raises an error if the matrices do not change smoothly, or a parameter loads a
+        motion that nothing holds.
         """
         if self.whole is None:
             return self.variants.slopes(directions, every)
@@ -212,20 +172,9 @@ class SensitivityBasis:
     def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
         """Return the derivatives of all matrices to parameters.
 
-        Parameters
-        ----------
-        parameters : str, iterable of str, mapping or None
-            Names, patterns or linear maps of parameters; None: every parameter of the system.
-
-        Returns
-        -------
-        MatrixDerivatives
-            Whole matrices, and factors of low rank.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, or the system does not change smoothly with it.
+        ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system. Returns whole
+        matrices, and factors of low rank. Raises an error if a parameter is unknown, or the system does not change
+        smoothly with it.
         """
         system = self.equations
         network, acting, seeing = self.ported(list(range(len(system.inputs))), list(range(len(system.outputs))))
@@ -236,17 +185,8 @@ class SensitivityBasis:
     ) -> Iterator[tuple[slice, MatrixDerivatives]]:  # fmt: skip
         """Return derivatives of matrices for some variables at a time, so that they never fill the memory.
 
-        Parameters
-        ----------
-        parameters : str, iterable of str, mapping or None
-            Names, patterns or linear maps of parameters; None: every parameter of the system.
-        count : int
-            How many variables at a time.
-
-        Returns
-        -------
-        iterator of tuple of slice and MatrixDerivatives
-            Which variables, and their derivatives.
+        ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system; ``count``:
+        how many variables at a time.
         """
         asked = self.equations.parameters if parameters is None else parameters
         names = [asked] if isinstance(asked, str) else list(asked)

@@ -34,21 +34,11 @@ def branches(
 ) -> Iterator[tuple[Index, Complex]]:  # fmt: skip
     """Yield derivatives of eigenvalues that coincide, groups of one size together.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Groups of eigenvalues that coincide.
-    own : array, shape (eigenvalues, variables)
-        Derivatives of single eigenvalues, the forms of those that coincide.
-    cross : array, shape (pairs, variables) or (2 pairs, variables)
-        The forms of pairs, first with second, then second with first unless these are the same.
-    gram : pair of array, shape (eigenvalues,) and (pairs,) or (2 pairs,)
-        y^T (2 lambda M + C) x of single eigenvalues and of pairs.
-
-    Returns
-    -------
-    iterator of tuple of array, shape (n,) and array, shape (n, variables)
-        Numbers of eigenvalues, and the derivatives of their branches, those of a group in ascending order.
+    ``own`` (eigenvalues, variables): derivatives of single eigenvalues, the forms of those that coincide; ``cross``
+    (pairs, variables) or (2 pairs, variables): the forms of pairs, first with second, then second with first unless
+    these are the same; ``gram`` (eigenvalues,) and (pairs,) or (2 pairs,): y^T (2 lambda M + C) x of single eigenvalues
+    and of pairs. Returns (n,) and (n, variables): numbers of eigenvalues, and the derivatives of their branches, those
+    of a group in ascending order.
     """
     forms, grams = np.concatenate((own, cross)), np.concatenate((gram[0][: len(own)], gram[1]))
     single = np.ones(len(own), dtype=bool)

@@ -113,22 +113,7 @@ class RowTerms:
 
 
 def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]) -> ForceChanges:
-    """Return what parameters change of the forces at the pose.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    forces : Forces
-        The forces.
-    entries : sequence of Parameter
-        All parameters.
-
-    Returns
-    -------
-    ForceChanges
-        As a matrix.
-    """
+    """Return what parameters change of the forces at the pose."""
     at = ForceLayout.of(forces)
     terms = RowTerms({(entry.part, entry.field, entry.index): k for k, entry in enumerate(entries)}, at)
     joints, springs, bodies, _ = forces.counts

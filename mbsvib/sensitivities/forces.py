@@ -118,15 +118,7 @@ class Forces:
     def seen(self, body: Field) -> tuple[Field, Field]:
         """Return what forces see of motions of the bodies, of their first body and the relative one (n, 6, ...).
 
-        Parameters
-        ----------
-        body : array, shape (bodies, 6, ...)
-            Motions at the centres of mass.
-
-        Returns
-        -------
-        pair of array, shape (n, 6, ...)
-            At the points of the forces.
+        ``body`` (bodies, 6, ...): motions at the centres of mass. Returns (n, 6, ...): at the points of the forces.
         """
         first, second = self._at(self.first, body), self._at(self.second, body)
         return first, second - first
@@ -185,21 +177,8 @@ def forces_at_rest(
 ) -> Forces:  # fmt: skip
     """Return the forces at the pose of a system.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion of a loaded scene.
-    bodies, joints, springs : sequence
-        Its network.
-    number : dict
-        Number of each body, ground included.
-    point : array, shape (joints + springs, 3)
-        Points of the connections.
-
-    Returns
-    -------
-    Forces
-        In joints, springs, of gravity and loads.
+    They act in joints and springs, and come of gravity and loads; ``point`` (joints + springs, 3) are the points of the
+    connections.
     """
     statics, parts = system.provenance.statics, system.provenance.parts
     assert statics is not None

@@ -78,12 +78,8 @@ class LoadedNetwork:
     def add_forms(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
 
-        Parameters
-        ----------
-        result : array, shape (size, ...)
-            Forms by the rules of parts, of all parameters; then of the pose.
-        left, right : Fields
-            The motions x and y; right None: y = x, and half of each form is added.
+        ``result`` (size, ...): forms by the rules of parts, of all parameters; then of the pose; ``left``, ``right``:
+        the motions x and y; right None: y = x, and half of each form is added.
         """
         twisted = self._twisted(left, right)
         rows = twisted.reshape(3 * len(self.forces.bushings), *twisted.shape[2:])
@@ -120,16 +116,8 @@ class LoadedNetwork:
     def add_point_motion(self, result: Field, body: int, point: Array, slope: Field) -> None:
         """Add, in place, what the pose does by moving a point that a body carries.
 
-        Parameters
-        ----------
-        result : array, shape (size, ...)
-            Derivatives to parameters and to the pose.
-        body : int
-            Number of the body.
-        point : array, shape (3,)
-            The point [m].
-        slope : array, shape (3, ...)
-            Derivatives to the point.
+        ``result`` (size, ...): derivatives to parameters and to the pose; ``body``: number of the body; ``point`` (3,):
+        the point [m]; ``slope`` (3, ...): derivatives to the point.
         """
         moves = moved(self.motions[body][None], (point - self.network.position[body])[None])[0, :3]
         result[self.changes.count :] += product(moves.T, slope)
@@ -148,17 +136,8 @@ class LoadedNetwork:
     def with_gaps(self, gaps: Array, forces: csr_array) -> LoadedNetwork:
         """Return the same with further motions of the pose: those in which joints give way.
 
-        Parameters
-        ----------
-        gaps : array, shape (joints, 6, v)
-            How far each joint gives way at its point, one motion after the other.
-        forces : csr_array, shape (v, e)
-            What changes of the forces then.
-
-        Returns
-        -------
-        LoadedNetwork
-            With v motions more.
+        ``gaps`` (joints, 6, v): how far each joint gives way at its point, one motion after the other; ``forces`` (v,
+        e): what changes of the forces then.
         """
         motion = joint_release_motion(self.network, gaps)
         more = tuple(each(self.network, self.forces, self.changes, motion) for each in (parameter_rates, force_rates))
@@ -239,20 +218,7 @@ def _put(row: Field, at: slice, part: Field) -> None:
 
 
 def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
-    """Return a network in balance.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections, with their forces.
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    LoadedNetwork
-        What its parameters do to forces and pose.
-    """
+    """Return a network in balance."""
     assert network.forces is not None
     forces, entries = network.forces, system.parameters.entries
     layout = FieldLayout.of(system.parameters.parts.values())

@@ -96,19 +96,8 @@ def matrix_derivatives(
 ) -> MatrixDerivatives:
     """Return the derivatives of all matrices to variables.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    groups : ParameterGroups
-        The variables and the groups of the parameters that they move.
-    acting, seeing : Loads
-        All inputs and all outputs of the system.
-
-    Returns
-    -------
-    MatrixDerivatives
-        Whole matrices, and factors of low rank.
+    ``groups``: the variables and the groups of the parameters that they move. Returns whole matrices, and factors of
+    low rank.
 
     Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
     """

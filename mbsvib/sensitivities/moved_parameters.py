@@ -23,21 +23,7 @@ if TYPE_CHECKING:
 def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
     """Return how parameters change as bodies move, as those of a model do that is described in the new pose.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    forces : Forces
-        The forces.
-    changes : ForceChanges
-        Parameters.
-    motion : array, shape (bodies, 6, c)
-        Motions at the centres of mass.
-
-    Returns
-    -------
-    array, shape (parameters, c)
-        Changes of the parameters.
+    ``motion`` (bodies, 6, c): motions at the centres of mass. Returns (parameters, c): changes of the parameters.
     """
     result = np.zeros((changes.count, motion.shape[2]))
     first, relative = forces.seen(motion)
@@ -90,21 +76,7 @@ def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion:
     """Return how forces change as bodies move, beyond what parameters say of it: springs by their stiffness, bushings
     by the turn between their bodies, followers with theirs.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    forces : Forces
-        The forces.
-    changes : ForceChanges
-        Places of what is no parameter.
-    motion : array, shape (bodies, 6, c)
-        Motions at the centres of mass.
-
-    Returns
-    -------
-    array, shape (e, c)
-        Changes of it.
+    ``motion`` (bodies, 6, c): motions at the centres of mass. Returns (e, c): changes of the forces.
     """
     relative, joints, at = forces.seen(motion)[1], forces.counts[0], changes.at
     result = np.zeros((at.size, motion.shape[2]))

@@ -47,16 +47,7 @@ def complete_network(system: Equations) -> Network:
 def has_network(system: Equations) -> bool:
     """Tell whether a system may be a network: its parts are known, and none of those that share it is missing.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    bool
-        Whether it is worth trying; not for parts of mechanisms with loops or massless motions, which ``reachable`` has
-        taken out of them.
+    Parts of mechanisms with loops or massless motions, which ``reachable`` has taken out of them, have none.
     """
     came = system.provenance
     if came.dropped is not None and (came.massless is not None or came.topology.cut):
@@ -67,17 +58,7 @@ def has_network(system: Equations) -> bool:
 def is_complete(system: Equations, network: Network) -> bool:
     """Tell whether the forces of rigid bodies, beams and spring-dampers are all that a system has.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    network : Network
-        Its bodies and connections.
-
-    Returns
-    -------
-    bool
-        Whether the work of one motion is that of the system's factors.
+    The work of one motion is compared with that of the system's factors.
     """
     some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
     moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
@@ -104,18 +85,7 @@ def _inertial(network: Network, own: Array) -> float:
 
 
 def bare_network(system: Equations) -> Network:
-    """Return a network without parts, for a system whose parameters have no rules of their own.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    Network
-        Its minimal coordinates alone.
-    """
+    """Return a network without parts, for a system whose parameters have no rules of their own."""
     none, vectors, matrices = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 6, 6))
     index = np.zeros(0, dtype=np.intp)
     return Network(
@@ -128,17 +98,7 @@ def bare_network(system: Equations) -> Network:
 def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     """Return the network of a system.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    ways : Kinematics, optional
-        Its coordinates, default: its joint coordinates.
-
-    Returns
-    -------
-    Network
-        Its bodies and connections in numbers.
+    Its coordinates are ``ways``, joint coordinates unless others are given.
     """
     topology = system.provenance.topology
     parts = system.provenance.parts

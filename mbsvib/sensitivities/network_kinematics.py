@@ -54,23 +54,7 @@ def constraints(
 ) -> Constraints | None:
     """Return what closes the loops of a system and couples its coordinates.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    coordinates : Twists
-        Its joint coordinates.
-    bodies : sequence of Body
-        Its bodies.
-    number : dict
-        Number of each body, ground included.
-    origin : array, shape (3,)
-        The point that sums of wrenches are taken about.
-
-    Returns
-    -------
-    Constraints or None
-        None for a tree without couplers.
+    ``origin`` (3,): the point that sums of wrenches are taken about.
     """
     topology, reduction = system.provenance.topology, system.provenance.reduction
     couplers = [part for part in system.provenance.parts if isinstance(part, Coupling)]

@@ -59,17 +59,7 @@ class ParameterGroup:
 def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     """Tell which parameters act by what their own parts do alone.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    layout : FieldLayout
-        The parameters by the fields of their parts.
-
-    Returns
-    -------
-    array of bool, shape (parameters,)
-        Whether a rule holds for each.
+    Returns (parameters,): whether a rule holds for each.
     """
     parts = network.named
     plain = not network.limits and network.spin is None and not network.bare
@@ -81,17 +71,8 @@ def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
 def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup]:
     """Return the groups of parameters as if all of them acted by what their own parts do alone.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    layout : FieldLayout
-        The parameters by the fields of their parts; those that have a rule get a group.
-
-    Returns
-    -------
-    list of ParameterGroup
-        Groups of the parameters of bodies, connections and parts that are made of these.
+    ``layout``: the parameters by the fields of their parts; those that have a rule get a group. Returns groups of the
+    parameters of bodies, connections and parts that are made of these.
     """
     parts, starts, number = network.named, layout.starts, layout.number
     used = [True] * len(layout.fields)

@@ -97,15 +97,8 @@ class ParameterGroups:
     def forms(self, left: Fields, right: Fields | None = None) -> Field:
         """Return x^T (dT/dp) y of all parameters, with what the forces at the pose do.
 
-        Parameters
-        ----------
-        left, right : Fields
-            The motions x and y; right None: y = x, and half of each form is returned.
-
-        Returns
-        -------
-        array, shape (size, ...)
-            Forms.
+        ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (size,
+        ...): forms.
         """
         result = form_table(self.members, self.size, left, right)
         if self.loaded is not None:
@@ -136,28 +129,9 @@ def grouped_by_rule(
 ) -> ParameterGroups:
     """Return groups of the parameters that have rules, and one of whole matrices for all others.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    asked : Variables
-        What changes.
-    ruled : array of bool, shape (parameters,)
-        Which parameters have rules.
-    slopes : callable
-        Derivatives of whole matrices along directions.
-    every : bool
-        Whether all parameters are asked for, of which some may have no derivative.
-
-    Returns
-    -------
-    ParameterGroups
-        The groups.
-
-    Raises
-    ------
-    ModelError
-        If the equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
+    ``ruled`` (parameters,): which parameters have rules; ``slopes``: derivatives of whole matrices along directions;
+    ``every``: whether all parameters are asked for, of which some may have no derivative. Raises an error if the
+    equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
     """
     layout, rows, directions = asked.layout, np.flatnonzero(~ruled), asked.directions
     if len(rows) and not asked.identity:
@@ -179,23 +153,9 @@ def grouped_through_equilibrium(
 ) -> ParameterGroups:
     """Return the groups of all parameters of a loaded network, with the motion of its pose.
 
-    Parameters
-    ----------
-    loaded : LoadedNetwork
-        The network under its forces.
-    reference : ReferencePose or None
-        What parameters as described do, where the equilibrium was found in another pose.
-    asked : Variables
-        What changes.
-    slopes : callable
-        Derivatives of whole matrices along directions.
-    every : bool
-        Whether all parameters are asked for, of which some may have no derivative.
-
-    Returns
-    -------
-    ParameterGroups
-        The groups; variables that load a motion which nothing holds are ``lost``.
+    ``reference``: what parameters as described do, where the equilibrium was found in another pose; ``slopes``:
+    derivatives of whole matrices along directions; ``every``: whether all parameters are asked for, of which some may
+    have no derivative. Returns the groups; variables that load a motion which nothing holds are ``lost``.
     """
     asked = asked.among(loaded.entries)
     rates = asked.rates
@@ -217,19 +177,7 @@ def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int)
 
     A change does so where a state of self-stress, forces in the locked rows that load no coordinate, works on it.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    groups : iterable of ParameterGroup
-        Parameters, those of joints and couplers among them.
-    size : int
-        Number of rows.
-
-    Returns
-    -------
-    array, shape (size,)
-        True where the mechanism has fewer degrees of freedom nearby.
+    ``size``: number of rows. Returns (size,): true where the mechanism has fewer degrees of freedom nearby.
     """
     result = np.zeros(size, dtype=bool)
     ties, dof = network.constraints, network.displacements.shape[1]

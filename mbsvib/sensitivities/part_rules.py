@@ -29,17 +29,7 @@ _DIAGONAL = tuple((i, i) for i in range(6))
 def rule(part: Body | Joint | Bushing | Inerter | Spring, field: str) -> Rule:
     """Return the rule by which a field of a part of this kind enters the equations.
 
-    Parameters
-    ----------
-    part : Body, Joint, Bushing or Spring
-        A part.
-    field : str
-        One of its fields.
-
-    Returns
-    -------
-    callable
-        Terms of each entry, from fields, numbers of parts, and their constants.
+    ``field``: one of its fields. Returns terms of each entry, from fields, numbers of parts, and their constants.
     """
     if isinstance(part, Body):
         return {"mass": _mass, "inertia": _inertia, "position": _moved_body, "orientation": _turned_body}[field]
@@ -62,17 +52,8 @@ def rule(part: Body | Joint | Bushing | Inerter | Spring, field: str) -> Rule:
 def constants(parts: Sequence[Any], field: str) -> tuple[Array, ...]:
     """Return what a rule has to know of parts of one kind, each (parts, ...).
 
-    Parameters
-    ----------
-    parts : sequence of Body, Joint, Bushing or Spring
-        The parts.
-    field : str
-        One of their fields.
-
-    Returns
-    -------
-    tuple of array
-        Axes of bodies and bushings; directions of line springs and screws; how rods turn.
+    ``field``: one of their fields. Returns axes of bodies and bushings; directions of line springs and screws; how rods
+    turn.
     """
     first = parts[0]
     if isinstance(first, Body):

@@ -41,19 +41,7 @@ def checked_loads(
 ) -> tuple[Loads, Loads] | None:
     """Return some of the ports of a system as loads.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    network : Network
-        Their bodies and connections.
-    inputs, outputs : list of int
-        Numbers of the ports.
-
-    Returns
-    -------
-    pair of Loads or None
-        Inputs and outputs; None where ports are more than loads of the network.
+    Returns inputs and outputs; None where ports are more than loads of the network.
     """
     acting, seeing = (loads(system, network, *each) for each in ((inputs, "inputs"), (outputs, "outputs")))
     wrong = _wrong(system, network, (inputs, acting), (outputs, seeing))
@@ -68,17 +56,8 @@ def feedthrough(
 ) -> tuple[Array, Array]:
     """Return D, what outputs against inertial space see of base motions, and how the base turns there.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    inputs, outputs : pair of list of int and Loads
-        Numbers of the ports, and their loads.
-
-    Returns
-    -------
-    pair of array, shape (outputs, inputs) and (outputs, inputs, 3)
-        D, and the angular acceleration with which it changes as outputs move, dD = wrench . (angular x dp).
+    Returns (outputs, inputs) and (outputs, inputs, 3): D, and the angular acceleration with which it changes as outputs
+    move, dD = wrench . (angular x dp).
     """
     known = {(part.name, isinstance(part, (Input, BaseMotion))): part for part in system.provenance.ports}
     d = np.zeros((len(outputs[0]), len(inputs[0])))
@@ -138,23 +117,9 @@ def port_forms(
 ) -> Field:  # fmt: skip
     """Return dD + L^T dB + dH R - L^T dT R, with H = Cq + s Cv + s^2 Ca and T = K + s C + s^2 M.
 
-    Parameters
-    ----------
-    groups : ParameterGroups
-        What changes.
-    ports : pair of Loads
-        Inputs and outputs.
-    powers : tuple of three arrays, shape (n,)
-        1, s and s^2, or 1 and 0 to have the derivatives of one matrix only.
-    vectors : pair of array, shape (m, 1, inputs, n) and (m, outputs, 1, n)
-        R and L.
-    turns : array, shape (outputs, inputs, 3)
-        How D changes, see ``feedthrough``.
-
-    Returns
-    -------
-    array, shape (parameters, outputs, inputs, n)
-        Derivatives to all parameters of the groups.
+    ``powers`` (n,): 1, s and s^2, or 1 and 0 to have the derivatives of one matrix only; ``vectors`` (m, 1, inputs, n)
+    and (m, outputs, 1, n): R and L; ``turns`` (outputs, inputs, 3): how D changes, see ``feedthrough``. Returns
+    (parameters, outputs, inputs, n): derivatives to all parameters of the groups.
     """
     network, (acting, seeing) = groups.network, ports
     x, y = motions(network, vectors[0]), _with_given(network, motions(network, vectors[1]), seeing)

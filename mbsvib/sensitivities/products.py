@@ -40,15 +40,7 @@ class MatrixDerivativeGroup:
     def forms(self, left: Fields, right: Fields | None = None) -> Field:
         """Return x^T (dK + s dC + s^2 dM) y, (k, 1, ...); right None: y = x, and half of each form is returned.
 
-        Parameters
-        ----------
-        left, right : Fields
-            The motions x and y.
-
-        Returns
-        -------
-        array, shape (k, 1, ...)
-            Forms.
+        Returns (k, 1, ...): forms.
         """
         other = left if right is None else right
         result: Any = 0.0
@@ -79,18 +71,9 @@ class MatrixDerivativeGroup:
     ) -> None:  # fmt: skip
         """Add dD + L^T dB + (dCq + s dCv + s^2 dCa) R to the derivatives of responses, in place.
 
-        Parameters
-        ----------
-        result : array, shape (parameters, outputs, inputs, n)
-            Derivatives to all parameters of a plan.
-        ports : pair of list of int
-            Numbers of the inputs and of the outputs.
-        powers : tuple of three arrays, shape (n,)
-            1, s and s^2.
-        vectors : pair of array, shape (m, 1, inputs, n) and (m, outputs, 1, n)
-            R and L.
-        beside : tuple of int
-            Places of outputs whose D and H are counted elsewhere.
+        ``result`` (parameters, outputs, inputs, n): derivatives to all parameters of a plan; ``powers`` (n,): 1, s and
+        s^2; ``vectors`` (m, 1, inputs, n) and (m, outputs, 1, n): R and L; ``beside``: places of outputs whose D and H
+        are counted elsewhere.
         """
         (i, o), (right, left) = ports, vectors
         counts = np.array([k not in beside for k in range(len(o))])[:, None, None]
@@ -103,24 +86,8 @@ class MatrixDerivativeGroup:
     def factors(self, row: int, matrix: str, name: str) -> tuple[Array, Array]:
         """Return P and Q (rank, m) with P^T Q + Q^T P the derivative of a matrix to one parameter.
 
-        Parameters
-        ----------
-        row : int
-            The parameter.
-        matrix : str
-            "M", "C" or "K".
-        name : str
-            What the derivative is to, for the message.
-
-        Returns
-        -------
-        pair of array, shape (rank, m)
-            Factors.
-
-        Raises
-        ------
-        ModelError
-            If the derivative is not symmetric, or not a number.
+        ``row``: the parameter; ``matrix``: "M", "C" or "K"; ``name``: what the derivative is to, for the message.
+        Returns (rank, m): factors. Raises an error if the derivative is not symmetric, or not a number.
         """
         return factored(self.slopes[matrix][self.rows[:, 0].tolist().index(row)], matrix, name, ROUNDING)
 
@@ -128,24 +95,9 @@ class MatrixDerivativeGroup:
 def factored(change: Array, matrix: str, name: str, rounding: float) -> tuple[Array, Array]:
     """Return P and Q (rank, m) with P^T Q + Q^T P a symmetric matrix.
 
-    Parameters
-    ----------
-    change : array, shape (m, m)
-        The derivative of a matrix.
-    matrix, name : str
-        Which, and to what, for the message.
-    rounding : float
-        What is zero, against the largest entry.
-
-    Returns
-    -------
-    pair of array, shape (rank, m)
-        Factors.
-
-    Raises
-    ------
-    ModelError
-        If the derivative is not symmetric, or not a number.
+    ``change`` (m, m): the derivative of a matrix; ``matrix``, ``name``: which, and to what, for the message;
+    ``rounding``: what is zero, against the largest entry. Returns (rank, m): factors. Raises an error if the derivative
+    is not symmetric, or not a number.
     """
     size = np.abs(change).max(initial=0.0)
     if not np.abs(change - change.T).max(initial=0.0) <= rounding * size:
@@ -167,18 +119,9 @@ def forms(
 ) -> Iterator[tuple[Index, int, Field]]:
     """Return x^T (dT/dp) y of parameters, block by block; what is zero for all parts of a large block is left out.
 
-    Parameters
-    ----------
-    groups : iterable of ParameterGroup or MatrixDerivativeGroup
-        What changes.
-    left, right : Fields
-        The motions x and y; right None: y = x, and half of each form is returned.
-
-    Returns
-    -------
-    iterator of tuple of array, shape (parts, entries), int and array, shape (parts, entries, ...)
-        The parameters, -1 where none is asked for; the stride from part to part where entries follow each other, else
-        0; and their forms.
+    ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (parts,
+    entries), int and (parts, entries, ...): the parameters, -1 where none is asked for; the stride from part to part
+    where entries follow each other, else 0; and their forms.
     """
     size = prod(_tail(left, right))
     for group in groups:

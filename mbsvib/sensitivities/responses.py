@@ -37,26 +37,9 @@ if TYPE_CHECKING:
 def solutions(basis: Basis, b: Array, w: Array, *, adjoint: bool = False) -> Complex:
     """Return x = (K + i w C - w^2 M)^-1 b.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    b : array, shape (m, columns)
-        Right sides.
-    w : array, shape (n,)
-        Angular frequencies [rad/s], none negative.
-    adjoint : bool
-        Whether to solve with the transposed matrix.
-
-    Returns
-    -------
-    array, shape (m, columns, n)
-        Solutions.
-
-    Raises
-    ------
-    ResponseError
-        If a frequency is an undamped pole.
+    ``b`` (m, columns): right sides; ``w`` (n,): angular frequencies [rad/s], none negative; ``adjoint``: whether to
+    solve with the transposed matrix. Returns (m, columns, n): solutions. Raises an error if a frequency is an undamped
+    pole.
     """
     system, modal = basis.equations, basis.modal
     if not isinstance(modal, Damped):

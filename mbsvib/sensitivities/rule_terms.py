@@ -58,19 +58,9 @@ def moved_end(line: Array, span: Array, relative: Field, end: bool) -> Field:
     With e the line and L its length, moving an end by dp changes the elongation by
     dp . (+-(1 - e e^T) u / L + e x theta), u the relative motion there.
 
-    Parameters
-    ----------
-    line, span : array, shape (parts, 3)
-        Directions, and the ways from start to end [m].
-    relative : array, shape (parts, 6, ...)
-        Motions of second bodies against first ones at the starts.
-    end : bool
-        Whether the end moves, or the start.
-
-    Returns
-    -------
-    array, shape (parts, 3, ...)
-        Per unit motion of the end.
+    ``line``, ``span`` (parts, 3): directions, and the ways from start to end [m]; ``relative`` (parts, 6, ...): motions
+    of second bodies against first ones at the starts; ``end``: whether the end moves, or the start. Returns (parts, 3,
+    ...): per unit motion of the end.
     """
     u, theta = relative[:, :3], relative[:, 3:]
     if end:

@@ -139,24 +139,8 @@ def mode_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> Mod
 def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes: Modes) -> Complex:
     """Return the derivatives of the shapes.
 
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    groups : ParameterGroups
-        What changes.
-    modes : Modes
-        The modes of the system, all of them.
-
-    Returns
-    -------
-    array, shape (variables, m, modes)
-        Derivatives of the columns of ``modes.shapes``.
-
-    Raises
-    ------
-    ModelError
-        If the system has motions without mass and spin.
+    Returns (variables, m, modes): derivatives of the columns of ``modes.shapes``. Raises an error if the system has
+    motions without mass and spin.
     """
     system, states = basis.equations, state_basis(basis.responses)
     vectors, k = states.vectors, states.massive

@@ -214,17 +214,7 @@ def _cut(wanted: SomeModes, known: SomeModes, near: float) -> bool:
 def places(values: Complex, known: Complex) -> Index:
     """Return the numbers of some eigenvalues among all, both in ascending order, of those that coincide the first.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Some of them, as others have computed them.
-    known : array, shape (m,)
-        All of them.
-
-    Returns
-    -------
-    array, shape (n,)
-        Numbers.
+    ``values`` (n,): some of them, as others have computed them; ``known`` (m,): all of them. Returns (n,): numbers.
     """
     free, result = np.ones(len(known), dtype=bool), []
     for value in values:

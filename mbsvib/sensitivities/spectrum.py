@@ -96,18 +96,7 @@ class Spectrum:
 
 
 def spectrum(modes: Modes) -> Spectrum:
-    """Return the eigenvalues of a system with their vectors.
-
-    Parameters
-    ----------
-    modes : Modes
-        All modes of the system.
-
-    Returns
-    -------
-    Spectrum
-        Eigenvalues in the order of ``modes().eigenvalues``.
-    """
+    """Return the eigenvalues of a system with their vectors."""
     damped = modes.damped
     if isinstance(damped, Damped):
         return _symmetric(damped)

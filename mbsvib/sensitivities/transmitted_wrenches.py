@@ -22,20 +22,9 @@ if TYPE_CHECKING:
 def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:
     """Return what goes through joints where bodies and springs take wrenches.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    body_wrench : array, shape (b, 6, ...)
-        At the centres of mass.
-    spring_wrench : array, shape (s, 6, ...)
-        At the points of springs.
-
-    Returns
-    -------
-    tuple of array, shape (j, 6, ...), (f, 6, ...) and (rows, ...)
-        Wrenches in joints at their points, what bodies that float would ask of ground, and the forces in the rows that
-        close loops.
+    ``body_wrench`` (b, 6, ...): at the centres of mass; ``spring_wrench`` (s, 6, ...): at the points of springs.
+    Returns (j, 6, ...), (f, 6, ...) and (rows, ...): wrenches in joints at their points, what bodies that float would
+    ask of ground, and the forces in the rows that close loops.
     """
     tail = body_wrench.shape[2:]
     on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
@@ -60,19 +49,8 @@ def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> t
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:
     """Return the wrenches in joints, from what acts behind them and from the forces that close loops.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    behind : array, shape (b, 6, n)
-        What acts on each body and those outwards from it, about the network's origin.
-    mu : array, shape (rows, n)
-        Forces in the locked rows of cut joints.
-
-    Returns
-    -------
-    array, shape (j, 6, n)
-        Wrenches at the joints' points.
+    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin; ``mu`` (rows,
+    n): forces in the locked rows of cut joints. Returns (j, 6, n): wrenches at the joints' points.
     """
     behind, closing = _closed(network, behind, mu)
     return np.asarray(_at_joints(network, behind) + closing)
@@ -104,17 +82,8 @@ def _at_joints(network: Network, behind: Field) -> Field:
 def multipliers(network: Network, behind: Field) -> Field:
     """Return the forces mu (rows, n) in the locked rows of cut joints, the smallest where rows are redundant.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    behind : array, shape (b, 6, n)
-        What acts on each body and those outwards from it, about the network's origin.
-
-    Returns
-    -------
-    array, shape (rows, n)
-        Forces [N] and moments [N m].
+    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin. Returns (rows,
+    n): forces [N] and moments [N m].
     """
     ties = network.constraints
     assert ties is not None
@@ -126,17 +95,8 @@ def multipliers(network: Network, behind: Field) -> Field:
 def joint_release_motion(network: Network, gap: Field) -> Field:
     """Return the motions of the bodies in which joints come apart, while no independent coordinate moves.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and joints.
-    gap : array, shape (joints, 6, ...)
-        How far the second body of each joint moves against the first at the joint's point, beside what the joint frees.
-
-    Returns
-    -------
-    array, shape (bodies, 6, ...)
-        At the centres of mass.
+    ``gap`` (joints, 6, ...): how far the second body of each joint moves against the first at the joint's point, beside
+    what the joint frees. Returns (bodies, 6, ...): at the centres of mass.
     """
     tail, joints, bodies = gap.shape[2:], len(gap), len(network.bodies)
     flat = moved(gap.reshape(joints, 6, prod(tail)), network.origin - network.point[:joints])

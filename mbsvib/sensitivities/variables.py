@@ -178,15 +178,8 @@ class Variables:
     def joined(self, together: Mask) -> Variables:
         """Return the same variables, in which all of some parameters that one variable moves are one direction.
 
-        Parameters
-        ----------
-        together : array of bool, shape (parameters,)
-            Which parameters.
-
-        Returns
-        -------
-        Variables
-            The others, then one direction for each variable that moves any of these.
+        ``together`` (parameters,): which parameters. Returns the others, then one direction for each variable that
+        moves any of these.
         """
         left = np.flatnonzero(~together)
         place = np.full(len(together), -1)
