@@ -24,7 +24,7 @@ variants               derivatives of whole matrices by differences, for all oth
 
 Rules, the derivatives of the equations as products of motions and wrenches:
 products               forms of many parameters between many pairs of motions, those of whole matrices among them
-part_rules             bodies, joints, bushings and line springs; rule_terms has their common terms
+part_rules             bodies, joints, bushings and line springs, with terms that all rules share
 beam_rules             beams; made_part_rules has couplers, Maxwell elements, rotors and torsion springs
 
 The mechanism in numbers:
@@ -38,8 +38,7 @@ ports                  inputs and outputs as loads of the network
 Loaded scenes, through the equilibrium:
 loaded_network         a network under its forces: what these do to forms, by parameters and by the pose
 pose_motion            how the pose gives way to parameters, dq/dp = K^-1 dR/dp
-moved_parameters       how parameters and forces follow the bodies as these move
-force_changes          what parameters change of the forces: their points and wrenches
+force_changes          what parameters change of the forces, and how both follow the bodies as these move
 reference_pose         what parameters as described do, where the equilibrium was found in another pose
 second_order_work      the work of the forces on small motions to second order, with derivatives
 forces                 the forces at the pose, collected from the equations

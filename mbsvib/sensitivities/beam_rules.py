@@ -16,7 +16,7 @@ from mbsvib.elements.beam_expansion import elements, masses, modal_damper
 from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.rule_terms import cross_terms
+from mbsvib.sensitivities.part_rules import cross_terms
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.rule_terms import Rule, Terms
+    from mbsvib.sensitivities.part_rules import Rule, Terms
 
 # The first step of differences, against the value or the length of an element; the next one is smaller.
 STEP, SMALLER = 2.0**-7, 0.125

@@ -27,8 +27,7 @@ import numpy as np
 
 from mbsvib.linalg.vectors import cross, moved, product, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
-from mbsvib.sensitivities.force_changes import force_changes
-from mbsvib.sensitivities.moved_parameters import force_rates, parameter_rates
+from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
 from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes

@@ -19,7 +19,7 @@ import numpy as np
 from mbsvib.elements.coupler import Coupling
 from mbsvib.kinematics.couplers import measure
 from mbsvib.sensitivities.network import line_name
-from mbsvib.sensitivities.rule_terms import along, moved_end
+from mbsvib.sensitivities.part_rules import along, moved_end
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.elements.torsion_spring import TorsionSpring
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.rule_terms import Rule, Terms
+    from mbsvib.sensitivities.part_rules import Rule, Terms
 
 
 def coupler_rule(network: Network, coupler: Coupling, field: str, index: tuple[int, ...]) -> Rule:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.rule_terms import Rule
+    from mbsvib.sensitivities.part_rules import Rule
     from mbsvib.sensitivities.shared_wrenches import Spin
     from mbsvib.sensitivities.variables import FieldLayout
 

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.part_rules import Terms
     from mbsvib.sensitivities.reference_pose import ReferencePose
-    from mbsvib.sensitivities.rule_terms import Terms
     from mbsvib.sensitivities.variables import Variables
 
     MatrixSlopes = Callable[[Sequence[Direction], bool], Mapping[str, Array]]
