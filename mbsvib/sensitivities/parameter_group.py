@@ -142,21 +142,19 @@ def _group(
     kind, field, _, width, apart = key
     numbers, first, same = zip(*members, strict=True)
     index = np.array(numbers)
-    rows = np.array(first)[:, None] + np.arange(width)
+    rows, lead, follow = np.array(first)[:, None] + np.arange(width), list(first), True
     if number is not None:
         rows = number[rows]
-    stride = _stride(rows)
+        lead, follow = rows[:, 0].tolist(), bool((rows == rows[:, :1] + np.arange(width)).all())
+    stride = _stride(lead, width) if follow else 0
     if kind == "body" and apart:
         among = (index[:, None] == network.floating).argmax(axis=1)
         return ParameterGroup(kind, field, index, moved_floating, (among,), rows, stride)
     return ParameterGroup(kind, field, index, rule(same[0], field), constants(same, field), rows, stride)
 
 
-def _stride(rows: Index) -> int:
-    """How many parameters are from part to part where those of all parts follow each other, else 0."""
-    count, width = rows.shape
-    lead = rows[:, 0].tolist()
-    stride = lead[1] - lead[0] if count > 1 else width
-    if stride < width or lead[0] < 0 or lead != list(range(lead[0], lead[0] + stride * count, stride)):
-        return 0
-    return stride if width == 1 or bool((rows[:, 1:] == rows[:, :1] + np.arange(1, width)).all()) else 0
+def _stride(lead: list[int], width: int) -> int:
+    """How many parameters are from part to part, by the first of each; 0 where that differs or none is asked for."""
+    stride = lead[1] - lead[0] if len(lead) > 1 else width
+    regular = stride >= width and lead[0] >= 0 and lead == list(range(lead[0], lead[0] + stride * len(lead), stride))
+    return stride if regular else 0
