@@ -11,41 +11,37 @@ norms                  H2 and Hinf norms with their derivatives
 What they share:
 basis                  all that is kept for repeated questions, derivatives of the matrices among it
 matrix_derivatives     derivatives of the matrices, whole and as factors of low rank
-port_forms             derivatives of a response, from the motions of its inputs and outputs
-spectrum               eigenvalues with right and left vectors
-solutions, states      solutions at many frequencies; first-order equations and their derivatives
+port_forms             derivatives of a response, from the motions of its inputs and outputs; checks of these as loads
+spectrum               eigenvalues with right and left vectors; branches has those that coincide
+states                 first-order equations and their derivatives
 
 Parameters:
-variables              names, patterns and linear maps of parameters
-parameter_groups       the variables asked for with the groups of the parameters that they move
+variables              names, patterns and linear maps of parameters; their layout by the fields of parts
+parameter_groups       the variables asked for with the groups of the parameters that they move, and which lose freedom
 parameter_group        one field of many parts of a kind, which one rule holds for
-matrix_group           parameters whose derivatives are whole matrices
 applicability          which parameters act by rules under load
 variants               derivatives of whole matrices by differences, for all other parameters
-lost_freedoms          parameters that take degrees of freedom away
 
 Rules, the derivatives of the equations as products of motions and wrenches:
-products               forms of many parameters between many pairs of motions
-part_rules             bodies, joints, bushings and line springs; rule_terms has their common terms
-beam_rules, coupler_rules, maxwell_rules, rotor_rules, torsion_rules
+products               forms of many parameters between many pairs of motions, those of whole matrices among them
+part_rules             bodies, joints, bushings and line springs, with terms that all rules share
+beam_rules             beams; made_part_rules has couplers, Maxwell elements, rotors and torsion springs
 
 The mechanism in numbers:
-network                bodies and connections; network_assembly makes it of a system, network_parts names its parts
+network                bodies and connections; network_assembly makes it of a system
 adjoint_fields         motions, with the wrenches that they put into bodies and connections
-transmitted_wrenches   what joints transmit, loops included; constraint_forces has what closes loops
+transmitted_wrenches   what joints transmit, loops included; motions in which joints come apart
 shared_wrenches        what beams, reduced models and rotors do to bodies
-joint_release_motion   motions in which joints come apart, on which their forces do work
-network_kinematics     coordinates of a network: joint coordinates; sparse_network has amplitudes of modes
-ports                  inputs and outputs as loads of the network; port_checks compares them with the system
+network_kinematics     coordinates of a network, and what closes its loops; sparse_modes has amplitudes of modes
+ports                  inputs and outputs as loads of the network
 
 Loaded scenes, through the equilibrium:
 loaded_network         a network under its forces: what these do to forms, by parameters and by the pose
 pose_motion            how the pose gives way to parameters, dq/dp = K^-1 dR/dp
-moved_parameters       how parameters and forces follow the bodies as these move
-force_changes          what parameters change of the forces: their points and wrenches
+force_changes          what parameters change of the forces, and how both follow the bodies as these move
 reference_pose         what parameters as described do, where the equilibrium was found in another pose
 second_order_work      the work of the forces on small motions to second order, with derivatives
-forces                 the forces at the pose; forces_at_rest collects them from the equations
+forces                 the forces at the pose, collected from the equations
 displaced_bodies       bodies in the pose against where they are described
 """
 

@@ -87,17 +87,8 @@ class Fields:
 def motions(network: Network, vectors: Field) -> Motions:
     """Return the motions of bodies and connections.
 
-    Parameters
-    ----------
-    network : Network
-        Its bodies and connections.
-    vectors : array, shape (m, ...)
-        Motions in minimal coordinates.
-
-    Returns
-    -------
-    Motions
-        With the momentum of bodies and the wrench of springs and dampers.
+    ``vectors`` (m, ...) are motions in minimal coordinates; the momentum of bodies and the wrenches of springs and
+    dampers come with those of bodies and connections.
     """
     tail = vectors.shape[1:]
     flat = vectors.reshape(len(vectors), prod(tail))
@@ -131,30 +122,12 @@ def fields(
 ) -> Fields:  # fmt: skip
     """Return motions with the wrenches that go with them.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    motion : Motions
-        Motions of bodies and connections.
-    stiff, rate, square : array
-        Factors of stiffness, damping and inertia: 1, s and s^2 for motions with e^(s t); 1 or 0 to have the derivatives
-        of one matrix only.
-    load : array, shape (b, 6, ...), optional
-        Further wrenches on bodies, at their centres of mass, counted as inertia is.
-    strain : array, shape (s, 6, ...), optional
-        What springs see, where that is not their relative motion.
-    side : int
-        1 for the right, -1 for the left side of forms between two motions, which need not be symmetric.
-    turned : array, shape (j, 3, ...), optional
-        How far joints are turned open.
-    alone : array, shape (b, 6, ...), optional
-        Motions that only inertia does work on, part of those of the bodies.
-
-    Returns
-    -------
-    Fields
-        Motions and wrenches of bodies and connections.
+    ``stiff``, ``rate``, ``square``: factors of stiffness, damping and inertia: 1, s and s^2 for motions with e^(s t); 1
+    or 0 to have the derivatives of one matrix only; ``load`` (b, 6, ...): further wrenches on bodies, at their centres
+    of mass, counted as inertia is; ``strain`` (s, 6, ...): what springs see, where that is not their relative motion;
+    ``side``: 1 for the right, -1 for the left side of forms between two motions, which need not be symmetric;
+    ``turned`` (j, 3, ...): how far joints are turned open; ``alone`` (b, 6, ...): motions that only inertia does work
+    on, part of those of the bodies. Returns motions and wrenches of bodies and connections.
     """
     body_wrench = motion.momentum * square
     joints = len(network.joints)

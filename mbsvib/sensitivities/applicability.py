@@ -29,15 +29,7 @@ _KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
 def limits(system: Equations) -> tuple[Limit, ...]:
     """Return what limits the parameters that act by rules of their own, nothing for most systems.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    tuple of frozenset of (str, str)
-        Kinds of parts with their fields; only what is in all of these sets has a rule.
+    They are kinds of parts with their fields; only what is in all of these sets has a rule.
     """
     came = system.provenance
     parts, result = came.parts, []
@@ -60,18 +52,10 @@ def is_loaded(system: Equations) -> bool:
 def follows(system: Equations) -> bool:
     """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    bool
-        True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where
-        all motions without mass have dampers; unless bushings with moments were turned on the way to an equilibrium
-        that was found, couplers or Maxwell elements went along or these carry a preload, couplers contradict each
-        other, or a joint's rotations turn against its locked translations, which parameters of joints cannot say.
+    True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where all motions
+    without mass have dampers; unless bushings with moments were turned on the way to an equilibrium that was found,
+    couplers or Maxwell elements went along or these carry a preload, couplers contradict each other, or a joint's
+    rotations turn against its locked translations, which parameters of joints cannot say.
     """
     came = system.provenance
     return (

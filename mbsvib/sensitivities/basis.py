@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mbsvib.equations.equations import MATRICES
-from mbsvib.responses.basis import Basis
+from mbsvib.modes.result import modes
+from mbsvib.responses.basis import RESPONSE_RTOL, Basis
 from mbsvib.sensitivities.loaded_network import loaded_network
 from mbsvib.sensitivities.matrix_derivatives import matrix_derivatives
 from mbsvib.sensitivities.network_assembly import bare_network, complete_network
 from mbsvib.sensitivities.parameter_group import have_rules
 from mbsvib.sensitivities.parameter_groups import grouped_by_rule, grouped_through_equilibrium
-from mbsvib.sensitivities.port_checks import checked_loads
+from mbsvib.sensitivities.port_forms import checked_loads
 from mbsvib.sensitivities.ports import no_loads
 from mbsvib.sensitivities.reference_pose import reference_pose
 from mbsvib.sensitivities.spectrum import spectrum
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.equations.equations import Equations
+    from mbsvib.modes import Modes
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.matrix_derivatives import MatrixDerivatives
     from mbsvib.sensitivities.network import Network
@@ -74,9 +76,16 @@ class SensitivityBasis:
         return self.network if self.network.bare else bare_network(self.equations)
 
     @cached_property
+    def modes(self) -> Modes:
+        """All modes as accurate as responses need them; modes of less accuracy are not computed before."""
+        if self.responses.computed & {"modes", "response_modes"}:
+            return self.responses.response_modes
+        return modes(self.equations, RESPONSE_RTOL, form=self.responses.form)
+
+    @cached_property
     def spectrum(self) -> tuple[Spectrum, Pairs]:
         """Eigenvalues with their vectors, and the pairs of those that coincide."""
-        known = spectrum(self.responses)
+        known = spectrum(self.modes)
         return known, known.pairs()
 
     @cached_property
@@ -104,20 +113,7 @@ class SensitivityBasis:
         return None if equations is None else SensitivityBasis.of(equations)
 
     def ported(self, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
-        """Return the network with some of the ports as loads; the bare one where ports are more than that.
-
-        Parameters
-        ----------
-        inputs, outputs : list of int
-            Numbers of the ports.
-
-        Returns
-        -------
-        Network
-            Bodies and connections.
-        Loads, Loads
-            Inputs and outputs.
-        """
+        """Return the network with some of the ports as loads; the bare one where ports are more than that."""
         if not self.network.bare:
             known = checked_loads(self.equations, self.network, inputs, outputs)
             if known is not None:
@@ -128,23 +124,9 @@ class SensitivityBasis:
     def groups(self, parameters: Asked = None, network: Network | None = None) -> ParameterGroups:
         """Return the groups of parameters that some variables move; those of all parameters are kept.
 
-        Parameters
-        ----------
-        parameters : str, iterable of str, mapping or None
-            Names, patterns or linear maps of parameters; None: every parameter of the system.
-        network : Network, optional
-            ``network`` or ``bare_network``; default: the former.
-
-        Returns
-        -------
-        ParameterGroups
-            Variables and groups.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, the equations do not change smoothly with it, or it loads a motion that nothing
-            holds.
+        ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system. Raises an
+        error if a parameter is unknown, the equations do not change smoothly with it, or it loads a motion that nothing
+        holds.
         """
         network = self.network if network is None else network
         if parameters is not None:
@@ -155,7 +137,7 @@ class SensitivityBasis:
         return self._groups_of_all[network.bare]
 
     def _grouped(self, network: Network, asked: Variables, *, every: bool) -> ParameterGroups:
-        ruled = have_rules(network, asked.parameters)
+        ruled = have_rules(network, asked.layout)
         loaded = None if ruled.all() or network.bare else self.loaded
         reference = None if loaded is None else self.reference_pose
         if loaded is None or not (reference is None or all(map(reference.tells, asked.parameters))):
@@ -168,23 +150,10 @@ class SensitivityBasis:
     def matrix_slopes(self, directions: Sequence[Direction], every: bool = False) -> Mapping[str, Array]:
         """Return the derivatives of whole matrices along some directions: differences, or rows of the whole system.
 
-        Parameters
-        ----------
-        directions : sequence of Direction
-            What changes.
-        every : bool
-            Whether these are all parameters there are, so that what is refused is not a number instead.
-
-        Returns
-        -------
-        mapping of str to array
-            Derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a
-            direction takes degrees of freedom away.
-
-        Raises
-        ------
-        ModelError
-            If the matrices do not change smoothly, or a parameter loads a motion that nothing holds.
+        ``every``: whether these are all parameters there are, so that what is refused is not a number instead. Returns
+        derivatives of M, C, K, B, Cq, Cv, Ca and D along k directions, (k, ...) each; not a number where a direction
+        takes degrees of freedom away. Raises an error if the matrices do not change smoothly, or a parameter loads a
+        motion that nothing holds.
         """
         if self.whole is None:
             return self.variants.slopes(directions, every)
@@ -203,20 +172,9 @@ class SensitivityBasis:
     def matrix_derivatives(self, parameters: Asked = None) -> MatrixDerivatives:
         """Return the derivatives of all matrices to parameters.
 
-        Parameters
-        ----------
-        parameters : str, iterable of str, mapping or None
-            Names, patterns or linear maps of parameters; None: every parameter of the system.
-
-        Returns
-        -------
-        MatrixDerivatives
-            Whole matrices, and factors of low rank.
-
-        Raises
-        ------
-        ModelError
-            If a parameter is unknown, or the system does not change smoothly with it.
+        ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system. Returns whole
+        matrices, and factors of low rank. Raises an error if a parameter is unknown, or the system does not change
+        smoothly with it.
         """
         system = self.equations
         inputs, outputs = list(range(len(system.inputs))), list(range(len(system.outputs)))
@@ -233,17 +191,8 @@ class SensitivityBasis:
     ) -> Iterator[tuple[slice, MatrixDerivatives]]:  # fmt: skip
         """Return derivatives of matrices for some variables at a time, so that they never fill the memory.
 
-        Parameters
-        ----------
-        parameters : str, iterable of str, mapping or None
-            Names, patterns or linear maps of parameters; None: every parameter of the system.
-        count : int
-            How many variables at a time.
-
-        Returns
-        -------
-        iterator of tuple of slice and MatrixDerivatives
-            Which variables, and their derivatives.
+        ``parameters``: names, patterns or linear maps of parameters; None: every parameter of the system; ``count``:
+        how many variables at a time.
         """
         asked = self.equations.parameters if parameters is None else parameters
         names = [asked] if isinstance(asked, str) else list(asked)

@@ -16,7 +16,7 @@ from mbsvib.elements.beam_expansion import elements, masses, modal_damper
 from mbsvib.errors import ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.linalg.vectors import transformed
-from mbsvib.sensitivities.rule_terms import cross_terms
+from mbsvib.sensitivities.part_rules import cross_terms
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mbsvib.linalg.vectors import Field
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.rule_terms import Rule, Terms
+    from mbsvib.sensitivities.part_rules import Rule, Terms
 
 # The first step of differences, against the value or the length of an element; the next one is smaller.
 STEP, SMALLER = 2.0**-7, 0.125
@@ -39,28 +39,8 @@ ACTS = 1e-11
 def beam_rule(network: Network, beam: Beam, field: str, index: tuple[int, ...] = ()) -> tuple[Rule, tuple[Array, ...]]:
     """Return the rule by which a number of a beam enters the equations.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    beam : Beam
-        The beam.
-    field : str
-        One of its fields.
-    index : tuple of int
-        The entry of the field.
-
-    Returns
-    -------
-    callable
-        Terms of one entry.
-    tuple of array, shape (1, n) and (1, n, 3)
-        The bodies that nodes of the beam are, and how their centres of mass move.
-
-    Raises
-    ------
-    ModelError
-        If the beam does not change smoothly with the number.
+    Its data are the bodies (1, n) that nodes of the beam are, and how their centres of mass move (1, n, 3). Raises an
+    error if the beam does not change smoothly with the number.
     """
     number = {body.name: i for i, body in enumerate(network.bodies)}
     springs = {spring.name: i for i, spring in enumerate(network.springs)}
@@ -124,17 +104,9 @@ def has_rule(beam: Beam, field: str) -> bool:
 def numbers(beam: Beam) -> dict[str, Array]:
     """Return what a beam is made of.
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam, of e elements.
-
-    Returns
-    -------
-    dict of str to array
-        ``stiffness`` and ``damping`` (e, 6) of the elements' springs in their axes; ``mass`` (e, 12, 12) on their ends,
-        the damping ``by_mass`` and ``modal`` damping (6 e, 6 e) at their midpoints, world axes; ``points`` (e + 1, 3)
-        and ``axes`` (e, 3, 3).
+    They are ``stiffness`` and ``damping`` (e, 6) of the elements' springs in their axes; ``mass`` (e, 12, 12) on their
+    ends, the damping ``by_mass`` and ``modal`` damping (6 e, 6 e) at their midpoints, world axes; ``points`` (e + 1, 3)
+    and ``axes`` (e, 3, 3).
     """
     springs = [spring for _, spring in elements(beam)]
     axes = np.array([spring.orientation for spring in springs])
@@ -152,24 +124,7 @@ def numbers(beam: Beam) -> dict[str, Array]:
 def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Array]:
     """Return how ``numbers`` change, with ``turns`` (e, 3) of the axes in place of these.
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    field : str
-        One of its fields.
-    index : tuple of int
-        The entry of the field.
-
-    Returns
-    -------
-    dict of str to array
-        Slopes per unit of the number.
-
-    Raises
-    ------
-    ModelError
-        If the beam does not change smoothly with the number.
+    ``field``: one of its fields. Raises an error if the beam does not change smoothly with the number.
     """
     present = numbers(beam)
     value = next(item.value for item in beam.parameter_fields() if item.name == field)

@@ -40,18 +40,6 @@ class Displaced:
 
 def turned(origin: Mechanism, parts: Iterable[Part]) -> frozenset[str]:
     """Return the bushings whose bodies turned against each other: what they do about axes changes in ways of its own.
-
-    Parameters
-    ----------
-    origin : Mechanism
-        The model as described.
-    parts : iterable of Part
-        Its parts in the pose there.
-
-    Returns
-    -------
-    frozenset of str
-        Their names.
     """
     known = {part.name: part for part in parts}
     pose = Displaced(origin, known)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.rank import EPS
 from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.branches import branches
 from mbsvib.sensitivities.products import forms, picked
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.basis import SensitivityBasis
     from mbsvib.sensitivities.network import Network
     from mbsvib.sensitivities.parameter_groups import ParameterGroups
-    from mbsvib.sensitivities.spectrum import Pairs, Spectrum
+    from mbsvib.sensitivities.spectrum import Spectrum
     from mbsvib.sensitivities.variables import Asked
 
 # A form in a rigid-body motion below this share of the largest in any motion is zero but for rounding.
@@ -91,20 +91,20 @@ def eigenvalue_sensitivities(basis: SensitivityBasis, parameters: Asked = None) 
             work = basis.variants.sizes(groups.variables.each()) * float(np.abs(spectrum.right).max()) ** 2
             size = np.maximum(size, work[:, None])
         _set(result, spectrum, resting, np.where(lead[:, resting] <= zero * size, 0.0, np.inf))
-    if len(pairs.groups) and left is not None:
-        first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
-        cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
-        if groups.network.partial:
-            twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
-            cross = _whole_gram(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
-        form = _joined(groups.chain(groups.forms(left.take(first), right.take(second))))
-        _part(result, spectrum, pairs, (gram, cross), form)
-    elif len(pairs.groups):
-        # between two motions: half of what both together have beyond each
-        cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
-        own = result[:, spectrum.place]
-        form = 0.5 * (beside - own[:, pairs.first] - own[:, pairs.second])
-        _part(result, spectrum, pairs, (gram, np.tile(cross, 2)), np.tile(form, 2))
+    if len(pairs.groups):
+        own = np.ascontiguousarray(result.T[spectrum.place])
+        if left is None:  # between two motions: half of what both together have beyond each
+            cross = 0.5 * (gram[len(spectrum.lead) :] - gram[pairs.first] - gram[pairs.second])
+            form = 0.5 * (np.ascontiguousarray(beside.T) - own[pairs.first] - own[pairs.second])
+        else:
+            first, second = np.concatenate((pairs.first, pairs.second)), np.concatenate((pairs.second, pairs.first))
+            cross = _gram(x.take(second), y.take(first), spectrum.lead[first] + spectrum.lead[second])
+            if groups.network.partial:
+                twice = replace(spectrum, lead=0.5 * (spectrum.lead[first] + spectrum.lead[second]))
+                cross = _whole_gram(system, twice, spectrum.right[:, second], np.asarray(spectrum.left)[:, first])
+            form = _joined(groups.chain(groups.forms(left.take(first), right.take(second)))).T
+        for which, values in branches(pairs, own, form, (gram, cross)):
+            _set(result, spectrum, which, values.T)
     return result
 
 
@@ -141,10 +141,9 @@ def _simple(groups: ParameterGroups, spectrum: Spectrum, left: Fields | None, ri
         for rows, stride, block in forms(groups.members, first, second):
             view, sums = picked(result, rows, stride), picked(beside, rows, stride)
             if view is None:
-                asked = rows >= 0
                 into = np.empty((*rows.shape, spectrum.count), dtype=complex)
                 _with_conjugates(into, block, lead)
-                result[rows[asked]], beside[rows[asked]] = into[asked], _joined(block[..., lead:])[asked]
+                result[rows], beside[rows] = into, _joined(block[..., lead:])  # -1 is the padding
             else:
                 _with_conjugates(view, block, lead)
                 if len(sums.T):
@@ -187,60 +186,3 @@ def _set(result: Complex, spectrum: Spectrum, which: Index, form: Complex | Arra
     mirror[spectrum.mirrored] = spectrum.mirror
     paired = mirror[which] >= 0
     result[:, mirror[which][paired]] = form[:, paired].conj()
-
-
-def _part(
-    result: Complex, spectrum: Spectrum, pairs: Pairs, gram: tuple[Complex, Complex], cross: Complex
-) -> None:  # fmt: skip
-    """Eigenvalues that coincide part along branches of their own: ``gram`` is y^T (2 lambda M + C) x of each and of the
-    pairs, first with second and second with first, ``cross`` the form of these.
-    """
-    own, half = result[:, spectrum.place], len(pairs.first)
-    size = np.array([len(group) for group in pairs.groups])
-    start = np.cumsum(size * (size - 1) // 2) - size * (size - 1) // 2
-    for k in np.unique(size).tolist():  # groups of one size together
-        members = np.array([group for group in pairs.groups if len(group) == k])
-        which, (upper, lower) = np.arange(k), np.triu_indices(k, 1)
-        first = start[size == k, None] + np.arange(len(upper))
-        form = np.empty((len(result), len(members), k, k), dtype=complex)
-        pair = np.empty(form.shape[1:], dtype=complex)
-        form[..., which, which], pair[:, which, which] = own[:, members], gram[0][members]
-        form[..., upper, lower], pair[:, upper, lower] = cross[:, first], gram[1][first]
-        form[..., lower, upper], pair[:, lower, upper] = cross[:, half + first], gram[1][half + first]
-        _set(result, spectrum, members.reshape(-1), _branches(form, pair).reshape(len(result), members.size))
-
-
-def _branches(form: Complex, pair: Complex) -> Complex:
-    """Derivatives (variables, groups, k) of eigenvalues that coincide, from their forms (variables, groups, k, k) and
-    y^T (2 lambda M + C) x, (groups, k, k).
-    """
-    with np.errstate(all="ignore"):
-        inverse = _inverse(pair)
-        condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
-        matrix: Complex = -(inverse @ form)
-    if pair.shape[1] == 2:
-        half = 0.5 * (matrix[..., 0, 0] - matrix[..., 1, 1])
-        root = np.sqrt(half * half + matrix[..., 0, 1] * matrix[..., 1, 0])
-        mean: Complex = 0.5 * (matrix[..., 0, 0] + matrix[..., 1, 1])
-        values: Complex = np.empty((*mean.shape, 2), dtype=complex)
-        values[..., 0], values[..., 1] = mean - root, mean + root
-    else:
-        values = _eigenvalues(np.where(np.isfinite(matrix), matrix, 0.0))
-        values[~np.isfinite(matrix).all(axis=(2, 3))] = np.nan
-    along = np.where(np.abs(values.imag).max(axis=2, keepdims=True) > np.abs(values.real).max(axis=2, keepdims=True),
-                     values.imag, values.real)  # fmt: skip
-    result: Complex = np.take_along_axis(values, np.argsort(along, axis=2), axis=2)
-    result[:, ~(condition * EPS < 1.0)] = np.inf  # a defective pair parts with the square root
-    return result
-
-
-def _inverse(pair: Complex) -> Complex:
-    if pair.shape[1] > 2:
-        return np.asarray(np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS))
-    (a, b), (c, d) = pair.transpose(1, 2, 0)
-    result: Complex = np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None]
-    return result
-
-
-def _eigenvalues(matrices: Complex) -> Complex:
-    return np.asarray(np.linalg.eigvals(matrices), dtype=complex)

@@ -27,13 +27,12 @@ import numpy as np
 
 from mbsvib.linalg.vectors import cross, moved, product, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
-from mbsvib.sensitivities.force_changes import force_changes
-from mbsvib.sensitivities.joint_release_motion import joint_release_motion
-from mbsvib.sensitivities.moved_parameters import force_rates, parameter_rates
+from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
 from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
-from mbsvib.sensitivities.transmitted_wrenches import transmitted
+from mbsvib.sensitivities.transmitted_wrenches import joint_release_motion, transmitted
+from mbsvib.sensitivities.variables import FieldLayout
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -80,12 +79,8 @@ class LoadedNetwork:
     def add_forms(self, result: Field, left: Fields, right: Fields | None = None) -> None:
         """Add to x^T (dT/dp) y what the forces at the pose do to it, in place.
 
-        Parameters
-        ----------
-        result : array, shape (size, ...)
-            Forms by the rules of parts, of all parameters; then of the pose.
-        left, right : Fields
-            The motions x and y; right None: y = x, and half of each form is added.
+        ``result`` (size, ...): forms by the rules of parts, of all parameters; then of the pose; ``left``, ``right``:
+        the motions x and y; right None: y = x, and half of each form is added.
         """
         twisted = self._twisted(left, right)
         rows = twisted.reshape(3 * len(self.forces.bushings), *twisted.shape[2:])
@@ -122,16 +117,8 @@ class LoadedNetwork:
     def add_point_motion(self, result: Field, body: int, point: Array, slope: Field) -> None:
         """Add, in place, what the pose does by moving a point that a body carries.
 
-        Parameters
-        ----------
-        result : array, shape (size, ...)
-            Derivatives to parameters and to the pose.
-        body : int
-            Number of the body.
-        point : array, shape (3,)
-            The point [m].
-        slope : array, shape (3, ...)
-            Derivatives to the point.
+        ``result`` (size, ...): derivatives to parameters and to the pose; ``body``: number of the body; ``point`` (3,):
+        the point [m]; ``slope`` (3, ...): derivatives to the point.
         """
         moves = moved(self.motions[body][None], (point - self.network.position[body])[None])[0, :3]
         result[self.changes.count :] += product(moves.T, slope)
@@ -150,17 +137,8 @@ class LoadedNetwork:
     def with_gaps(self, gaps: Array, forces: csr_array) -> LoadedNetwork:
         """Return the same with further motions of the pose: those in which joints give way.
 
-        Parameters
-        ----------
-        gaps : array, shape (joints, 6, v)
-            How far each joint gives way at its point, one motion after the other.
-        forces : csr_array, shape (v, e)
-            What changes of the forces then.
-
-        Returns
-        -------
-        LoadedNetwork
-            With v motions more.
+        ``gaps`` (joints, 6, v): how far each joint gives way at its point, one motion after the other; ``forces`` (v,
+        e): what changes of the forces then.
         """
         motion = joint_release_motion(self.network, gaps)
         more = tuple(each(self.network, self.forces, self.changes, motion) for each in (parameter_rates, force_rates))
@@ -241,28 +219,16 @@ def _put(row: Field, at: slice, part: Field) -> None:
 
 
 def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
-    """Return a network in balance.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections, with their forces.
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    LoadedNetwork
-        What its parameters do to forces and pose.
-    """
+    """Return a network in balance."""
     statics = system.provenance.statics
     assert network.forces is not None
     assert statics is not None
     forces, entries = network.forces, system.parameters.entries
+    layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     return LoadedNetwork(
-        network, forces, entries, groups_by_rule(network, entries), changes, motions,
+        network, forces, entries, tuple(groups_by_rule(network, layout)), changes, motions,
         parameter_rates(network, forces, changes, motions),
         force_rates(network, forces, changes, motions), statics.size,
     )  # fmt: skip

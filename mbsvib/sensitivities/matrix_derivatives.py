@@ -9,10 +9,9 @@ import numpy as np
 
 from mbsvib.errors import ModelError, nearest
 from mbsvib.sensitivities.adjoint_fields import fields, motions
-from mbsvib.sensitivities.matrix_group import MatrixDerivativeGroup, factored
-from mbsvib.sensitivities.port_checks import feedthrough
-from mbsvib.sensitivities.port_forms import port_forms
+from mbsvib.sensitivities.port_forms import feedthrough, port_forms
 from mbsvib.sensitivities.ports import no_loads
+from mbsvib.sensitivities.products import MatrixDerivativeGroup, factored
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
@@ -97,19 +96,8 @@ def matrix_derivatives(
 ) -> MatrixDerivatives:
     """Return the derivatives of all matrices to variables.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    groups : ParameterGroups
-        The variables and the groups of the parameters that they move.
-    acting, seeing : Loads
-        All inputs and all outputs of the system.
-
-    Returns
-    -------
-    MatrixDerivatives
-        Whole matrices, and factors of low rank.
+    ``groups``: the variables and the groups of the parameters that they move. Returns whole matrices, and factors of
+    low rank.
 
     Source: Jiang, Chen & Luo (2011), equations 78-87; ports and loops by the wrenches that connections transmit.
     """
@@ -147,7 +135,7 @@ def matrix_derivatives(
         for key, change in seen.items():
             change[:, seeing.beside] = groups.variable_slopes[key][:, seeing.beside]
     return MatrixDerivatives(
-        groups.variables.names, square("M"), square("C"), square("K"),
+        tuple(groups.variables.names), square("M"), square("C"), square("K"),
         ports("B", (acting, free), _STILL, (at_rest, left)), seen["Cq"], seen["Cv"], seen["Ca"], seen["D"], groups,
     )  # fmt: skip
 

@@ -1,7 +1,8 @@
 """The mechanism as a network: bodies, connections between them, and the joints of the tree that carry both.
 
 A connection (joint or spring-damper) has a point and relates two bodies; its relative motion there is a six-vector.
-Everything that a parameter can change is local to a body or to a connection.
+Everything that a parameter can change is local to a body or to a connection. A Maxwell element is a node and three
+lines: the static spring, the spring, the damper.
 """
 
 from __future__ import annotations
@@ -10,25 +11,32 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from mbsvib.elements import Maxwell
+import numpy as np
+
+from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.maxwell_rows import Node
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.kinematics.relative_motion import body_motion
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Bushing, Joint, Spring
+    from mbsvib.elements import Body, Bushing, Joint
     from mbsvib.elements.part import Part
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.applicability import Limit
-    from mbsvib.sensitivities.constraint_forces import Constraints
     from mbsvib.sensitivities.forces import Forces
+    from mbsvib.sensitivities.network_kinematics import Constraints
     from mbsvib.sensitivities.shared_wrenches import SharedForces, Spin
 
 
 # Parts that are made of bodies and connections, or act on these, with rules of their own.
 MADE = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
+_MADE = tuple(MADE.values())
 
 
 @dataclass(frozen=True)
@@ -92,12 +100,49 @@ class Network:
                                      ("spring", joints, self.springs)):  # fmt: skip
             result.update({part.name: (kind, shift + i, part) for i, part in enumerate(members)})
         for i, part in enumerate(() if self.bare else self.parts):
-            for kind, what in MADE.items():
-                if isinstance(part, what):
-                    result[part.name] = kind, i, part
+            if isinstance(part, _MADE):
+                result[part.name] = next(kind for kind, what in MADE.items() if isinstance(part, what)), i, part
         return result
+
+    @cached_property
+    def swing(self) -> Array:
+        """How bodies (b, 6, d) move along with dependent coordinates."""
+        assert self.constraints is not None
+        assert self.coordinates is not None
+        return body_motion(self.coordinates, self.position)[:, :, self.constraints.dependent]
 
     @cached_property
     def damped(self) -> bool:
         """Whether any damper acts."""
         return bool(self.damping.any())
+
+
+def maxwell_parts(parts: Sequence[Part]) -> tuple[list[Body], list[Spring]]:
+    """Return the nodes and the lines of all Maxwell elements."""
+    found = [part for part in parts if isinstance(part, Maxwell)]
+    nodes: list[Body] = [Node(part.node, 0.0, (0.0,) * 6, part.end) for part in found]
+    return nodes, [line for part in found for line in _lines(part)]
+
+
+def _lines(part: Maxwell) -> tuple[Spring, Spring, Spring]:
+    length = float(np.linalg.norm(np.subtract(part.end, part.start)))
+
+    def line(which: str, first: str, second: str, stiffness: float, damping: float) -> Spring:
+        return Spring(line_name(part, which), first, second, part.start, part.end, stiffness, damping, None, None,
+                      part.line, length)  # fmt: skip
+
+    return (line("static_stiffness", part.first, part.second, part.static_stiffness, 0.0),
+            line("stiffness", part.first, part.node, part.stiffness, 0.0),
+            line("damping", part.second, part.node, 0.0, part.damping))  # fmt: skip
+
+
+def line_name(part: Maxwell, field: str) -> str:
+    """Return the name of the line that one of the numbers of a Maxwell element makes."""
+    return f"{part.node}.{field}"
+
+
+def maxwell_lines(network: Network) -> list[tuple[str, int]]:
+    """Return the name of each Maxwell element, with the number of the line between its two bodies."""
+    place = {spring.name: k for k, spring in enumerate(network.springs)}
+    found = [part for part in network.parts if isinstance(part, Maxwell)]
+    return [(part.name, place[line_name(part, "static_stiffness")]) for part in found]

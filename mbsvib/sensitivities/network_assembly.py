@@ -16,10 +16,9 @@ from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, is_loaded, limits
-from mbsvib.sensitivities.forces_at_rest import forces_at_rest
-from mbsvib.sensitivities.network import Network
+from mbsvib.sensitivities.forces import forces_at_rest
+from mbsvib.sensitivities.network import Network, maxwell_parts
 from mbsvib.sensitivities.network_kinematics import JointCoordinates
-from mbsvib.sensitivities.network_parts import maxwell_parts
 from mbsvib.sensitivities.shared_wrenches import shared_forces, spin
 
 if TYPE_CHECKING:
@@ -48,16 +47,7 @@ def complete_network(system: Equations) -> Network:
 def has_network(system: Equations) -> bool:
     """Tell whether a system may be a network: its parts are known, and none of those that share it is missing.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    bool
-        Whether it is worth trying; not for parts of mechanisms with loops or massless motions, which ``reachable`` has
-        taken out of them.
+    Parts of mechanisms with loops or massless motions, which ``reachable`` has taken out of them, have none.
     """
     came = system.provenance
     if came.dropped is not None and (came.massless is not None or came.topology.cut):
@@ -68,17 +58,7 @@ def has_network(system: Equations) -> bool:
 def is_complete(system: Equations, network: Network) -> bool:
     """Tell whether the forces of rigid bodies, beams and spring-dampers are all that a system has.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    network : Network
-        Its bodies and connections.
-
-    Returns
-    -------
-    bool
-        Whether the work of one motion is that of the system's factors.
+    The work of one motion is compared with that of the system's factors.
     """
     some = np.cos(np.arange(system.dof))[:, None]  # no structure of a mechanism
     moved, strained = system.inertia_factor @ some, system.elastic_rows @ some
@@ -105,18 +85,7 @@ def _inertial(network: Network, own: Array) -> float:
 
 
 def bare_network(system: Equations) -> Network:
-    """Return a network without parts, for a system whose parameters have no rules of their own.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    Network
-        Its minimal coordinates alone.
-    """
+    """Return a network without parts, for a system whose parameters have no rules of their own."""
     none, vectors, matrices = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 6, 6))
     index = np.zeros(0, dtype=np.intp)
     return Network(
@@ -129,17 +98,7 @@ def bare_network(system: Equations) -> Network:
 def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     """Return the network of a system.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    ways : Kinematics, optional
-        Its coordinates, default: its joint coordinates.
-
-    Returns
-    -------
-    Network
-        Its bodies and connections in numbers.
+    Its coordinates are ``ways``, joint coordinates unless others are given.
     """
     topology = system.provenance.topology
     parts = system.provenance.parts
@@ -175,10 +134,11 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
     loaded = is_loaded(system)
+    stiffness, damping = _world(springs)
     return Network(
         parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        ways.relative(rows), _world(springs, "stiffness"), _world(springs, "damping"),
+        ways.relative(rows), stiffness, damping,
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
@@ -226,25 +186,21 @@ def _inertance(springs: Sequence[Bushing | Spring]) -> Array | None:
     return result
 
 
-def _world(springs: Sequence[Bushing | Spring], field: str) -> Array:
-    """Coefficients as 6x6 matrices in world axes, of line springs on the motion at their start."""
-    result = np.zeros((len(springs), 6, 6))
-    if not springs:
-        return result
-    lines = np.array([not isinstance(part, Bushing) for part in springs])
-    along = np.array([part.line for part in springs if not isinstance(part, Bushing)]).reshape(-1, 3)
-    values: list[Any] = [getattr(part, field) for part in springs]
-    size = np.array([value for value, line in zip(values, lines.tolist(), strict=True) if line])
-    result[lines, :3, :3] = size[:, None, None] * along[:, :, None] * along[:, None, :]
-    local = np.zeros((len(springs) - len(along), 6, 6))
-    turn = np.zeros_like(local)
-    axes = [part.orientation for part in springs if isinstance(part, Bushing)]
-    if axes:
-        turn[:, :3, :3] = turn[:, 3:, 3:] = np.array(axes)
-        given = [value for value, line in zip(values, lines.tolist(), strict=True) if not line]
-        whole = np.array([isinstance(value[0], tuple) for value in given])
-        diagonal = np.array([value for value in given if not isinstance(value[0], tuple)]).reshape(-1, 6)
-        local[~whole] = diagonal[:, :, None] * _SIX
-        local[whole] = np.array([value for value in given if isinstance(value[0], tuple)]).reshape(-1, 6, 6)
-        result[~lines] = turn @ local @ turn.transpose(0, 2, 1)
+def _world(springs: Sequence[Bushing | Spring]) -> Array:
+    """Stiffness and damping (2, s, 6, 6) in world axes, of line springs on the motion at their start."""
+    result = np.zeros((2, len(springs), 6, 6))
+    parts: Sequence[Any] = springs
+    lines = [k for k, part in enumerate(parts) if not isinstance(part, Bushing)]
+    bushings = [k for k, part in enumerate(parts) if isinstance(part, Bushing)]
+    if lines:
+        along = np.array([parts[k].line for k in lines])
+        size = np.array([(parts[k].stiffness, parts[k].damping) for k in lines]).T
+        result[:, lines, :3, :3] = size[:, :, None, None] * (along[:, :, None] * along[:, None, :])
+    if bushings:
+        turn = np.zeros((len(bushings), 6, 6))
+        turn[:, :3, :3] = turn[:, 3:, 3:] = np.array([parts[k].orientation for k in bushings])
+        values = [getattr(parts[k], field) for field in ("stiffness", "damping") for k in bushings]
+        local = np.array([value if isinstance(value[0], tuple) else np.diag(value) for value in values]) if any(
+            isinstance(value[0], tuple) for value in values) else np.array(values)[:, :, None] * _SIX  # fmt: skip
+        result[:, bushings] = turn @ local.reshape(2, -1, 6, 6) @ turn.transpose(0, 2, 1)
     return result

@@ -1,24 +1,112 @@
-"""Relative motions and loops of a network, out of dense equations: what its coordinates are."""
+"""Relative motions and loops of a network, out of dense equations: what its coordinates are, and what closes loops.
+
+The forces in the rows of Phi that close loops and couple coordinates follow from what dependent coordinates feel.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numpy as np
+from scipy.sparse import csr_array
+
+from mbsvib.elements.coupler import Coupling
+from mbsvib.equations.scene import cut_rows
+from mbsvib.kinematics.couplers import terms, with_couplers
 from mbsvib.kinematics.relative_motion import relative_motion, twists
-from mbsvib.linalg.vectors import entries_matrix
-from mbsvib.sensitivities.constraint_forces import constraints
+from mbsvib.linalg.vectors import DENSE, entries_matrix
+from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.linalg.vectors import entries_matrix
-from mbsvib.sensitivities.constraint_forces import Constraints
+
+
+@dataclass(frozen=True, slots=True)
+class Constraints:
+    """What cut joints lock and couplers tie: rows of Phi. A force in one is ``share`` (t, rows) of ``wrench`` (t, 6)
+    of each term, a locked row or what a coupler measures in a cut joint, at its joint's point, world axes; ``closing``
+    (j, t) adds them up by joint. Of ``dependent`` coordinates (d,): the body ``carried`` and from the network's origin
+    the ``arm`` (d, 3) of the ``twist`` (d, 6); ``pull`` (rows, d), a matrix or what multiplies like one, leads from
+    what they feel to the forces in the rows, the smallest; ``stress`` (rows, r) are combinations of redundant rows that
+    load nothing.
+    """
+
+    wrench: Array
+    closing: Any
+    share: Any
+    dependent: Index
+    carried: Index
+    arm: Array
+    twist: Array
+    pull: Any
+    stress: Array
+
+
+def constraints(
+    system: Equations, coordinates: Twists, bodies: Sequence[Body], number: dict[str, int], origin: Array
+) -> Constraints | None:
+    """Return what closes the loops of a system and couples its coordinates.
+
+    ``origin`` (3,): the point that sums of wrenches are taken about.
+    """
+    topology, reduction = system.provenance.topology, system.provenance.reduction
+    couplers = [part for part in system.provenance.parts if isinstance(part, Coupling)]
+    cuts = cut_rows(topology, bodies, number)
+    if couplers:
+        cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
+    if cuts is None or not cuts.names:
+        return None
+    behind, sign = _coordinates(system)
+    free = np.zeros(len(coordinates.names), dtype=bool)
+    free[reduction.independent] = True
+    dependent, locked = np.flatnonzero(~free), len(cuts.rows.first)
+    phi = relative_motion(coordinates, cuts.rows).dense(0, locked)
+    wrench, share = np.concatenate((cuts.rows.force, cuts.rows.moment)).T, np.eye(locked, len(cuts.names))
+    joint = np.array(topology.cut, dtype=np.intp)[cuts.joint[:locked]]
+    if cuts.couplings is not None:
+        phi = np.concatenate((phi, cuts.couplings.dense(coordinates)))
+        _, measured = terms(couplers, coordinates.names, topology, bodies, number)
+        rows, own = cuts.couplings.measured, np.flatnonzero(cuts.couplings.column < 0)
+        wrench = np.concatenate((wrench, np.concatenate((rows.force, rows.moment)).T))
+        joint = np.concatenate((joint, measured))
+        more = np.zeros((len(own), len(cuts.names)))
+        more[np.arange(len(own)), locked + cuts.couplings.row[own]] = cuts.couplings.value[own]
+        share = np.concatenate((share, more))
+    pull, stress = _solution(phi[:, dependent])
+    twist = np.concatenate((coordinates.linear, coordinates.angular))[:, dependent].T * sign[dependent, None]
+    return Constraints(
+        wrench,
+        entries_matrix(np.ones(len(joint)), joint, np.arange(len(joint)), (len(topology.joints), len(joint))), share,
+        dependent,
+        behind[dependent], origin - coordinates.point[:, dependent].T, twist,
+        pull, stress,
+    )  # fmt: skip
+
+
+def _solution(phi: Array) -> tuple[Array, Array]:
+    """The least mu = ``pull`` f (rows, d) with phi^T mu = f, and what may be added to it, phi^T ``stress`` = 0."""
+    rows, d = phi.shape
+    if rows == d:
+        return np.asarray(np.linalg.inv(phi).T, dtype=float), np.zeros((rows, 0))
+    q, r = np.linalg.qr(phi, mode="complete")
+    return np.linalg.solve(r[:d], q[:, :d].T).T, q[:, d:]
+
+
+def _coordinates(system: Equations) -> tuple[Index, Array]:
+    """Body behind each joint coordinate and its sign; those of floating bodies come last."""
+    topology = system.provenance.topology
+    hangs = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
+    found = [(hangs[k].body, hangs[k].sign) for k in sorted(hangs) for _ in topology.joints[k].freedom]
+    found += [(branch.body, 1) for branch in topology.branches if branch.joint == FLOATS for _ in range(6)]
+    table = np.array(found, dtype=np.intp).reshape(-1, 2)
+    return table[:, 0], table[:, 1].astype(float)
 
 
 class Kinematics(Protocol):
@@ -60,8 +148,10 @@ class JointCoordinates:
 
     def relative(self, rows: Rows) -> Any:
         """Return relative displacements over the joint coordinates."""
-        found = relative_motion(self.coordinates, rows)
-        return entries_matrix(found.value, found.row, found.column, found.shape)
+        entries = relative_motion(self.coordinates, rows)
+        if entries.shape[0] * entries.shape[1] > DENSE:
+            return csr_array((entries.value, (entries.row, entries.column)), shape=entries.shape)
+        return entries.dense(0, entries.shape[0])
 
     def constraints(self, bodies: Sequence[Body], number: dict[str, int], origin: Array) -> Constraints | None:
         """Return what closes loops and couples coordinates."""

@@ -18,8 +18,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
 from mbsvib.responses.extrema import Band, panels
 from mbsvib.sensitivities.basis import SensitivityBasis
-from mbsvib.sensitivities.responses import frequency_response_sensitivities
-from mbsvib.sensitivities.solutions import solutions
+from mbsvib.sensitivities.responses import frequency_response_sensitivities, solutions
 from mbsvib.sensitivities.states import changed, states
 from mbsvib.sensitivities.variables import variables
 
@@ -87,7 +86,7 @@ def h2_norm(
     system = basis.equations
     ports = _ports(system, inputs, outputs)
     base = states(basis.responses, *ports)
-    names = variables(system.parameters, parameters).names
+    names = tuple(variables(system.parameters, parameters).names)
     _refuse_feedthrough(system, base.D, ports)
     k = base.first
     lasting = _lasting(basis.responses)
@@ -145,7 +144,7 @@ def hinf_norm(
     """
     system = basis.equations
     i, o = _ports(system, inputs, outputs)
-    names, lasting = variables(system.parameters, parameters).names, _lasting(basis.responses)
+    names, lasting = tuple(variables(system.parameters, parameters).names), _lasting(basis.responses)
     if lasting is not None:
         if _silent(basis.responses, i, o):
             return Norm(0.0, names, np.zeros(len(names)), 0.0)

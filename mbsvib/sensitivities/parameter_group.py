@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.sensitivities import beam_rules
-from mbsvib.sensitivities.coupler_rules import coupler_rule
-from mbsvib.sensitivities.maxwell_rules import maxwell_rule
+from mbsvib.sensitivities.made_part_rules import coupler_rule, maxwell_rule, rotor_rule, torsion_rule
 from mbsvib.sensitivities.part_rules import constants, moved_floating, rule
-from mbsvib.sensitivities.rotor_rules import rotor_rule
-from mbsvib.sensitivities.torsion_rules import torsion_rule
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.network import Network
-    from mbsvib.sensitivities.rule_terms import Rule
+    from mbsvib.sensitivities.part_rules import Rule
     from mbsvib.sensitivities.shared_wrenches import Spin
+    from mbsvib.sensitivities.variables import FieldLayout
 
 # Parts whose entries have rules of their own, one by one.
 _SINGLE: dict[str, Callable[..., Any]] = {
@@ -32,7 +30,6 @@ _SINGLE: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 # Fields of springs that say what force they have at the pose, and are no part of K by themselves.
 FORCES = ("preload", "free_length")
-_PAIR = {pair: n for n, pair in enumerate((i, j) for i in range(6) for j in range(i, 6))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,72 +56,49 @@ class ParameterGroup:
         return number, tuple(each[start:stop] for each in self.data), self.rows[start:stop]
 
 
-def have_rules(network: Network, parameters: Sequence[Parameter]) -> NDArray[np.bool_]:
+def have_rules(network: Network, layout: FieldLayout) -> NDArray[np.bool_]:
     """Tell which parameters act by what their own parts do alone.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    parameters : sequence of Parameter
-        The parameters.
-
-    Returns
-    -------
-    array of bool, shape (parameters,)
-        Whether a rule holds for each.
+    Returns (parameters,): whether a rule holds for each.
     """
-    parts, known = network.named, {}
-    if not network.limits and network.spin is None and not network.bare:
-        return np.array([(part in parts and field not in FORCES and parts[part][0] != "beam")
-                         or _has_rule(network, field, parts.get(part))
-                         for part, field in ((each.part, each.field) for each in parameters)],
-                        dtype=np.bool_)  # fmt: skip
-    for each in parameters:
-        if (each.part, each.field) not in known:
-            known[each.part, each.field] = _has_rule(network, each.field, parts.get(each.part))
-    return np.array([known[each.part, each.field] for each in parameters], dtype=np.bool_)
+    parts = network.named
+    plain = not network.limits and network.spin is None and not network.bare
+    return layout.of_parameters([
+        (plain and part in parts and field not in FORCES and parts[part][0] != "beam")
+        or _has_rule(network, field, parts.get(part)) for part, field, _ in layout.fields])  # fmt: skip
 
 
-def groups_by_rule(network: Network, entries: Sequence[Parameter]) -> tuple[ParameterGroup, ...]:
+def groups_by_rule(network: Network, layout: FieldLayout) -> list[ParameterGroup]:
     """Return the groups of parameters as if all of them acted by what their own parts do alone.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    entries : sequence of Parameter
-        The parameters.
-
-    Returns
-    -------
-    tuple of ParameterGroup
-        Groups of those that have a rule.
+    ``layout``: the parameters by the fields of their parts; those that have a rule get a group. Returns groups of the
+    parameters of bodies, connections and parts that are made of these.
     """
-    parts = network.named
-    return tuple(numbered_groups(network, [(place, each) for place, each in enumerate(entries) if each.part in parts
-                                           and each.field not in FORCES]))  # fmt: skip
-
-
-def numbered_groups(network: Network, members: Sequence[tuple[int, Parameter]]) -> list[ParameterGroup]:
-    """Return the groups of parameters that have a rule, each with the number of its row."""
-    parts = network.named
-    members_of: dict[tuple[Any, ...], list[tuple[int, int, int]]] = {}
-    before = own_field = depth = None
-    for place, entry in members:
-        name, field, index = entry.part, entry.field, entry.index
-        if (name, field, len(index)) != before:
-            before, depth = (name, field, len(index)), len(index)
-            kind, number, part = parts[name]
-            apart = (kind == "joint" and part.end is not None) or (
-                kind == "body" and field == "position" and number in network.floating)  # fmt: skip
-            if kind not in _SINGLE:
-                own_field = members_of.setdefault((kind, field, type(part), depth, apart), [])
+    parts, starts, number = network.named, layout.starts, layout.number
+    used = [True] * len(layout.fields)
+    if number is not None:
+        counts = np.concatenate(([0], np.cumsum(number >= 0)))[starts]
+        used = (counts[1:] > counts[:-1]).tolist()
+    groups: list[ParameterGroup] = []
+    members: dict[tuple[Any, ...], tuple[list[int], list[int], list[Any]]] = {}
+    floating = set(network.floating.tolist())
+    for (name, field, depth), width, start, asked in zip(layout.fields, layout.width, starts, used, strict=False):
+        if not asked or name not in parts or field in FORCES:
+            continue
+        kind, k, part = parts[name]
         if kind in _SINGLE:
-            own_field = members_of.setdefault((kind, field, (number, index), depth, apart), [])
-        assert own_field is not None
-        own_field.append((place, number, 0 if not depth else index[0] if depth == 1 else _PAIR[index[0], index[1]]))
-    return [_group(network, key, members) for key, members in members_of.items()]
+            groups += [_single(network, kind, (part, field, (i,) if depth else ()), row)
+                       for i, row in enumerate(range(start, start + width) if number is None else
+                                               number[start : start + width].tolist()) if row >= 0]  # fmt: skip
+            continue
+        apart = part.end is not None if kind == "joint" else kind == "body" and field == "position" and k in floating
+        numbers, first, same = members.setdefault((kind, field, type(part), width, apart), ([], [], []))
+        numbers.append(k)
+        first.append(start)
+        same.append(part)
+    groups += [_group(network, key, sorted(zip(*lists, strict=True), key=itemgetter(0)), number)
+               for key, lists in members.items()]  # fmt: skip
+    return groups
 
 
 def _has_rule(network: Network, field: str, known: tuple[str, int, Any] | None) -> bool:
@@ -154,28 +128,33 @@ def _turns_along(spin: Spin, field: str, kind: str, _: int, part: Any) -> bool:
     return field not in ("stiffness", "damping") or (field == "damping" and spin.turning is not None)
 
 
-def _group(network: Network, key: tuple[Any, ...], members: list[tuple[int, int, int]]) -> ParameterGroup:
-    kind, field, _, depth, apart = key
-    if kind in _SINGLE:
-        place, index, _ = members[0]
-        found = _SINGLE[kind](network, network.parts[index], field, key[2][1])
-        own_rule, data = found if isinstance(found, tuple) else (found, ())
-        return ParameterGroup(kind, field, np.zeros(1, dtype=np.intp), own_rule, data, np.array([[place]]), 0)
-    table = np.array(members, dtype=np.intp)
-    number, inverse = np.unique(table[:, 1], return_inverse=True)
-    known: Any = network.bodies if kind == "body" else network.joints + network.springs
-    same = [known[i] for i in number.tolist()]
-    width = 1 if depth == 0 else 21 if depth == 2 else 6 if field in ("inertia", "stiffness", "damping") else 3
-    rows = np.full((len(number), width), -1, dtype=np.intp)
-    rows[inverse, table[:, 2]] = table[:, 0]
+def _single(network: Network, kind: str, entry: tuple[Any, str, tuple[int, ...]], row: int) -> ParameterGroup:
+    """The group of one number of a part that is made of bodies and connections."""
+    made = _SINGLE[kind](network, *entry)
+    own_rule, data = made if isinstance(made, tuple) else (made, ())
+    return ParameterGroup(kind, entry[1], np.zeros(1, dtype=np.intp), own_rule, data, np.array([[row]]), 0)
+
+
+def _group(
+    network: Network, key: tuple[Any, ...], members: list[tuple[int, int, Any]], number: Index | None
+) -> ParameterGroup:  # fmt: skip
+    """The group of one field of many parts, each with its number and the first entry of the field."""
+    kind, field, _, width, apart = key
+    numbers, first, same = zip(*members, strict=True)
+    index = np.array(numbers)
+    rows, lead, follow = np.array(first)[:, None] + np.arange(width), list(first), True
+    if number is not None:
+        rows = number[rows]
+        lead, follow = rows[:, 0].tolist(), bool((rows == rows[:, :1] + np.arange(width)).all())
+    stride = _stride(lead, width) if follow else 0
     if kind == "body" and apart:
-        among = (number[:, None] == network.floating).argmax(axis=1)
-        return ParameterGroup(kind, field, number, moved_floating, (among,), rows, _stride(rows))
-    return ParameterGroup(kind, field, number, rule(same[0], field), constants(same, field), rows, _stride(rows))
+        among = (index[:, None] == network.floating).argmax(axis=1)
+        return ParameterGroup(kind, field, index, moved_floating, (among,), rows, stride)
+    return ParameterGroup(kind, field, index, rule(same[0], field), constants(same, field), rows, stride)
 
 
-def _stride(rows: Index) -> int:
-    count, width = rows.shape
-    stride = int(rows[1, 0] - rows[0, 0]) if count > 1 else width
-    regular = rows[0, 0] + stride * np.arange(count)[:, None] + np.arange(width)
-    return stride if stride >= width and rows[0, 0] >= 0 and bool((rows == regular).all()) else 0
+def _stride(lead: list[int], width: int) -> int:
+    """How many parameters are from part to part, by the first of each; 0 where that differs or none is asked for."""
+    stride = lead[1] - lead[0] if len(lead) > 1 else width
+    regular = stride >= width and lead[0] >= 0 and lead == list(range(lead[0], lead[0] + stride * len(lead), stride))
+    return stride if regular else 0

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbsvib.linalg.vectors import incidence_sum, product
-from mbsvib.sensitivities.lost_freedoms import lost_freedoms
-from mbsvib.sensitivities.matrix_group import MatrixDerivativeGroup
-from mbsvib.sensitivities.parameter_group import ParameterGroup, numbered_groups
+from mbsvib.sensitivities.adjoint_fields import fields, motions
+from mbsvib.sensitivities.parameter_group import ParameterGroup, groups_by_rule
 from mbsvib.sensitivities.pose_motion import pose_motion
-from mbsvib.sensitivities.products import form_table
+from mbsvib.sensitivities.products import MatrixDerivativeGroup, form_table
+from mbsvib.sensitivities.transmitted_wrenches import in_joints
 from mbsvib.sensitivities.variables import Direction
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
     from scipy.sparse import csr_array
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.adjoint_fields import Fields
     from mbsvib.sensitivities.loaded_network import LoadedNetwork
     from mbsvib.sensitivities.network import Network
+    from mbsvib.sensitivities.part_rules import Terms
     from mbsvib.sensitivities.reference_pose import ReferencePose
     from mbsvib.sensitivities.variables import Variables
 
-    # Derivatives of all matrices by name along some directions; True where these are all parameters there are.
     MatrixSlopes = Callable[[Sequence[Direction], bool], Mapping[str, Array]]
 
 
@@ -97,15 +97,8 @@ class ParameterGroups:
     def forms(self, left: Fields, right: Fields | None = None) -> Field:
         """Return x^T (dT/dp) y of all parameters, with what the forces at the pose do.
 
-        Parameters
-        ----------
-        left, right : Fields
-            The motions x and y; right None: y = x, and half of each form is returned.
-
-        Returns
-        -------
-        array, shape (size, ...)
-            Forms.
+        ``left``, ``right``: the motions x and y; right None: y = x, and half of each form is returned. Returns (size,
+        ...): forms.
         """
         result = form_table(self.members, self.size, left, right)
         if self.loaded is not None:
@@ -136,38 +129,20 @@ def grouped_by_rule(
 ) -> ParameterGroups:
     """Return groups of the parameters that have rules, and one of whole matrices for all others.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    asked : Variables
-        What changes.
-    ruled : array of bool, shape (parameters,)
-        Which parameters have rules.
-    slopes : callable
-        Derivatives of whole matrices along directions.
-    every : bool
-        Whether all parameters are asked for, of which some may have no derivative.
-
-    Returns
-    -------
-    ParameterGroups
-        The groups.
-
-    Raises
-    ------
-    ModelError
-        If the equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
+    ``ruled`` (parameters,): which parameters have rules; ``slopes``: derivatives of whole matrices along directions;
+    ``every``: whether all parameters are asked for, of which some may have no derivative. Raises an error if the
+    equations do not change smoothly with a parameter, or it loads a motion that nothing holds.
     """
-    if not ruled.all() and not asked.identity:
+    layout, rows, directions = asked.layout, np.flatnonzero(~ruled), asked.directions
+    if len(rows) and not asked.identity:
         asked = asked.joined(~ruled)
-        rows, directions = len(asked.parameters) + np.arange(len(asked.directions)), asked.directions
-        members = list(enumerate(asked.parameters))
-    else:
-        rows = np.flatnonzero(~ruled)
-        directions = tuple(Direction(name, ((name, 1.0),)) for name in (asked.parameters[k].name for k in rows))
-        members = [(place, each) for place, each in enumerate(asked.parameters) if ruled[place]]
-    groups: list[ParameterGroup | MatrixDerivativeGroup] = [*numbered_groups(network, members)]
+        layout, directions = asked.layout, asked.directions
+        rows = len(asked.parameters) + np.arange(len(directions))
+    elif len(rows):
+        layout = layout.only(ruled)
+        names = [asked.parameters[k].name for k in rows.tolist()]
+        directions = tuple(Direction(name, ((name, 1.0),)) for name in names)
+    groups: list[ParameterGroup | MatrixDerivativeGroup] = [*groups_by_rule(network, layout)]
     if directions:
         groups.append(MatrixDerivativeGroup(rows[:, None], slopes(directions, every)))
     return ParameterGroups(network, asked, tuple(groups), slopes, every=every)
@@ -178,23 +153,9 @@ def grouped_through_equilibrium(
 ) -> ParameterGroups:
     """Return the groups of all parameters of a loaded network, with the motion of its pose.
 
-    Parameters
-    ----------
-    loaded : LoadedNetwork
-        The network under its forces.
-    reference : ReferencePose or None
-        What parameters as described do, where the equilibrium was found in another pose.
-    asked : Variables
-        What changes.
-    slopes : callable
-        Derivatives of whole matrices along directions.
-    every : bool
-        Whether all parameters are asked for, of which some may have no derivative.
-
-    Returns
-    -------
-    ParameterGroups
-        The groups; variables that load a motion which nothing holds are ``lost``.
+    ``reference``: what parameters as described do, where the equilibrium was found in another pose; ``slopes``:
+    derivatives of whole matrices along directions; ``every``: whether all parameters are asked for, of which some may
+    have no derivative. Returns the groups; variables that load a motion which nothing holds are ``lost``.
     """
     asked = asked.among(loaded.entries)
     rates = asked.rates
@@ -205,3 +166,46 @@ def grouped_through_equilibrium(
         loaded = loaded.with_gaps(apart.transpose(1, 2, 0), forces)
     motion, lost = pose_motion(loaded, rates)
     return ParameterGroups(loaded.network, asked, loaded.groups, slopes, loaded, rates, motion, lost, every)
+
+
+# Work of a state of self-stress is rounding below this share of the largest force times the largest motion anywhere.
+WORKS = 1e-9
+
+
+def lost_freedoms(network: Network, groups: Iterable[ParameterGroup], size: int) -> NDArray[np.bool_]:
+    """Return which parameters, changed alone, take degrees of freedom away: redundant constraints then contradict.
+
+    A change does so where a state of self-stress, forces in the locked rows that load no coordinate, works on it.
+
+    ``size``: number of rows. Returns (size,): true where the mechanism has fewer degrees of freedom nearby.
+    """
+    result = np.zeros(size, dtype=bool)
+    ties, dof = network.constraints, network.displacements.shape[1]
+    if ties is None or not ties.stress.shape[1] or not dof:
+        return result
+    joints = len(network.joints)
+    one = np.ones(dof)
+    motion = fields(network, motions(network, np.eye(dof)), one, one, one)
+    none = np.zeros((len(network.bodies), 6, ties.stress.shape[1]))
+    wrench = np.concatenate((in_joints(network, none, ties.stress), np.zeros((len(network.springs), *none.shape[1:]))))
+    length = float(np.ptp(network.point, axis=0).max()) or 1.0
+    per_length = np.repeat([1.0, length], 3)[:, None]
+    moves = float(np.abs(motion.relative * per_length).max(initial=0.0)) / length
+    loads = float(np.abs(wrench[:joints] / per_length).max(initial=0.0))
+    stress = replace(motion, wrench=wrench[..., None], tied=ties.stress[..., None],
+                     relative=motion.relative[..., None, :])  # fmt: skip
+    for group in groups:
+        if group.kind not in ("joint", "coupler"):
+            continue
+        number, data, rows = group.part(0, len(group.number))
+        work = _work(group.rule(stress, number, data))
+        broken = work > WORKS * moves * (length if group.field == "orientation" else 1.0) * loads
+        asked = rows >= 0
+        result[rows[asked]] = broken[asked]
+    return result
+
+
+def _work(terms: list[Terms]) -> Any:
+    """Largest product of a force and a change, (parts, entries)."""
+    return np.stack([np.abs(sum(p * q for p, q in entry)).reshape(len(entry[0][0]), -1).max(axis=1)
+                     for entry in terms], axis=1)  # fmt: skip

@@ -19,9 +19,8 @@ from mbsvib.elements.ports import QUANTITIES
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.expansion import EXPANSIONS
 from mbsvib.kinematics.relative_motion import relative_motion
-from mbsvib.sensitivities.joint_release_motion import joint_release_motion, relative_twists
-from mbsvib.sensitivities.network_parts import line_name
-from mbsvib.sensitivities.transmitted_wrenches import in_joints
+from mbsvib.sensitivities.network import line_name
+from mbsvib.sensitivities.transmitted_wrenches import in_joints, joint_release_motion, relative_twists
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,23 +71,8 @@ class Loads:
 def loads(system: Equations, network: Network, which: list[int], kind: str, beside: Sequence[int] = ()) -> Loads:
     """Return some of a system's inputs or outputs as loads.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    network : Network
-        Its bodies and connections.
-    which : list of int
-        Numbers of the ports.
-    kind : str
-        "inputs" or "outputs".
-    beside : sequence of int
-        Places of forces in joints and sums of forces that are no work on a motion.
-
-    Returns
-    -------
-    Loads
-        Wrenches and motions.
+    ``kind``: "inputs" or "outputs"; ``beside``: places of forces in joints and sums of forces that are no work on a
+    motion.
     """
     kinds = (Input, BaseMotion) if kind == "inputs" else (Output, ForceOutput)
     known = {part.name: part for part in system.provenance.ports if isinstance(part, kinds)}

@@ -25,19 +25,9 @@ if TYPE_CHECKING:
 def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, NDArray[np.bool_]]:
     """Return how the pose gives way to variables.
 
-    Parameters
-    ----------
-    loaded : LoadedNetwork
-        The network under its forces.
-    rates : csr_array or None, shape (variables, parameters)
-        How variables move parameters; None: variables are the parameters.
-
-    Returns
-    -------
-    motion : array, shape (variables, c)
-        Motion of the pose; along the motions behind the coordinates, of which each variable has its own or none.
-    lost : array of bool, shape (variables,)
-        Variables that load a motion which no stiffness holds.
+    ``rates`` (variables, parameters): how variables move parameters; None: variables are the parameters. Returns
+    (variables, c): motion of the pose; along the motions behind the coordinates, of which each variable has its own or
+    none; (variables,): variables that load a motion which no stiffness holds.
     """
     count, m = loaded.changes.count, loaded.dof
     own = loaded.generalized_force_jacobian[:count]

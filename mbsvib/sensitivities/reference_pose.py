@@ -49,24 +49,7 @@ class ReferencePose:
 
 
 def reference_pose(network: Network, forces: Forces, changes: ForceChanges, origin: Mechanism) -> ReferencePose:
-    """Return what parameters as described do in the pose there.
-
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections there.
-    forces : Forces
-        The forces there.
-    changes : ForceChanges
-        Places of parameters and forces.
-    origin : Mechanism
-        The model as described.
-
-    Returns
-    -------
-    ReferencePose
-        As matrices.
-    """
+    """Return what parameters as described do in the pose there."""
     pose = Displaced(origin, {body.name: body for body in network.bodies})
     own, beside, gaps = (RowTerms(changes.row, changes.at) for _ in range(3))
     told = set()

@@ -12,9 +12,11 @@ import numpy as np
 
 from mbsvib.common.expected import angular
 from mbsvib.equations.controllable_part import chosen
-from mbsvib.sensitivities.port_checks import feedthrough
-from mbsvib.sensitivities.port_forms import port_forms
-from mbsvib.sensitivities.solutions import solutions
+from mbsvib.errors import ResponseError
+from mbsvib.modes.damped import Damped
+from mbsvib.responses import frequency_response as responses
+from mbsvib.responses.modal_sum import sum_of_motions
+from mbsvib.sensitivities.port_forms import feedthrough, port_forms
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.responses.basis import Basis
     from mbsvib.sensitivities.basis import SensitivityBasis
@@ -29,6 +32,53 @@ if TYPE_CHECKING:
     from mbsvib.sensitivities.variables import Asked
 
     Ports = str | Sequence[str] | None
+
+
+def solutions(basis: Basis, b: Array, w: Array, *, adjoint: bool = False) -> Complex:
+    """Return x = (K + i w C - w^2 M)^-1 b.
+
+    ``b`` (m, columns): right sides; ``w`` (n,): angular frequencies [rad/s], none negative; ``adjoint``: whether to
+    solve with the transposed matrix. Returns (m, columns, n): solutions. Raises an error if a frequency is an undamped
+    pole.
+    """
+    system, modal = basis.equations, basis.modal
+    if not isinstance(modal, Damped):
+        result = _direct(system, b, w, adjoint)
+    else:
+        result = _modal(basis, modal, modal.shapes.T @ b, w)
+    bad = np.flatnonzero(~np.isfinite(result).all(axis=(0, 1)))
+    if len(bad):
+        raise ResponseError(
+            f"omega[{bad[0]}] = {w[bad[0]]:g} rad/s is a pole of '{system.name}', where responses and their "
+            f"sensitivities are infinite; leave this frequency out, or give the mechanism damping."
+        )
+    return result
+
+
+def _modal(basis: Basis, modal: Damped, b: Array, w: Array) -> Complex:
+    s: Complex = (1j * w).astype(complex)
+    if modal.vectors is None or (basis.strong_dampers is None and responses.trusted(modal, b, w)):
+        eta = sum_of_motions(modal, b).at(s)
+    elif basis.strong_dampers is not None:
+        eta = responses.separated_solutions(modal, basis.strong_dampers, b, w, np.arange(len(w)))
+    else:
+        eta = responses.refined_solutions(basis, modal, b, s)
+        bad = np.flatnonzero(~np.isfinite(eta).all(axis=(0, 1)))
+        eta[:, :, bad] = responses.direct_solutions(modal, b, w, bad)
+    flat = (modal.shapes @ eta.reshape(len(b), b.shape[1] * len(w)).view(float)).view(complex)
+    return np.asarray(flat.reshape(len(modal.shapes), *eta.shape[1:]))
+
+
+def _direct(system: Equations, b: Array, w: Array, adjoint: bool) -> Complex:
+    result = np.empty((len(b), b.shape[1], len(w)), dtype=complex)
+    for i, frequency in enumerate(w):
+        matrix = system.K - frequency**2 * system.M + 1j * frequency * system.C
+        try:
+            result[:, :, i] = np.linalg.solve(matrix.T if adjoint else matrix, b)
+        except np.linalg.LinAlgError:
+            result[:, :, i] = np.nan
+    return result
+
 
 # Numbers that the fields of one block of frequencies may hold.
 BLOCK = 2_000_000
@@ -120,5 +170,3 @@ def _seen_beside(
     for key, power in zip(("Cq", "Cv", "Ca"), powers, strict=True):
         result = result + power * np.tensordot(groups.variable_slopes[key][:, output], right, axes=1)
     return result
-
-

@@ -30,19 +30,9 @@ if TYPE_CHECKING:
 def motion_slopes(forces: Forces, seen: tuple[Field, Field], side: int = 0) -> tuple[Field, Field]:
     """Return the derivatives of H(x, y) to what forces see of one motion, for what they see of the other.
 
-    Parameters
-    ----------
-    forces : Forces
-        The forces at the pose.
-    seen : pair of array, shape (n, 6, ...)
-        What they see of the other.
-    side : int
-        1: that is y; -1: that is x; 0: both are the same motion, for which nothing antisymmetric counts.
-
-    Returns
-    -------
-    pair of array, shape (n, 6, ...)
-        Derivatives to the motions of the first body and to the relative ones.
+    ``seen`` (n, 6, ...): what they see of the other; ``side``: 1: that is y; -1: that is x; 0: both are the same
+    motion, for which nothing antisymmetric counts. Returns (n, 6, ...): derivatives to the motions of the first body
+    and to the relative ones.
     """
     (first, relative), like = seen, seen[0]
     f, t = wide(forces.wrench[:, :3], like), wide(forces.wrench[:, 3:], like)
@@ -132,19 +122,9 @@ def turn_slopes(forces: Forces, x: tuple[Field, Field], y: tuple[Field, Field]) 
 def work_slopes(forces: Forces, left: Field, gap: Field) -> tuple[Field, Field, Field]:
     """Return the derivatives of minus the work of the forces on relative motions ``left`` + ``gap``, (n, 6, ...).
 
-    Parameters
-    ----------
-    forces : Forces
-        The forces at the pose.
-    left : array, shape (n, 6, ...)
-        What is left of the motions where bodies give way by ``gap``; 0 in joints, which allow it.
-    gap : array, shape (n, 6, ...)
-        How far bodies give way, see ``wrench_slopes``.
-
-    Returns
-    -------
-    tuple of array, shape (n, 6, ...), (n, 3, ...) and (n, 3, ...)
-        Derivatives to the wrenches, their points and the starts of lines.
+    ``left`` (n, 6, ...): what is left of the motions where bodies give way by ``gap``; 0 in joints, which allow it;
+    ``gap`` (n, 6, ...): how far bodies give way, see ``wrench_slopes``. Returns (n, 6, ...), (n, 3, ...) and (n, 3,
+    ...): derivatives to the wrenches, their points and the starts of lines.
     """
     f, line = wide(forces.wrench[:, :3], left), wide(forces.line, left)
     across = left[:, :3] - line * dot(line, left[:, :3])

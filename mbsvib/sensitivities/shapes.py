@@ -133,30 +133,14 @@ def mode_sensitivities(basis: SensitivityBasis, parameters: Asked = None) -> Mod
     """
     groups = basis.groups(parameters)
     values = eigenvalue_sensitivities(basis, parameters)
-    return ModeSensitivities(groups.variables.names, basis.responses.response_modes, values, basis, groups)
+    return ModeSensitivities(tuple(groups.variables.names), basis.modes, values, basis, groups)
 
 
 def shape_sensitivities(basis: SensitivityBasis, groups: ParameterGroups, modes: Modes) -> Complex:
     """Return the derivatives of the shapes.
 
-    Parameters
-    ----------
-    basis : SensitivityBasis
-        The equations of motion, their modes and their network.
-    groups : ParameterGroups
-        What changes.
-    modes : Modes
-        The modes of the system, all of them.
-
-    Returns
-    -------
-    array, shape (variables, m, modes)
-        Derivatives of the columns of ``modes.shapes``.
-
-    Raises
-    ------
-    ModelError
-        If the system has motions without mass and spin.
+    Returns (variables, m, modes): derivatives of the columns of ``modes.shapes``. Raises an error if the system has
+    motions without mass and spin.
     """
     system, states = basis.equations, state_basis(basis.responses)
     vectors, k = states.vectors, states.massive

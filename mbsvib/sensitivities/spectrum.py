@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import accumulate, combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,11 +11,13 @@ import numpy as np
 from mbsvib.modes.damped import Damped
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Complex, Index
     from mbsvib.modes.general import General
-    from mbsvib.responses.basis import Basis
+    from mbsvib.modes.result import Modes
 
     Field = NDArray[Any]
 
@@ -30,6 +33,15 @@ class Pairs:
     groups: list[Index]
     first: Index
     second: Index
+
+    def by_size(self) -> Iterator[tuple[int, Index, Index]]:
+        """Yield each size k of groups, with the groups of that size (n, k) and the numbers of their pairs (n, -1)."""
+        sizes = [len(group) for group in self.groups]
+        starts = list(accumulate((k * (k - 1) // 2 for k in sizes), initial=0))
+        for k in sorted(set(sizes)):
+            own = [i for i, size in enumerate(sizes) if size == k]
+            numbers = np.array([range(starts[i], starts[i + 1]) for i in own])
+            yield k, np.array([self.groups[i] for i in own]), numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +82,8 @@ class Spectrum:
     def pairs(self) -> Pairs:
         """Return the groups of eigenvalues that coincide with all pairs in them."""
         groups = self.clusters()
-        if not groups:
-            none = np.zeros(0, dtype=np.intp)
-            return Pairs(groups, none, none)
-        upper = [np.triu_indices(len(group), 1) for group in groups]
-        first, second = (np.concatenate([group[which[side]] for group, which in zip(groups, upper, strict=True)])
-                         for side in (0, 1))  # fmt: skip
+        members = [pair for group in groups for pair in combinations(group.tolist(), 2)]
+        first, second = np.array(members, dtype=np.intp).reshape(-1, 2).T
         return Pairs(groups, first, second)
 
     def with_sums(self, pairs: Pairs) -> Spectrum:
@@ -87,20 +95,8 @@ class Spectrum:
                        right=np.concatenate((self.right, sums), axis=1))  # fmt: skip
 
 
-def spectrum(basis: Basis) -> Spectrum:
-    """Return the eigenvalues of a system with their vectors.
-
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-
-    Returns
-    -------
-    Spectrum
-        Eigenvalues in the order of ``modes().eigenvalues``.
-    """
-    modes = basis.response_modes
+def spectrum(modes: Modes) -> Spectrum:
+    """Return the eigenvalues of a system with their vectors."""
     damped = modes.damped
     if isinstance(damped, Damped):
         return _symmetric(damped)

@@ -68,22 +68,7 @@ class States:
 def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
     """Return the first-order equations of some inputs and outputs.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-    inputs, outputs : list of int
-        Numbers of the ports.
-
-    Returns
-    -------
-    States
-        Equations in the basis.
-
-    Raises
-    ------
-    ModelError
-        If the system has motions without mass and spin.
+    Raises an error if the system has motions without mass and spin.
     """
     system, chosen = basis.equations, state_basis(basis)
     k = chosen.massive
@@ -104,20 +89,7 @@ def states(basis: Basis, inputs: list[int], outputs: list[int]) -> States:
 def state_basis(basis: Basis) -> StateBasis:
     """Return motions of unit mass, as far as they have any, with K and C in them as diagonal as can be.
 
-    Parameters
-    ----------
-    basis : Basis
-        The equations of motion and their modes.
-
-    Returns
-    -------
-    StateBasis
-        Motions with mass, then those without.
-
-    Raises
-    ------
-    ModelError
-        If the system has motions without mass and spin.
+    Raises an error if the system has motions without mass and spin.
     """
     system, modal = basis.equations, basis.modal
     null = system.null_inertia
@@ -155,19 +127,7 @@ def _refusal(system: Equations) -> ModelError:
 def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs: list[int]) -> tuple[Array, ...]:
     """Return the derivatives of the first-order equations.
 
-    Parameters
-    ----------
-    base : States
-        The equations.
-    change : MatrixDerivatives
-        Derivatives of the matrices to v variables.
-    inputs, outputs : list of int
-        Numbers of the ports.
-
-    Returns
-    -------
-    tuple of array
-        Rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
+    Returns rows of A that change (v, m, n), those of B (v, m, inputs), C (v, outputs, n) and D (v, outputs, inputs).
     """
     own, k = base.basis, base.basis.massive
     vectors, theta = own.vectors, turning(own, change)
@@ -187,17 +147,7 @@ def changed(base: States, change: MatrixDerivatives, inputs: list[int], outputs:
 def turning(own: StateBasis, change: MatrixDerivatives) -> Array:
     """Return how a basis goes along with parameters, T' = T Theta.
 
-    Parameters
-    ----------
-    own : StateBasis
-        The basis.
-    change : MatrixDerivatives
-        Derivatives of the matrices to v variables.
-
-    Returns
-    -------
-    array, shape (v, m, m)
-        Theta.
+    Returns Theta (v, m, m).
     """
     k, vectors = own.massive, own.vectors
     mass, damping = (vectors.T @ each @ vectors for each in (change.M, change.C))

@@ -1,7 +1,8 @@
-"""The wrenches that joints transmit where wrenches act on bodies and springs.
+"""The wrenches that joints transmit where wrenches act on bodies and springs, and motions in which joints give way.
 
 What a joint transmits is all that acts behind it: the sum over what it carries, and over the loops through it what
-their closing constraints transmit, which the dependent coordinates give, Phi_d^T mu = (B'^T F)_d.
+their closing constraints transmit, which the dependent coordinates give, Phi_d^T mu = (B'^T F)_d. On motions in which
+joints come apart by gaps, while loops stay closed, these wrenches do work.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.vectors import incidence_sum, moved_wrench, transformed
+from mbsvib.linalg.vectors import incidence_sum, moved, moved_wrench, transformed
 
 if TYPE_CHECKING:
     from mbsvib.linalg.vectors import Field
@@ -21,20 +22,9 @@ if TYPE_CHECKING:
 def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> tuple[Field, Field, Field]:
     """Return what goes through joints where bodies and springs take wrenches.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    body_wrench : array, shape (b, 6, ...)
-        At the centres of mass.
-    spring_wrench : array, shape (s, 6, ...)
-        At the points of springs.
-
-    Returns
-    -------
-    tuple of array, shape (j, 6, ...), (f, 6, ...) and (rows, ...)
-        Wrenches in joints at their points, what bodies that float would ask of ground, and the forces in the rows that
-        close loops.
+    ``body_wrench`` (b, 6, ...): at the centres of mass; ``spring_wrench`` (s, 6, ...): at the points of springs.
+    Returns (j, 6, ...), (f, 6, ...) and (rows, ...): wrenches in joints at their points, what bodies that float would
+    ask of ground, and the forces in the rows that close loops.
     """
     tail = body_wrench.shape[2:]
     on_bodies, on_springs = (wrench.reshape(len(wrench), 6, prod(tail))
@@ -59,19 +49,8 @@ def transmitted(network: Network, body_wrench: Field, spring_wrench: Field) -> t
 def in_joints(network: Network, behind: Field, mu: Field) -> Field:
     """Return the wrenches in joints, from what acts behind them and from the forces that close loops.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    behind : array, shape (b, 6, n)
-        What acts on each body and those outwards from it, about the network's origin.
-    mu : array, shape (rows, n)
-        Forces in the locked rows of cut joints.
-
-    Returns
-    -------
-    array, shape (j, 6, n)
-        Wrenches at the joints' points.
+    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin; ``mu`` (rows,
+    n): forces in the locked rows of cut joints. Returns (j, 6, n): wrenches at the joints' points.
     """
     behind, closing = _closed(network, behind, mu)
     return np.asarray(_at_joints(network, behind) + closing)
@@ -103,20 +82,46 @@ def _at_joints(network: Network, behind: Field) -> Field:
 def multipliers(network: Network, behind: Field) -> Field:
     """Return the forces mu (rows, n) in the locked rows of cut joints, the smallest where rows are redundant.
 
-    Parameters
-    ----------
-    network : Network
-        Bodies and connections.
-    behind : array, shape (b, 6, n)
-        What acts on each body and those outwards from it, about the network's origin.
-
-    Returns
-    -------
-    array, shape (rows, n)
-        Forces [N] and moments [N m].
+    ``behind`` (b, 6, n): what acts on each body and those outwards from it, about the network's origin. Returns (rows,
+    n): forces [N] and moments [N m].
     """
     ties = network.constraints
     assert ties is not None
     own = moved_wrench(behind[ties.carried], ties.arm)
     felt = transformed(ties.twist[:, None], own)[:, 0]
     return np.asarray(ties.pull @ felt)
+
+
+def joint_release_motion(network: Network, gap: Field) -> Field:
+    """Return the motions of the bodies in which joints come apart, while no independent coordinate moves.
+
+    ``gap`` (joints, 6, ...): how far the second body of each joint moves against the first at the joint's point, beside
+    what the joint frees. Returns (bodies, 6, ...): at the centres of mass.
+    """
+    tail, joints, bodies = gap.shape[2:], len(gap), len(network.bodies)
+    flat = moved(gap.reshape(joints, 6, prod(tail)), network.origin - network.point[:joints])
+    result = np.zeros((bodies + 1, *flat.shape[1:]), dtype=flat.dtype)
+    hangs = {body: (k, sign) for k, (body, sign) in enumerate(zip(network.behind.tolist(), network.sign.tolist(),
+                                                                  strict=True)) if sign}  # fmt: skip
+    for body, parent in network.tree:
+        result[body] = result[parent]
+        if body in hangs:
+            joint, sign = hangs[body]
+            result[body] += sign * flat[joint]
+    result, ties = result[:-1], network.constraints
+    if ties is not None:
+        assert network.closing is not None
+        opened = moved(incidence_sum(network.closing.T, result) - flat, network.point[:joints] - network.origin)
+        residual = ties.share.T @ transformed(ties.wrench[:, None], incidence_sum(ties.closing.T, opened))[:, 0]
+        dependent = np.tensordot(network.swing, ties.pull.T @ residual, axes=1)
+        return np.asarray((moved(result, network.position - network.origin) - dependent).reshape(bodies, 6, *tail))
+    return moved(result, network.position - network.origin).reshape(bodies, 6, *tail)
+
+
+def relative_twists(network: Network, body: Field) -> Field:
+    """Return the relative motions of connections (j + s, 6, n) at their points, for those of bodies (b, 6, n)."""
+    assert network.closing is not None
+    at_origin = moved(body, network.origin - network.position)
+    incidences = network.closing, network.acting
+    relative = np.concatenate([incidence_sum(incidence.T, at_origin) for incidence in incidences])
+    return moved(relative, network.point - network.origin)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, combinations_with_replacement
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -15,13 +16,94 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.part import Part
     from mbsvib.mechanism.parameters import Parameter, Parameters
 
     Mask = NDArray[np.bool_]
     Asked = str | Iterable[str] | Mapping[str, Mapping[str, float]] | None
+
+
+T = TypeVar("T")
+# Numbers of the entries of symmetric 6x6 matrices, each pair once.
+_COLUMN: dict[tuple[int, ...], int] = {(i, j): n for n, (i, j) in enumerate(combinations_with_replacement(range(6), 2))}
+
+
+class ListedLater(Sequence[T]):
+    """A ``count`` of entries, which are listed when one is asked for."""
+
+    def __init__(self, count: int, listed: Callable[[], Sequence[T]]) -> None:
+        self._count, self._listed = count, listed
+
+    @cached_property
+    def _entries(self) -> Sequence[T]:
+        return self._listed()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, k: Any) -> Any:
+        return self._entries[k]
+
+
+@dataclass(frozen=True, slots=True)
+class FieldLayout:
+    """The numbers of some parts that are parameters, field after field: part, field, number of indices and ``width`` of
+    each. Entry e is the parameter ``number`` (entries,) of e, -1 for none; None: entries are parameters, one by one.
+    """
+
+    fields: list[tuple[str, str, int]]
+    width: list[int]
+    number: Index | None
+
+    @staticmethod
+    def of(parts: Iterable[Part]) -> FieldLayout:
+        """Return the layout in which all numbers of some parts are parameters, one after the other."""
+        fields: list[tuple[str, str, int]] = []
+        width: list[int] = []
+        for part in parts:
+            for field in part.parameter_fields():
+                if field.ends is None:
+                    fields.append((part.name, field.name, 0))
+                    width.append(1)
+                elif isinstance(field.value[0], tuple):
+                    fields.append((part.name, field.name, 2))
+                    width.append(len(_COLUMN))
+                else:
+                    fields.append((part.name, field.name, 1))
+                    width.append(len(field.ends))
+        return FieldLayout(fields, width, None)
+
+    @property
+    def starts(self) -> list[int]:
+        """The first entry of each field, and the number of entries behind them."""
+        return list(accumulate(self.width, initial=0))
+
+    def picked(self, parameters: Sequence[Parameter]) -> FieldLayout:
+        """Return the same fields with some of their entries as parameters."""
+        start = {field[:2]: first for field, first in zip(self.fields, self.starts, strict=False)}
+        number = np.full(sum(self.width), -1, dtype=np.intp)
+        for k, entry in enumerate(parameters):
+            number[start[entry.part, entry.field] + _COLUMN.get(entry.index, entry.index[0] if entry.index else 0)] = k
+        return FieldLayout(self.fields, self.width, number)
+
+    def of_parameters(self, values: Sequence[bool]) -> Mask:
+        """Return a value of each field as one of each of its parameters."""
+        flat = np.repeat(np.array(values, dtype=np.bool_), self.width)
+        if self.number is None:
+            return flat
+        result = np.empty(int(self.number.max(initial=-1)) + 1, dtype=np.bool_)
+        result[self.number[self.number >= 0]] = flat[self.number >= 0]
+        return result
+
+    def only(self, which: Mask) -> FieldLayout:
+        """Return the layout with only some of the parameters, numbered as before."""
+        number = np.arange(len(which)) if self.number is None else self.number
+        return FieldLayout(self.fields, self.width, np.where((number >= 0) & which[number], number, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,23 +116,37 @@ class Direction:
 
 @dataclass(frozen=True)
 class Variables:
-    """Variables by ``names``: term t moves the parameter numbered ``parameter`` (t,) with the ``variable`` (t,), at a
-    ``rate`` (t,); numbers behind the last of the parameters are those of ``directions``.
+    """Variables by ``names`` that move some ``parameters`` of the ``parts``.
+
+    Term t moves the parameter numbered ``parameter`` (t,) with the ``variable`` (t,), at a ``rate`` (t,); numbers
+    behind the last of the parameters are those of ``directions``. ``every`` is the layout of all parameters where these
+    are the variables, one by one.
     """
 
-    names: tuple[str, ...]
-    parameters: tuple[Parameter, ...]
+    names: Sequence[str]
+    parameters: Sequence[Parameter]
+    parts: Mapping[str, Part]
     variable: Index
     parameter: Index
     rate: Array
     directions: tuple[Direction, ...] = ()
+    every: FieldLayout | None = None
+
+    @cached_property
+    def layout(self) -> FieldLayout:
+        """The parameters by the fields of their parts."""
+        if self.every is not None:
+            return self.every
+        parts = dict.fromkeys(entry.part for entry in self.parameters)
+        return FieldLayout.of([self.parts[name] for name in parts]).picked(self.parameters)
 
     @cached_property
     def identity(self) -> bool:
         """Whether variables are parameters, one by one."""
         every = np.arange(len(self.names))
-        return not self.directions and len(self.parameters) == len(self.rate) == len(every) and bool(
-            (self.rate == 1.0).all() and (self.parameter == every).all() and (self.variable == every).all()
+        return self.every is not None or (
+            not self.directions and len(self.parameters) == len(self.rate) == len(every) and bool(
+                (self.rate == 1.0).all() and (self.parameter == every).all() and (self.variable == every).all())
         )
 
     @cached_property
@@ -61,11 +157,13 @@ class Variables:
         count = len(self.parameters) + len(self.directions)
         return csr_array((self.rate, (self.variable, self.parameter)), shape=(len(self.names), count))
 
-    def among(self, every: tuple[Parameter, ...]) -> Variables:
+    def among(self, every: Sequence[Parameter]) -> Variables:
         """Return the same variables with more parameters than they move, ``every`` one there is."""
+        if self.every is not None:
+            return self
         place = {entry.name: k for k, entry in enumerate(every)}
         own = np.array([place[entry.name] for entry in self.parameters], dtype=np.intp)
-        return Variables(self.names, every, self.variable, own[self.parameter], self.rate)
+        return Variables(self.names, every, self.parts, self.variable, own[self.parameter], self.rate)
 
     def each(self) -> tuple[Direction, ...]:
         """Return every variable with all parameters that it moves."""
@@ -80,15 +178,8 @@ class Variables:
     def joined(self, together: Mask) -> Variables:
         """Return the same variables, in which all of some parameters that one variable moves are one direction.
 
-        Parameters
-        ----------
-        together : array of bool, shape (parameters,)
-            Which parameters.
-
-        Returns
-        -------
-        Variables
-            The others, then one direction for each variable that moves any of these.
+        ``together`` (parameters,): which parameters. Returns the others, then one direction for each variable that
+        moves any of these.
         """
         left = np.flatnonzero(~together)
         place = np.full(len(together), -1)
@@ -109,7 +200,7 @@ class Variables:
                 directions.append(Direction(self.names[v], moved))
         table = np.array(terms, dtype=float).reshape(-1, 3)
         return Variables(
-            self.names, tuple(self.parameters[k] for k in left.tolist()), table[:, 0].astype(np.intp),
+            self.names, tuple(self.parameters[k] for k in left.tolist()), self.parts, table[:, 0].astype(np.intp),
             table[:, 1].astype(np.intp), table[:, 2], tuple(directions),
         )
 
@@ -144,9 +235,11 @@ def variables(known: Parameters, asked: Asked) -> Variables:
         If a name is unknown, a pattern picks nothing, or a rate is no number.
     """
     if asked is None:
-        entries = known.entries
-        every = np.arange(len(entries))
-        return Variables(tuple(known), entries, every, every, np.ones(len(entries)))
+        layout = FieldLayout.of(known.parts.values())
+        numbers = np.arange(sum(layout.width))
+        count = len(numbers)
+        return Variables(ListedLater(count, lambda: tuple(known)), ListedLater(count, lambda: known.entries),
+                         known.parts, numbers, numbers, np.ones(count), every=layout)  # fmt: skip
     if not isinstance(asked, (str, Iterable)):
         raise ModelError(f"sensitivities: parameters = {asked!r}; expected names, patterns, or a mapping of variables "
                          f"to {{parameter: rate}}.", element="parameters")  # fmt: skip
@@ -162,5 +255,5 @@ def variables(known: Parameters, asked: Asked) -> Variables:
             rate = check.number(rate, f"variable '{name}'", pattern, "a finite rate")
             terms += [(i, place.setdefault(match, len(place)), rate) for match in known.matching(pattern)]
     table = np.array(terms, dtype=float).reshape(-1, 3)
-    return Variables(tuple(names), tuple(known.entry(name) for name in place), table[:, 0].astype(np.intp),
-                     table[:, 1].astype(np.intp), table[:, 2])  # fmt: skip
+    return Variables(tuple(names), tuple(known.entry(name) for name in place), known.parts,
+                     table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2])  # fmt: skip

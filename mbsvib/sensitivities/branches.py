@@ -1,0 +1,137 @@
+"""Branches of eigenvalues that coincide, along which they part as a parameter changes.
+
+Their derivatives are the eigenvalues of -(Y^T (2 lambda M + C) X)^-1 Y^T dT X in the common subspace. Variables come
+last, so that entries of the matrices of all variables are one contiguous vector.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.rank import EPS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from mbsvib.common.arrays import Array, Complex, Index
+    from mbsvib.sensitivities.spectrum import Pairs
+
+# Where eigenvalues coincide, less than this share of the largest derivative to the same variable is rounding: it parts
+# no branches.
+ONE_BRANCH = 8.0 * EPS
+# Cardano's formula is as accurate as the matrix where the root in it exceeds this share of its sum.
+DISTINCT = 0.1
+_THIRD_ROOTS = np.exp(2j * np.pi / 3.0 * np.arange(3))[:, None]
+
+
+def branches(
+    pairs: Pairs, own: Complex, cross: Complex, gram: tuple[Complex, Complex]
+) -> Iterator[tuple[Index, Complex]]:  # fmt: skip
+    """Yield derivatives of eigenvalues that coincide, groups of one size together.
+
+    ``own`` (eigenvalues, variables): derivatives of single eigenvalues, the forms of those that coincide; ``cross``
+    (pairs, variables) or (2 pairs, variables): the forms of pairs, first with second, then second with first unless
+    these are the same; ``gram`` (eigenvalues,) and (pairs,) or (2 pairs,): y^T (2 lambda M + C) x of single eigenvalues
+    and of pairs. Returns (n,) and (n, variables): numbers of eigenvalues, and the derivatives of their branches, those
+    of a group in ascending order.
+    """
+    forms, grams = np.concatenate((own, cross)), np.concatenate((gram[0][: len(own)], gram[1]))
+    single = np.ones(len(own), dtype=bool)
+    single[np.concatenate(pairs.groups)] = False
+    derivatives, mirrored = [own[single]], len(cross) - len(pairs.first)
+    for k, groups, numbers in pairs.by_size():
+        n, count = len(groups), forms.shape[1]
+        rows = np.empty((n, k, k), dtype=np.intp)
+        upper, lower = np.array(list(combinations(range(k), 2))).T
+        rows[:, range(k), range(k)] = groups
+        rows[:, upper, lower], rows[:, lower, upper] = len(own) + numbers, len(own) + numbers + mirrored
+        pair = grams[rows]
+        with np.errstate(all="ignore"):
+            inverse = _inverse(pair)
+            product = np.asarray(-(inverse @ forms[rows].reshape(n, k, k * count)), dtype=complex)
+            matrix: Complex = np.moveaxis(product.reshape(n, k, k, count), 0, 2)
+            if k == 2:
+                values = _of_pairs(matrix)
+            else:
+                sizes = np.abs(np.concatenate(derivatives))
+                rounding = ONE_BRANCH * sizes.max(axis=0, initial=0.0, where=np.isfinite(sizes))
+                values = _ascending(_eigenvalues(matrix.reshape(k, k, n * count), np.tile(rounding, n)))
+            values = np.moveaxis(values.reshape(k, n, count), 0, 1)
+            condition = np.abs(inverse).max(axis=(1, 2)) * np.abs(pair).max(axis=(1, 2))
+            values[~(condition * EPS < 1.0)] = np.inf  # a defective group parts with a root
+        derivatives.append(values.reshape(n * k, count))
+        yield groups.reshape(-1), derivatives[-1]
+
+
+def _inverse(pair: Complex) -> Complex:
+    """Inverses of matrices (n, k, k), of singular ones those that solve as well as can be."""
+    try:
+        return np.asarray(np.linalg.inv(pair), dtype=complex)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(np.where(np.isfinite(pair), pair, 0.0), rcond=EPS))
+
+
+def _of_pairs(matrices: Complex) -> Complex:
+    """Eigenvalues (2, ...) of 2x2 matrices (2, 2, ...), in ascending order."""
+    (a, b), (c, d) = matrices
+    half, mean = 0.5 * (a - d), 0.5 * (a + d)
+    root = np.sqrt(half * half + b * c)
+    turns = np.abs(mean.imag) + np.abs(root.imag) > np.abs(mean.real) + np.abs(root.real)
+    root[np.where(turns, root.imag, root.real) < 0.0] *= -1.0
+    return np.array([mean - root, mean + root])
+
+
+def _ascending(values: Complex) -> Complex:
+    """Values (k, n) in ascending order of their imaginary parts where these are larger, else of their real parts."""
+    turns = np.abs(values.imag).max(axis=0) > np.abs(values.real).max(axis=0)
+    order = np.where(turns, values.imag, values.real).argsort(axis=0)
+    return np.take_along_axis(values, order, axis=0)
+
+
+def _eigenvalues(matrices: Complex, rounding: Array) -> Complex:
+    """Eigenvalues (k, n) of matrices (k, k, n): their diagonals where no entry exceeds the ``rounding`` (n,), not a
+    number where these are not.
+    """
+    k, _, n = matrices.shape
+    size = np.abs(matrices.reshape(k * k, n)).max(axis=0)
+    result: Complex = matrices.reshape(k * k, n)[:: k + 1].copy()
+    others = np.flatnonzero(~(size <= rounding))
+    if k == 3:
+        values, known = _of_triples(matrices[..., others], size[others])
+        result[:, others[known]] = values[:, known]
+        others = others[~known]
+    finite = np.isfinite(size[others])
+    result[:, others[~finite]] = np.nan
+    others = others[finite]
+    result[:, others] = np.linalg.eigvals(np.moveaxis(matrices[..., others], 2, 0)).T
+    return result
+
+
+def _of_triples(matrices: Complex, size: Array) -> tuple[Complex, NDArray[np.bool_]]:
+    """Eigenvalues (3, n) of 3x3 matrices (3, 3, n) with entries up to a ``size`` (n,), and whether they are known.
+
+    The change of one part often has rank one: all minors vanish, and the trace is the only eigenvalue that does not.
+    Where the three are distinct Cardano's formula gives them: with A = B + 1 tr A / 3, p = tr B^2 / 6 and q = det B / 2
+    they are tr A / 3 + u + p / u for u^3 = q + (q^2 - p^3)^1/2.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = matrices
+    trace = a + e + i
+    minors = np.abs((e * i - f * h, d * i - f * g, d * h - e * g, b * i - c * h, a * i - c * g, a * h - b * g,
+                     b * f - c * e, a * f - c * d, a * e - b * d)).max(axis=0)  # fmt: skip
+    one = (minors <= ONE_BRANCH * size * size) & (np.abs(trace) >= 0.5 * size)
+    centre = trace / 3.0
+    a, e, i = a - centre, e - centre, i - centre
+    p = (a * a + e * e + i * i + 2.0 * (b * d + c * g + f * h)) / 6.0
+    q = 0.5 * (a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g))
+    root = np.sqrt(q * q - p * p * p)
+    root[(root * q.conj()).real < 0.0] *= -1.0
+    u = (q + root) ** (1.0 / 3.0) * _THIRD_ROOTS
+    values: Complex = centre + u + p / u
+    values[:, one] = 0.0
+    values[0, one] = trace[one]
+    return values, one | (np.abs(root) > DISTINCT * np.abs(q + root))
