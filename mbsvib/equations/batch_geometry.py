@@ -15,7 +15,7 @@ from mbsvib.elements import Bushing, Input, Joint, Output, Spring
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import SpatialInertia, roots
 from mbsvib.equations.spring_rows import Elements, stack
-from mbsvib.mechanism.changes import rotations
+from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def _of_parts(
     for part, at in owners:
         fields = values.fields.get(part.name, {})
         if "orientation" in fields:
-            turn = rotations(fields["orientation"])
+            turn = exponential(fields["orientation"].T)
             first, second = (
                 _put(array, at, np.einsum("vij,jvk->ivk", turn, _columns(array, at)), values.count)
                 for array in (first, second)
@@ -211,7 +211,7 @@ def _inertia(scene: Scene, values: Values, number: Mapping[str, int]) -> Spatial
             angular = np.repeat(angular[None], values.count, axis=0) if angular.ndim == 3 else angular
             axes = np.array(body.orientation)
             if "orientation" in fields:
-                axes = rotations(fields["orientation"]) @ axes
+                axes = exponential(fields["orientation"].T) @ axes
             root = roots(fields["inertia"].T if "inertia" in fields else np.array([body.inertia]))
             angular[:, i] = root @ np.swapaxes(axes, -1, -2)
     return SpatialInertia(linear, angular)

@@ -23,7 +23,7 @@ from mbsvib.kinematics.loops import Reduction, reduce
 from mbsvib.kinematics.mobility import check_mobility, crossing_axes, phi_nearby, rods_in_loops
 from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.rank import EPS, NEAR_SINGULAR, NEIGHBOUR_PIVOT, RANK_FACTOR
-from mbsvib.mechanism.changes import rotations
+from mbsvib.linalg.rotations import exponential
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -161,7 +161,7 @@ def _may_jump(scene: Scene, values: Values, chosen: Pivots, reduction: Reduction
         for row, *axes in crossing_axes(scene.topology, scene.cuts):
             whole = values.fields.get(scene.cuts.joints[scene.cuts.joint[row]], {})
             if "orientation" in whole:
-                axes = [(rotations(whole["orientation"]) @ axis).T for axis in axes]
+                axes = [(exponential(whole["orientation"].T) @ axis).T for axis in axes]
             crossing.append((row, axes[0], axes[1]))
         nearby = phi_nearby(scene.topology, scene.coordinates, scene.cuts, reduction, scene.position, crossing,
                             rods_in_loops(scene.topology, scene.coordinates, scene.cuts))  # fmt: skip

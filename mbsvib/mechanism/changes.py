@@ -167,19 +167,3 @@ def scale_of(parameters: Parameters, name: str) -> float:
 
 def _value(part: Part, field: str) -> Any:
     return next(item.value for item in part.parameter_fields() if item.name == field)
-
-
-def rotations(w: Array) -> Array:
-    """Return the rotation matrices exp([w]x) of rotation vectors (3, n) [rad], shape (n, 3, 3)."""
-    x, y, z = w
-    square = x * x + y * y + z * z
-    angle = np.sqrt(square)
-    small = square < 1e-10  # the next term of either series is below 1e-22
-    safe = np.where(small, 1.0, angle)
-    s = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
-    c = np.where(small, 0.5 - square / 24.0, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
-    return np.array([
-        [1.0 - c * (y * y + z * z), c * x * y - s * z, c * x * z + s * y],
-        [c * x * y + s * z, 1.0 - c * (x * x + z * z), c * y * z - s * x],
-        [c * x * z - s * y, c * y * z + s * x, 1.0 - c * (x * x + y * y)],
-    ]).transpose(2, 0, 1)  # fmt: skip
