@@ -20,7 +20,7 @@ variables              names, patterns and linear maps of parameters; their layo
 parameter_groups       the variables asked for with the groups of the parameters that they move, and which lose freedom
 parameter_group        one field of many parts of a kind, which one rule holds for
 applicability          which parameters act by rules under load
-variants               derivatives of whole matrices by differences, for all other parameters
+variants               derivatives of whole matrices by differences, for all other parameters; variant_poses moves them
 
 Rules, the derivatives of the equations as products of motions and wrenches:
 products               forms of many parameters between many pairs of motions, those of whole matrices among them

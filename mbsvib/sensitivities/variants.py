@@ -48,7 +48,6 @@ STEP, SMALLER, TRIALS = 2.0**-6, 0.125, 4
 AGREED = 1e-11
 # Slopes that agree no better than this are refused.
 WORST = 1e-7
-
 # Fields that say where parts are, and by which forces; forces are measured by this share of the loads at least.
 PLACES, FORCES, LEAST = ("position", "start", "end"), ("force", "torque", "preload"), 1e-3
 
@@ -126,9 +125,9 @@ class Variants:
 
         try:
             slopes = self._extrapolated(at, scale, f"'{direction.name}'")
+            return self._through_equilibrium(slopes, scale, direction.name)
         except _OtherMobility:
             return np.full(self._entries.count, np.nan)
-        return self._through_equilibrium(slopes, scale, direction.name)
 
     def _through_equilibrium(self, slopes: Array, scale: float, name: str) -> Array:
         """Let the equilibrium give way to the forces that a parameter leaves over."""
