@@ -130,7 +130,10 @@ LIBRARY = [pytest.param(name, marks=pytest.mark.slow if name == "cantilever" els
 
 
 @pytest.mark.parametrize("name", LIBRARY)
-@pytest.mark.parametrize(("version", "realization"), [("2.0", "physical"), ("3.0", "modal")])
+@pytest.mark.parametrize(("version", "realization"), [
+    ("2.0", "physical"), ("3.0", "modal"), *(pytest.param(*each, marks=pytest.mark.slow)
+                                             for each in (("2.0", "modal"), ("3.0", "physical"))),
+])  # fmt: skip
 def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, tmp_path):
     """Nominal values of states: all inputs at once, each such that some output follows it, against the exact response.
 
