@@ -194,7 +194,7 @@ class Changes:
             Angular frequencies [rad/s], none negative.
         motion : array, shape (m, inputs + outputs, n)
             Forward and adjoint motions.
-        felt : array, shape (rows, inputs + outputs, n), optional
+        relative_motion : array, shape (rows, inputs + outputs, n), optional
             Relative motions along the rows; default: from ``motion``, as accurate as its rounding allows.
 
         Returns

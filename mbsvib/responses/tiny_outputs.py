@@ -52,7 +52,7 @@ def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, 
         Its modes.
     w : array, shape (n,)
         Angular frequencies [rad/s], none negative.
-    found : pair
+    responses : pair
         Responses (outputs, inputs, n), and whether they are sums over modes.
     solver : callable
         Takes frequencies (k,) and returns a solver of the equations in the basis for loads (m, inputs, k).
