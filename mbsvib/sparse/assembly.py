@@ -116,7 +116,7 @@ def linearized(
         from mbsvib.sparse.loads import geometric
 
         geometric_part = geometric(nodes, topology, structure, unknowns, closure, number, springs,
-                          dict.fromkeys(shared_by.values()))  # fmt: skip
+                                   dict.fromkeys(shared_by.values()))  # fmt: skip
         rows, k, c, owner = _with_loads(geometric_part, rows, k, c, owner, len(names))
         loading = geometric_part.names
     circulatory = None if geometric_part is None else geometric_part.circulatory
@@ -142,7 +142,7 @@ def linearized(
         from mbsvib.sparse.forces import ForceSums
 
         sums = ForceSums(topology, structure, unknowns, closure, number, springs, elastic, inertia, of_bodies, port,
-                      seen[: len(port.force_inputs)], shared, geometric_part, shared_by, spins)  # fmt: skip
+                         seen[: len(port.force_inputs)], shared, geometric_part, shared_by, spins)  # fmt: skip
         more, straight = sums.outputs()
         undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])

@@ -103,9 +103,11 @@ def separation(
     own = np.array([number[name] for part in results for name in part.first_order], dtype=np.intp)
     order = np.argsort(own)
     static, damped = ((z @ hstack([getattr(part, key) for part in results])).tocsc() for key in ("static", "damped"))
-    return SparseSeparation(tuple([tree.names[i] for i in gone]), tuple([tree.names[i] for i in own[order].tolist()]),
-                motions.kept_pivot, motions.dropped_pivot, at_once=at_once, static=static, damped=damped[:, order],
-                own=layout.coordinate[own[order]])  # fmt: skip
+    return SparseSeparation(
+        tuple([tree.names[i] for i in gone]), tuple([tree.names[i] for i in own[order].tolist()]), motions.kept_pivot,
+        motions.dropped_pivot, at_once=at_once, static=static, damped=damped[:, order],
+        own=layout.coordinate[own[order]],
+    )  # fmt: skip
 
 
 def _clean(rows: csr_matrix, z: csc_matrix) -> csr_matrix:
