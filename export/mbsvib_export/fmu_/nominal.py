@@ -59,7 +59,7 @@ def _probed(a: Array, b: Array) -> Array:
     scale = np.abs(b).max(axis=0)
     unit = b / np.where(scale > 0, scale, 1.0)
     rate = np.sqrt(np.abs(np.einsum("ij,ji->i", a, a)).max()) or 1.0
-    found = np.zeros(len(a))
+    largest = np.zeros(len(a))
     for s in rate * np.logspace(-3, 0, _PROBES):
-        found = np.maximum(found, np.abs(np.linalg.solve(s * np.eye(len(a)) - a, unit)).max(axis=1))
-    return found
+        largest = np.maximum(largest, np.abs(np.linalg.solve(s * np.eye(len(a)) - a, unit)).max(axis=1))
+    return largest
