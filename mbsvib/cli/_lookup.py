@@ -48,8 +48,8 @@ def model_of(word: str) -> Model:
     path = Path(word)
     if path.suffix.lower() in SUFFIXES or path.is_file():
         if not path.is_file():
-            beside = [str(path.parent / each.name) for each in _models_beside(path)]
-            raise UsageProblem(f"there is no file '{word}'.{nearest(word, beside)}")
+            candidates = [str(path.parent / file.name) for file in _models_in_folder(path)]
+            raise UsageProblem(f"there is no file '{word}'.{nearest(word, candidates)}")
         return _read(path)
     from mbsvib import library
 
@@ -121,7 +121,7 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
     return sources[:1], results[:1], remark
 
 
-def _models_beside(path: Path) -> list[Path]:
+def _models_in_folder(path: Path) -> list[Path]:
     if not path.parent.is_dir():
         return []
-    return [each for each in sorted(path.parent.iterdir()) if each.suffix.lower() in SUFFIXES]
+    return [file for file in sorted(path.parent.iterdir()) if file.suffix.lower() in SUFFIXES]

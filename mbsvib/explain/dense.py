@@ -109,10 +109,10 @@ def _coordinates(system: Equations) -> list[str]:
     everything = system.provenance.joint_coordinates
     if not everything:
         return ["  none"]
-    kept = set(system.coordinates)
+    independent = set(system.coordinates)
     gone = system.provenance.dropped
-    kept |= set(gone.names) if gone else set()
-    dependent = [name for name in everything if name not in kept]
+    independent |= set(gone.names) if gone else set()
+    dependent = [name for name in everything if name not in independent]
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
@@ -148,18 +148,18 @@ def _unsymmetric(system: Equations) -> list[str]:
 
 
 def _massless(system: Equations) -> list[str]:
-    found = system.provenance.massless
-    return [] if found is None else separated(found, 2 * system.dof - system.massless)
+    separation = system.provenance.massless
+    return [] if separation is None else separated(separation, 2 * system.dof - system.massless)
 
 
-def separated(found: Separation, states: int) -> list[str]:
+def separated(separation: Separation, states: int) -> list[str]:
     """Return what became of motions without mass, a line each, where the system has so many ``states``."""
-    lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; of the mass rows, "
-             f"smallest pivot kept {found.kept:.1e}, largest dropped {found.dropped:.1e}"]  # fmt: skip
-    if found.condensed:
-        lines.append(f"  condensed statically, as no damper acts on them: {listed(found.condensed)}")
-    if found.first_order:
-        lines.append(f"  without mass but damped, one first-order state each: {listed(found.first_order)}; "
+    lines = [f"  motions without mass: {len(separation.condensed) + len(separation.first_order)}; of the mass rows, "
+             f"smallest pivot kept {separation.kept:.1e}, largest dropped {separation.dropped:.1e}"]  # fmt: skip
+    if separation.condensed:
+        lines.append(f"  condensed statically, as no damper acts on them: {listed(separation.condensed)}")
+    if separation.first_order:
+        lines.append(f"  without mass but damped, one first-order state each: {listed(separation.first_order)}; "
                      f"{states} states in all")  # fmt: skip
     return lines
 

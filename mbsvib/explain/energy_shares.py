@@ -152,8 +152,8 @@ def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array
     pairs = _fixed(statics)
     result = np.zeros((len(pairs.first), rotation.shape[2]))
     for form, body in zip(forms(pairs, statics.position), (pairs.first, pairs.second), strict=True):
-        turned = rotation[body]
-        result += np.einsum("pin,ijp,pjn->pn", turned.conj(), form, turned, optimize=True).real
+        rotated = rotation[body]
+        result += np.einsum("pin,ijp,pjn->pn", rotated.conj(), form, rotated, optimize=True).real
     return result
 
 

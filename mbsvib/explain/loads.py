@@ -53,8 +53,8 @@ def _stiffness(system: Equations) -> list[str]:
     total = np.diagonal(system.K)
     lines = []
     for i, coordinate in enumerate(system.coordinates[:SHOWN]):
-        each = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
-        text = " ".join(f"{value:+.6g} {kind}" for kind, value in each.items() if value)
+        sums = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
+        text = " ".join(f"{value:+.6g} {kind}" for kind, value in sums.items() if value)
         unit = "N/m" if system.coordinate_units[i] == "m" else "N m/rad"
         lines.append(f"  stiffness along {coordinate}: {total[i]:.6g} {unit} = {text or 'nothing'}")
     for name, kind, part in zip(names, kinds, parts, strict=True):

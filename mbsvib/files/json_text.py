@@ -10,7 +10,7 @@ import json
 import re
 from typing import Any
 
-from mbsvib.files.document import Document, Place, fault, repeated
+from mbsvib.files.document import Document, KeyPath, fault, repeated
 
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:\n]')
 
@@ -33,13 +33,13 @@ def _integer(text: str) -> Any:
     return int(text) if len(text) < 18 else float(text)
 
 
-def _lines(text: str, file: str) -> dict[Place, int]:
+def _lines(text: str, file: str) -> dict[KeyPath, int]:
     """Return the line of each key that is not inside a list; refuse a key that is there twice."""
-    lines: dict[Place, int] = {}
+    lines: dict[KeyPath, int] = {}
     line = 1
-    stack: list[Place | None] = []
+    stack: list[KeyPath | None] = []
     last = ""
-    value: Place | None = ()
+    value: KeyPath | None = ()
     for match in _TOKEN.finditer(text):
         token = match[0]
         if token == "\n":

@@ -55,11 +55,11 @@ def described(model: Model) -> dict[str, Any]:
         entries = {}
         for name, part in getattr(model, section).items():
             kind = ADDERS[type(part)].removeprefix("add_")
-            said = {} if kind == kinds[0] else {"type": kind}
+            entry_words = {} if kind == kinds[0] else {"type": kind}
             for word, value in part.words().items():
                 if word != "name" and value != words(kind)[word].default:
-                    said[word] = _spoken(word, value)
-            entries[name] = said
+                    entry_words[word] = _spoken(word, value)
+            entries[name] = entry_words
         if entries:
             data[section] = entries
     return data

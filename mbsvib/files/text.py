@@ -24,7 +24,7 @@ def yaml_text(data: Mapping[str, Any]) -> str:
             lines += ["", f"{key}:"]
             for name, words in value.items():
                 lines.append(f"  {_key(name)}" if len(name) < _LONG_KEY else f"  ? {_word(name)}\n  :")
-                lines += (f"    {line}" for word, said in words.items() for line in _yaml_entry(word, said))
+                lines += (f"    {line}" for word, argument in words.items() for line in _yaml_entry(word, argument))
         else:
             lines += _yaml_entry(key, value)
     return "\n".join(lines) + "\n"
@@ -46,8 +46,8 @@ def number(value: float) -> str:
         return text if "." in mantissa else f"{mantissa}.0e{exponent}"
     if abs(value) >= 1e5 and text.endswith("000.0"):
         sign, digits = ("-", text[1:-2]) if text[0] == "-" else ("", text[:-2])
-        kept = digits.rstrip("0")
-        return f"{sign}{kept[0]}.{kept[1:] or '0'}e+{len(digits) - 1}"
+        significant = digits.rstrip("0")
+        return f"{sign}{significant[0]}.{significant[1:] or '0'}e+{len(digits) - 1}"
     return text
 
 

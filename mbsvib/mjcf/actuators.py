@@ -73,9 +73,9 @@ def _linear(scene: Scene, i: int) -> tuple[float, float, float, float]:
     if m.actuator_biastype[i] == file.api.mjtBias.mjBIAS_NONE:
         b[:] = 0.0
     gain = float(g[0] + g[1] * length)
-    force, found = gain * u + float(b[0] + b[1] * length), float(d.actuator_force[row])
-    if abs(force - found) > SAME * max(abs(gain * u), abs(b[0]), abs(b[1] * length)):
-        raise file.refuse("actuator", i, f"its force in this pose is {found:.6g} in MuJoCo and {force:.6g} by its "
+    force, actual = gain * u + float(b[0] + b[1] * length), float(d.actuator_force[row])
+    if abs(force - actual) > SAME * max(abs(gain * u), abs(b[0]), abs(b[1] * length)):
+        raise file.refuse("actuator", i, f"its force in this pose is {actual:.6g} in MuJoCo and {force:.6g} by its "
                           f"gains: it is limited, or set by a turn more or less. Give a pose and a control where it "
                           f"is free.", "control")  # fmt: skip
     if a >= 0:
@@ -90,7 +90,7 @@ def _refuse_kinds(scene: Scene, i: int) -> None:
     for value, allowed, enum, what in ((m.actuator_gaintype[i], FORMULAS[0], api.mjtGain, "gain"),
                                        (m.actuator_biastype[i], FORMULAS[1], api.mjtBias, "bias"),
                                        (m.actuator_dyntype[i], STATES, api.mjtDyn, "dynamics")):  # fmt: skip
-        if int(value) not in [int(getattr(enum, one)) for one in allowed]:
+        if int(value) not in [int(getattr(enum, constant)) for constant in allowed]:
             kind = str(enum(int(value))).rpartition("_")[2].lower()
             raise file.refuse("actuator", i, f"{what} of kind {kind}; motors, servos and dampers (fixed and affine "
                               f"gain and bias, no state, integrator or filter) are known here.")  # fmt: skip

@@ -60,13 +60,13 @@ def compare(scene: Scene) -> None:
     """
     file, d = scene.file, scene.file.d
     # either of the two has what lifts weight, which loads of the model's own gravity do
-    found = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
+    theirs = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
     ours = scene.joint_forces
-    size = max(np.abs(each).max(initial=0.0) for each in (found, ours, d.qfrc_gravcomp))
-    off = np.abs(found - ours)
+    size = max(np.abs(forces).max(initial=0.0) for forces in (theirs, ours, d.qfrc_gravcomp))
+    off = np.abs(theirs - ours)
     if off.size and off.max() > SAME * size:
         i = int(off.argmax())
-        raise file.refuse("joint", int(file.m.dof_jntid[i]), f"MuJoCo has {found[i]:.9g} N or N m of springs and "
+        raise file.refuse("joint", int(file.m.dof_jntid[i]), f"MuJoCo has {theirs[i]:.9g} N or N m of springs and "
                           f"actuators on it in this pose, and what was read makes {ours[i]:.9g}: something acts "
                           f"that has no place here: magnets, wind or a limit of actuator forces.")  # fmt: skip
 

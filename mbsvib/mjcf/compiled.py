@@ -49,9 +49,9 @@ class Compiled:
 
     def name(self, kind: str, i: int) -> str:
         """Return the name of an element, or what stands for it: its kind and number, a joint's body with '.joint'."""
-        given = self.api.mj_id2name(self.m, getattr(self.api.mjtObj, f"mjOBJ_{kind.upper()}"), i)
-        if given:
-            return str(given)
+        mujoco_name = self.api.mj_id2name(self.m, getattr(self.api.mjtObj, f"mjOBJ_{kind.upper()}"), i)
+        if mujoco_name:
+            return str(mujoco_name)
         if kind == "joint":
             body = int(self.m.jnt_bodyid[i])
             several = int(self.m.body_jntnum[body]) > 1
@@ -133,7 +133,7 @@ def compiled(
         else:
             api.mj_resetDataKeyframe(m, made.d, key)
         made.d.qvel[:] = 0.0
-        _place(made, pose)
+        _set_pose(made, pose)
         _command(made, control)
         api.mj_forward(m, made.d)
     return made
@@ -190,28 +190,28 @@ def _keyframe(file: Compiled, keyframe: str | int | None) -> int | None:
                      element=file.path, field="keyframe")  # fmt: skip
 
 
-def _place(file: Compiled, pose: Mapping[str, Any]) -> None:
+def _set_pose(file: Compiled, pose: Mapping[str, Any]) -> None:
     m, d = file.m, file.d
     numbers = {name: i for i, name in enumerate(file.names("joint"))}
-    for name, given in pose.items():
+    for name, position in pose.items():
         i = known(name, numbers, "pose", "joint")
         start, width = int(m.jnt_qposadr[i]), WIDTHS[int(m.jnt_type[i])]
         expected = ("a number", "", "", "a quaternion (w, x, y, z)", "", "",
                     "a point and a quaternion (x, y, z, qw, qx, qy, qz)")[width - 1]  # fmt: skip
-        values = [given] if width == 1 and not hasattr(given, "__len__") else given
+        values = [position] if width == 1 and not hasattr(position, "__len__") else position
         d.qpos[start : start + width] = check.numbers(values, (width,), f"joint '{name}'", "pose", expected)
         quaternion = d.qpos[start + width - 4 : start + width]
         if width > 1 and not quaternion.any():
-            raise check.refuse(f"joint '{name}'", "pose", given, expected, "This quaternion is zero.")
+            raise check.refuse(f"joint '{name}'", "pose", position, expected, "This quaternion is zero.")
     file.api.mj_normalizeQuat(m, d.qpos)
 
 
 def _command(file: Compiled, control: Mapping[str, float]) -> None:
     """Set controls; where an actuator has a state of its own, the state is what makes its force."""
     numbers = {name: i for i, name in enumerate(file.names("actuator"))}
-    for name, given in control.items():
+    for name, command in control.items():
         i = known(name, numbers, "control", "actuator")
-        value = check.number(given, f"actuator '{name}'", "control")
+        value = check.number(command, f"actuator '{name}'", "control")
         state = int(file.m.actuator_actadr[i])
         if state >= 0:
             file.d.act[state] = value

@@ -105,13 +105,13 @@ def _listed(names: list[str]) -> str:
 
 
 def _name(file: Compiled) -> str:
-    given = str(bytes(file.m.names).split(b"\0", 1)[0].decode("utf-8", "replace")).strip()
-    return given if given and given != UNNAMED else Path(file.path).stem
+    model_name = str(bytes(file.m.names).split(b"\0", 1)[0].decode("utf-8", "replace")).strip()
+    return model_name if model_name and model_name != UNNAMED else Path(file.path).stem
 
 
-def _gravity(file: Compiled, given: ArrayLike | None) -> Array | None:
-    if given is not None:
-        value = np.array(check.vector(given, "model", "gravity"))
+def _gravity(file: Compiled, gravity: ArrayLike | None) -> Array | None:
+    if gravity is not None:
+        value = np.array(check.vector(gravity, "model", "gravity"))
     else:
         value = np.zeros(3) if file.off("GRAVITY") else np.array(file.m.opt.gravity)
     return value if value.any() else None

@@ -19,7 +19,7 @@ MOST_PANELS = 12
 def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, System]]:
     """Return systems with the labels they carry in a legend."""
     several = systems if isinstance(systems, Iterable) and not isinstance(systems, str) else [systems]
-    group = [a_system(each, "plots", "systems") for each in several]
+    group = [a_system(item, "plots", "systems") for item in several]
     if not group:
         raise ResponseError("no system is given; pass one or a list of them.")
     names = list(labels) if labels is not None else [system.name for system in group]

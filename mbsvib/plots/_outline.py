@@ -100,8 +100,8 @@ def _hull(held: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int
     hull = ConvexHull(held)
     edges = set()
     for face, neighbours in enumerate(hull.neighbors):
-        for other in neighbours:
+        for neighbour in neighbours:
             # an edge between two triangles of one flat side is none of the body
-            if not np.allclose(hull.equations[face], hull.equations[other], atol=1e-6):
-                edges.add(tuple(sorted(set(hull.simplices[face].tolist()) & set(hull.simplices[other].tolist()))))
+            if not np.allclose(hull.equations[face], hull.equations[neighbour], atol=1e-6):
+                edges.add(tuple(sorted(set(hull.simplices[face].tolist()) & set(hull.simplices[neighbour].tolist()))))
     return sorted(edges), tuple((int(i), int(j), int(k)) for i, j, k in hull.simplices)

@@ -40,11 +40,11 @@ MARGIN = 0.06
 
 def axes_of(view: View) -> Array:
     """Return the rows right, up and towards the eye of a view."""
-    given = VIEWS.get(view) if isinstance(view, str) else view
-    if given is None or len(given) != 2:
+    angles = VIEWS.get(view) if isinstance(view, str) else view
+    if angles is None or len(angles) != 2:
         raise ResponseError(f"view = {view!r}: expected {', '.join(map(repr, VIEWS))} or two angles, azimuth and "
                             f"elevation in degrees.")  # fmt: skip
-    azimuth, elevation = np.radians(np.asarray(given, dtype=float))
+    azimuth, elevation = np.radians(np.asarray(angles, dtype=float))
     back = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return np.array([right, np.cross(back, right), back])
@@ -97,13 +97,13 @@ class Picture:
         axes.set_ylim(low[1] - room, high[1] + room)
         axes.set_aspect("equal")
         axes.set_axis_off()
-        self.place(scene.points)
+        self.set_points(scene.points)
 
     def flat(self, points: Any) -> Array:
         """Return points (n, 3) on the plane of the figure, and how near each is to the eye, (n, 3)."""
         return np.asarray(points, dtype=float) @ self._axes_of.T
 
-    def place(self, points: Array) -> None:
+    def set_points(self, points: Array) -> None:
         """Put all points elsewhere, (n, 3)."""
         flat = self.flat(points)
         if len(self._ends):

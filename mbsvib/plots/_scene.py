@@ -91,10 +91,10 @@ class Scene:
 
     def displacements(self, motion: ArrayLike) -> NDArray[Any]:
         """Return the displacements of all points, (n, 3, ...), of those of the bodies, (bodies, 6, ...)."""
-        given = np.asarray(motion)
-        moves = np.concatenate((given, np.zeros((1, *given.shape[1:]), given.dtype)))
-        share = self.share.reshape(-1, *[1] * (given.ndim - 1))
-        ends = [_carried(moves[body], at - self.position[body])
+        motions = np.asarray(motion)
+        moves = np.concatenate((motions, np.zeros((1, *motions.shape[1:]), motions.dtype)))
+        share = self.share.reshape(-1, *[1] * (motions.ndim - 1))
+        ends = [_rigid_displacement(moves[body], at - self.position[body])
                 for body, at in ((self.first, self.start), (self.second, self.end))]  # fmt: skip
         return np.asarray((1.0 - share) * ends[0] + share * ends[1])
 
@@ -121,8 +121,8 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
         if type(part) is Joint:
             builder.joint(part, part.name in cut)
         elif isinstance(part, Connection) and len(part.points) == 2:
-            builder.spring(part, sum(isinstance(other, Connection) and len(other.points) == 2
-                                     for other in parts) <= FEW_SPRINGS)  # fmt: skip
+            builder.spring(part, sum(isinstance(element, Connection) and len(element.points) == 2
+                                     for element in parts) <= FEW_SPRINGS)  # fmt: skip
         elif isinstance(part, Connection):
             builder.bushing(part)
         elif isinstance(part, Beam):
@@ -192,7 +192,7 @@ class _Builder:
     def hold(self, body: str, at: Any) -> None:
         """A body reaches as far as what it is held at."""
         held = self.held.setdefault(body, [])
-        if not any(np.allclose(at, other, rtol=0.0, atol=1e-6 * self.size) for other in held):
+        if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in held):
             held.append(at)
             if body == GROUND:
                 foot = np.asarray(at) + FOOT * self.size * _FOOT
@@ -285,7 +285,7 @@ def _vectors(values: Sequence[Any]) -> Array:
     return np.array([np.asarray(value, dtype=float) for value in values]).reshape(-1, 3)
 
 
-def _carried(moves: NDArray[Any], arm: Array) -> NDArray[Any]:
+def _rigid_displacement(moves: NDArray[Any], arm: Array) -> NDArray[Any]:
     """Displacements (n, 3, ...) of points at arms (n, 3) from the origins of bodies that move by (n, 6, ...)."""
     cross = np.cross(moves[:, 3:], arm.reshape(*arm.shape, *[1] * (moves.ndim - 2)), axis=1)
     return np.asarray(moves[:, :3] + cross)

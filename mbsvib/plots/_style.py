@@ -87,15 +87,15 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
     return width, tall if rows == 1 else height * rows
 
 
-def name_systems(figure: Figure, names: Sequence[str], place: Axes) -> None:
-    """Name a single system at the right end above ``place`` if there is room, several in a legend above all."""
+def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
+    """Name a single system at the right end above ``axes`` if there is room, several in a legend above all."""
     if len(names) > 1:
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=min(len(names), 4))
         return
-    room = place.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
-    if len(place.get_title(loc="left")) + len(names[0]) + 3 <= room:
-        place.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
+    room = axes.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
+    if len(axes.get_title(loc="left")) + len(names[0]) + 3 <= room:
+        axes.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
 
 
 def zero(curves: Iterable[NDArray[Any]]) -> str:

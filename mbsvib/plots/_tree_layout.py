@@ -37,14 +37,14 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
         children[branch.parent].append(branch.body)
         level[branch.body] = level[branch.parent] + 1
     abscissa = [0.0] * (ground + 1)
-    place = 0
+    next_column = 0
     stack = [ground]
     while stack:  # leaves in the order of a walk through the tree
         body = stack.pop()
         stack += reversed(children[body])
         if not children[body]:
-            abscissa[body] = place
-            place += 1
+            abscissa[body] = next_column
+            next_column += 1
     for body in [*(branch.body for branch in reversed(topology.branches)), ground]:
         below = [abscissa[child] for child in children[body]]
         if below:
@@ -76,16 +76,16 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
               number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
     edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
               for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
-    given = list(parts)
-    made = {name for part in given if isinstance(part, Composed) for name in part.made}
-    for part in given:
+    elements = list(parts)
+    made = {name for part in elements if isinstance(part, Composed) for name in part.made}
+    for part in elements:
         if isinstance(part, Connection) and part.name not in made:
             what = type(part).__name__.lower()
             edges.append(["spring", part.name, what, number[part.first], number[part.second]])
         elif isinstance(part, Coupling):
-            turned = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
+            coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
             edges += [["coupler", part.name, type(part).__name__.lower(), number[a], number[b]]
-                      for a, b in pairwise(turned)]  # fmt: skip
+                      for a, b in pairwise(coupled_bodies)]  # fmt: skip
     return {"nodes": nodes, "edges": edges}
 
 

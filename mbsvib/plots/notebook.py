@@ -35,7 +35,7 @@ def of_model(model: Mechanism) -> str:
     """
     groups = [("bodies", model.bodies), ("joints", model.joints), ("springs", model.springs),
               ("inputs", model.inputs), ("outputs", model.outputs)]  # fmt: skip
-    rows = [(what, len(found), _few([*found])) for what, found in groups if found]
+    rows = [(what, len(group), _few([*group])) for what, group in groups if group]
     text = html(model.name, (("", "left"), ("count", "right"), ("names", "left")), rows)
     return _with_picture(model, len(model.bodies), text)
 

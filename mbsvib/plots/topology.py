@@ -59,8 +59,8 @@ def topology(system: System) -> Figure:
             label, colour, thick, dash = KINDS[kind]
             axes.plot(*points.T, color=colour, linewidth=thick, linestyle=dash, label=label, zorder=2)
             if len(edges) <= MOST_NAMES and kind != "floating":
-                place = points[5 if kind in ("spring", "coupler") else 9]
-                axes.annotate(name, place, ha="center", va="center", fontsize=6.5, color=colour, bbox=BOX, zorder=3)
+                position = points[5 if kind in ("spring", "coupler") else 9]
+                axes.annotate(name, position, ha="center", va="center", fontsize=6.5, color=colour, bbox=BOX, zorder=3)
         ground = len(nodes) - 1
         axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)

@@ -131,16 +131,16 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
         grid = placed(places, poles, *span(poles, None, None))
         sources, results = _fitting(sources, results, len(grid))
     pairs = [(source, result) for source in sources for result in results]
-    found = curves(system, pairs, grid)
+    drawn_curves = curves(system, pairs, grid)
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
         "outputs": [[name, units.pretty(_unit(system.outputs, system.output_units, name))] for name in results],
         "left": [asked[0] - len(sources), asked[1] - len(results)],
         "frequencies": grid.tolist(),
-        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in found],
-        "negligible": [curve.negligible for curve in found],
-        "magnitude": packed(np.array([np.abs(curve.values) for curve in found])),
-        "phase": packed(np.array([curve.phase() for curve in found])),
+        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn_curves],
+        "negligible": [curve.negligible for curve in drawn_curves],
+        "magnitude": packed(np.array([np.abs(curve.values) for curve in drawn_curves])),
+        "phase": packed(np.array([curve.phase() for curve in drawn_curves])),
     }
 
 
