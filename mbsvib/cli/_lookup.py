@@ -1,4 +1,4 @@
-"""From words on the command line to models, systems, inputs and outputs."""
+"""Models, systems, inputs and outputs from arguments of the command line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OutputOption = Annotated[
 
 
 def model_of(word: str) -> Model:
-    """Return the model that a file holds or a name of the library stands for.
+    """Return the model of a file or of a name in the library.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def model_of(word: str) -> Model:
 
 
 def _read(path: Path) -> Model:
-    """Read a file by its suffix; XML tells by its outermost element whether it is MJCF or URDF."""
+    """Read a file by its suffix; the root element of XML determines whether it is MJCF or URDF."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
         from mbsvib.mjcf.kind import root_of

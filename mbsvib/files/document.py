@@ -1,4 +1,4 @@
-"""A document: the plain values of a file, and the line at which each of its keys stands."""
+"""A document: the plain values of a file, and the line number of each key."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from mbsvib.errors import ModelError
 
-# (section, name, word): the way from the top of a document down to one key
+# (section, name, word): the path from the top of a document to one key
 KeyPath = tuple[str, ...]
 
 
@@ -25,7 +25,7 @@ class Document:
     ) -> ModelError:
         """Build the error "FILE, line LINE, PLACE: MESSAGE"."""
         known = key_path
-        while known and known not in self.lines:  # a key that is missing, or that came by an alias
+        while known and known not in self.lines:  # a key that is missing or is from an alias
             known = known[:-1]
         return fault(self.file, self.lines.get(known, 1), key_path, message, element=element, field=field)
 
@@ -44,6 +44,6 @@ def fault(
 
 
 def repeated(file: str, line: int, key_path: KeyPath, first: int) -> ModelError:
-    """Build the error of a key that is there twice."""
+    """Build the error of a duplicate key."""
     return fault(file, line, key_path, f"'{key_path[-1]}' is already there on line {first}, and each key can be there "
                                        f"only once; rename or remove one.", element=key_path[-1])  # fmt: skip

@@ -29,12 +29,12 @@ def read_json(text: str, file: str) -> Document:
 
 
 def _integer(text: str) -> Any:
-    # what no double holds exactly is a float all the same; Python refuses to convert thousands of digits
+    # long integers become floats too; Python refuses to convert thousands of digits
     return int(text) if len(text) < 18 else float(text)
 
 
 def _lines(text: str, file: str) -> dict[KeyPath, int]:
-    """Return the line of each key that is not inside a list; refuse a key that is there twice."""
+    """Return the line of each key that is not inside a list; refuse duplicate keys."""
     lines: dict[KeyPath, int] = {}
     line = 1
     stack: list[KeyPath | None] = []

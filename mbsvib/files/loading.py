@@ -1,4 +1,4 @@
-"""Model files to models: each entry becomes the ``add_...`` call that it spells."""
+"""Model files to models: each entry becomes an ``add_...`` call."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from mbsvib.files.reading import read
 from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, options, unfit, words
 from mbsvib.mechanism.mechanism import GROUND
 
-# keys at the top level besides the sections and the words of Model(...)
+# keys at the top level in addition to the sections and the arguments of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"
-# sections of parts that hold each other by their nodes
+# sections of parts that may be connected by their nodes
 COMPOSED = ("beams", "superelements")
-# of what is known, no message lists more
+# maximum number of known names in a message
 MOST_NAMES = 12
 
 
@@ -61,7 +61,7 @@ def load(path: str | PathLike[str]) -> Model:
 
 
 def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, Any]]:
-    """Entries in an order in which beams and superelements come after those whose nodes hold them."""
+    """Entries sorted so that beams and superelements follow those to whose nodes they are connected."""
     waiting = [item for item in items if item[0] in COMPOSED]
     if not waiting:
         return items
@@ -77,7 +77,7 @@ def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, 
 
 
 def _held_by(entry: Any) -> set[str]:
-    """What could be the owners of nodes that hold a beam or superelement."""
+    """Possible owners of the nodes to which a beam or superelement is connected."""
     if not isinstance(entry, dict):
         return set()
     held = entry.get("bodies")
@@ -130,7 +130,7 @@ def _add(document: Document, model: Model, section: str, name: str, entry: Any) 
     if missing:
         raise document.error(path, f"missing: {', '.join(missing)}; add_{kind} takes {', '.join(known)}.",
                              element=name, field=missing[0])  # fmt: skip
-    # a word that admits None may be left out here, though Python would ask for it
+    # an argument that may be None is optional here, even if Python requires it
     absent = {word: None for word, item in known.items() if item.default is item.empty and word not in entry}
     try:
         getattr(model, f"add_{kind}")(name, **absent, **entry)
@@ -140,14 +140,14 @@ def _add(document: Document, model: Model, section: str, name: str, entry: Any) 
 
 
 def _wrong(model: Model, section: str, kind: str, key: str, value: Any) -> str | None:
-    """Return what is wrong with a word that the ``add_...`` call could not say, or not as clearly."""
+    """Return the error of an argument that the ``add_...`` call would not report, or less clearly."""
     known = words(kind)
     if key not in known:
         return f"add_{kind} has no such word.{_kinds_with_word(section, kind, key) or _known(key, known)}"
     expected = unfit(known[key], value)
     if expected is not None:
         return _mismatch(key, value, expected)
-    # the call would advise to add bodies first, which in a file they always are
+    # the call would advise to add bodies first, but in a file the order does not matter
     if "Body" in options(known[key]) and "Joint" not in options(known[key]) and not _is_body(model, value):
         return f"there is no body '{value}'.{_known(value, [*model.bodies, *model.nodes, GROUND])}"
     return None
@@ -179,7 +179,7 @@ def _calls(section: str) -> str:
 
 
 def _misplaced(key: str) -> str:
-    """Return a hint for sections that people expect, though their entries go into another one."""
+    """Return a hint for names of sections that do not exist, such as those of single types."""
     for section, kinds in SECTIONS.items():
         for kind in kinds:
             if key in (kind, f"{kind}s"):

@@ -66,7 +66,7 @@ def described(model: Model) -> dict[str, Any]:
 
 
 def _spoken(word: str, value: Any) -> Any:
-    """Return the shorter form of a value that the ``add_...`` call turns into the same value."""
+    """Return the shortest form of a value that the ``add_...`` call converts to the same value."""
     if word in ("inertia", "direction") and isinstance(value, tuple) and value[3:] == (0.0, 0.0, 0.0):
         return value[:3]
     return value

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 HEADING = "# mbsvib model: SI units and radians; positions and axes in world coordinates"
-# Letters first, so that it is no number; single blanks inside, so that neither ": " nor " #" can occur.
+# A plain scalar starts with a letter, so that it is no number, and single blanks, so that ": " and " #" cannot occur.
 _PLAIN = re.compile(r"[^\W\d][\w./-]*(?: [\w./-]+)*")
-# text in YAML 1.2, and nearly all of it something else to older readers
+# text in YAML 1.2, but most of it has another type in YAML 1.1
 _RESERVED = frozenset({"null", "true", "false", "yes", "no", "on", "off"})
 # YAML takes a longer key only in its explicit form
 _LONG_KEY = 1000

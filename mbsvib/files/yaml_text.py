@@ -21,7 +21,7 @@ _INTEGER = re.compile(r"[-+]?[0-9]{1,17}")
 _BASED = re.compile(r"0(?:o[0-7]{1,16}|x[0-9a-fA-F]{1,12})")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
-# a model needs five levels; far more would only exhaust the stack
+# a model needs five levels; far more could exhaust the stack
 MAX_DEPTH = 40
 
 
@@ -43,7 +43,7 @@ def read_yaml(text: str, file: str) -> Document:
 
 
 def scalar(text: str) -> Any:
-    """Return what an unquoted scalar means in the core schema of YAML 1.2."""
+    """Return the value of an unquoted scalar in the core schema of YAML 1.2."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     if text[0] not in "+-.0123456789":
@@ -60,7 +60,7 @@ def scalar(text: str) -> Any:
 
 
 class _Builder:
-    """Builds plain values from events, and notes the line of each key on the way."""
+    """Builds plain values from events, and records the line of each key."""
 
     def __init__(self, file: str, events: Iterator[Any]) -> None:
         self.file = file
@@ -146,7 +146,7 @@ class _Builder:
                                           f"write it in quotes: '{value}'.")  # fmt: skip
 
     def merged(self, event: Any, key_path: KeyPath | None, depth: int) -> dict[str, Any]:
-        """Return what a merge key ``<<`` brings in; of several mappings the first that has a key wins."""
+        """Return the entries of a merge key ``<<``; of several mappings the first one with a key has priority."""
         value = self.node(event, None, depth + 1)
         parents = value if isinstance(value, list) else [value]
         if not all(isinstance(parent, dict) for parent in parents):

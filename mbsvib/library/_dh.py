@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 JOINTS = {"revolute": "revolute", "prismatic": "prismatic", "R": "revolute", "P": "prismatic"}
 ABOUT = ("cm", "origin")
 WORDS = ("a", "b", "alpha", "theta", "joint", "mass", "cm", "inertia", "about", "name")
-# Angles this near to a multiple of a right angle are one: its cosine or sine is then an exact zero.
+# Angles this near to a multiple of a right angle are rounded to it: its cosine or sine is then exactly zero.
 RIGHT = 1e-15
 
 
@@ -94,7 +94,7 @@ def from_dh(
 
 
 def _checked(description: Any, i: int) -> dict[str, Any]:
-    """One row with all its words, checked."""
+    """One row with all its entries, checked."""
     who = f"link {i}"
     if not isinstance(description, Mapping):
         raise check.refuse(who, "row", description, f"a mapping with the words {', '.join(WORDS)}")

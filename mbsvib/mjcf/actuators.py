@@ -99,7 +99,7 @@ def _refuse_kinds(scene: Scene, i: int) -> None:
 
 
 def _row(scene: Scene, i: int) -> int:
-    """Where the actuator's force and length are among those of all."""
+    """Index of the actuator's force and length among those of all."""
     m = scene.file.m
     return int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
 
@@ -109,7 +109,7 @@ def _gear(scene: Scene, i: int) -> Array:
 
 
 def _path(scene: Scene, i: int, tendons: Mapping[int, Path | None]) -> Path | None:
-    """What the actuator makes longer; None where it pushes at a site, or a ball or free joint."""
+    """The path that the actuator extends; None if it acts on a site, or on a ball or free joint."""
     file, m, api = scene.file, scene.file.m, scene.file.api.mjtTrn
     kind, target = int(m.actuator_trntype[i]), int(m.actuator_trnid[i][0])
     if kind == api.mjTRN_TENDON:

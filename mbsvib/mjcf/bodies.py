@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 GROUND = "ground"
 KINDS = {FREE: "free", BALL: "spherical", SLIDE: "prismatic", HINGE: "revolute"}
-# Place of the joint's own direction among x y z rx ry rz.
+# Index of the joint's own direction among x y z rx ry rz.
 OWN = {FREE: None, BALL: None, SLIDE: 2, HINGE: 5}
 EFFORTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 # Rotations smaller than this are rounding of quaternions.
@@ -191,7 +191,7 @@ def _option(value: Any, name: str, what: str) -> Any:
 
 
 def added(file: Compiled, target: str, i: int, what: str) -> float:
-    """Return what actuators add to damping or armature of a joint or tendon: theirs, by the square of their gear."""
+    """Return the damping or armature that actuators add to a joint or tendon: theirs times the square of the gear."""
     m, total = file.m, 0.0
     if not hasattr(m, f"actuator_{what}"):
         return total
@@ -205,7 +205,7 @@ def added(file: Compiled, target: str, i: int, what: str) -> float:
 
 
 def add_armature(scene: Scene) -> None:
-    """Add the reflected inertia of joints, which moves with the joint alone."""
+    """Add the reflected inertia of joints, which moves only with the joint."""
     m = scene.file.m
     for i, link in scene.links.items():
         inertia = float(m.dof_armature[int(m.jnt_dofadr[i])]) + added(scene.file, "joint", i, "armature")

@@ -1,4 +1,4 @@
-"""What MuJoCo makes of a file, in a pose: it resolves defaults, includes, frames, and inertia from shapes."""
+"""A file compiled by MuJoCo, in a pose: MuJoCo resolves defaults, includes, frames, and inertia from shapes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 # Numbers of a joint's position, by its type in MuJoCo: free, ball, slide, hinge.
 WIDTHS = (7, 4, 1, 1)
 FREE, BALL, SLIDE, HINGE = range(4)
-# What may be left out by name, and the group of actuators that is then switched off.
+# Features that may be left out by name, and the group of actuators that is then disabled.
 LEAVABLE = ("actuator", "tendon", "equality")
 OFF = 30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compiled:
-    """MuJoCo's model ``m`` and data ``d`` in the pose asked for; ``api`` is its module."""
+    """MuJoCo's model ``m`` and data ``d`` in the requested pose; ``api`` is its module."""
 
     path: str
     api: Any
@@ -40,7 +40,7 @@ class Compiled:
     d: Any
 
     def count(self, kind: str) -> int:
-        """Return how many of a kind there are: body, joint, tendon, actuator, equality, site, key, geom."""
+        """Return the number of elements of a kind: body, joint, tendon, actuator, equality, site, key, geom."""
         m = self.m
         if kind == "actuator":
             return len(m.actuator_trntype)
@@ -48,7 +48,7 @@ class Compiled:
                     "key": m.nkey, "geom": m.ngeom}[kind])  # fmt: skip
 
     def name(self, kind: str, i: int) -> str:
-        """Return the name of an element, or what stands for it: its kind and number, a joint's body with '.joint'."""
+        """Return the name of an element; default: its kind and number, for a joint its body with '.joint'."""
         mujoco_name = self.api.mj_id2name(self.m, getattr(self.api.mjtObj, f"mjOBJ_{kind.upper()}"), i)
         if mujoco_name:
             return str(mujoco_name)
@@ -69,7 +69,7 @@ class Compiled:
         return ModelError(f"{self.path}: {kind} '{name}': {what}{way}", element=name, field=field)
 
     def off(self, *flags: str) -> bool:
-        """Tell whether the file's options switch something off; versions differ in what the flags are called."""
+        """Tell whether the file's options disable a feature; names of the flags depend on the version."""
         bits = [int(getattr(self.api.mjtDisableBit, f"mjDSBL_{flag}", 0)) for flag in flags]
         return any(int(self.m.opt.disableflags) & bit for bit in bits)
 
@@ -141,7 +141,7 @@ def compiled(
 
 @contextmanager
 def _heard(api: Any, path: str | PathLike[str]) -> Iterator[None]:
-    """Hand on what MuJoCo warns of, which it would else write to a file in the current folder."""
+    """Convert warnings of MuJoCo, which it would otherwise write to a file in the current folder."""
     told: list[str] = []
     before = api.get_mju_user_warning()
     api.set_mju_user_warning(told.append)
@@ -154,7 +154,7 @@ def _heard(api: Any, path: str | PathLike[str]) -> Iterator[None]:
 
 
 def _leave(file: Compiled, leave: Iterable[str]) -> None:
-    """Switch off what the user wants to leave out, before anything is computed."""
+    """Disable the features that the user leaves out, before anything is computed."""
     m = file.m
     if isinstance(leave, str):
         leave = (leave,)
@@ -207,7 +207,7 @@ def _set_pose(file: Compiled, pose: Mapping[str, Any]) -> None:
 
 
 def _command(file: Compiled, control: Mapping[str, float]) -> None:
-    """Set controls; where an actuator has a state of its own, the state is what makes its force."""
+    """Set controls; for an actuator with a state, set the state, which determines its force."""
     numbers = {name: i for i, name in enumerate(file.names("actuator"))}
     for name, command in control.items():
         i = known(name, numbers, "control", "actuator")
@@ -220,7 +220,7 @@ def _command(file: Compiled, control: Mapping[str, float]) -> None:
 
 
 def known(name: str, numbers: Mapping[str, int], field: str, what: str) -> int:
-    """Return the number of an element that an argument names.
+    """Return the number of an element by name.
 
     Raises
     ------

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
 
-MOST_NAMES = 8  # that a warning lists of each sort
-UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model whose file gives it no name
+MOST_NAMES = 8  # maximum number of names of each kind in a warning
+UNNAMED = "MuJoCo Model"  # MuJoCo's default name of a model
 
 
 def load_mjcf(

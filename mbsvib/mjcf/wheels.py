@@ -55,5 +55,5 @@ def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: floa
 
 
 def _size(scene: Scene, coordinate: str) -> float:
-    """What makes travel comparable with turning."""
+    """Scale of a coordinate: 1 for rotations, the size of the model [m] for translations."""
     return 1.0 if coordinate.rpartition(".")[2].startswith("r") else float(scene.file.m.stat.extent)

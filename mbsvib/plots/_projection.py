@@ -1,4 +1,4 @@
-"""A mechanism seen from somewhere: lines, faces and marks on the plane of a figure, the far ones first."""
+"""Projection of a mechanism: lines, faces and marks on the plane of a figure, sorted by distance."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def axes_of(view: View) -> Array:
 
 
 class Picture:
-    """A scene in axes of matplotlib, whose points can be put elsewhere.
+    """A scene in axes of matplotlib, whose points can be moved.
 
     Parameters
     ----------
@@ -100,11 +100,11 @@ class Picture:
         self.set_points(scene.points)
 
     def flat(self, points: Any) -> Array:
-        """Return points (n, 3) on the plane of the figure, and how near each is to the eye, (n, 3)."""
+        """Return points (n, 3): coordinates on the plane of the figure, and the distance towards the eye, (n, 3)."""
         return np.asarray(points, dtype=float) @ self._axes_of.T
 
     def set_points(self, points: Array) -> None:
-        """Put all points elsewhere, (n, 3)."""
+        """Move all points, (n, 3)."""
         flat = self.flat(points)
         if len(self._ends):
             order = np.argsort(flat[self._ends, 2].mean(axis=1), kind="stable")

@@ -1,4 +1,4 @@
-"""What a mechanism looks like: points that ride on bodies, joined by lines and faces, for pictures of any kind.
+"""Geometry of a mechanism for pictures: points fixed to bodies, connected by lines and faces.
 
 A point between two bodies (on a spring) moves by a share of either: u = (1 - s) u_first(p) + s u_second(q). So the
 picture of any displacement of the bodies is one product, and no drawing needs to know of joints.
@@ -34,11 +34,11 @@ GROUND = "ground"
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
 COIL, TURNS = 0.016, 6  # radius of a spring, as a share of the size, and its turns
 FEW_SPRINGS = 60  # more than these are drawn with fewer points
-# A pyramid below what the ground holds, and a way along all of its edges.
+# A pyramid below points on the ground, and a polyline along all of its edges.
 _FOOT = np.array([(0.0, 0.0, 0.0), (0.6, 0.6, -1.0), (-0.6, 0.6, -1.0), (-0.6, -0.6, -1.0), (0.6, -0.6, -1.0)])
 _FOOT_WAY = (0, 1, 2, 0, 3, 4, 0, 4, 1, 2, 3)
-# What a joint's axis line shows: the directions of its axes about or along which it is free; of a homokinetic joint the
-# one that bisects the angle of its shafts.
+# Axis lines of joints: the directions about or along which they are free; for a homokinetic joint the bisector of the
+# angle between its shafts.
 _AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1),
          "homokinetic": (2,), "planar": (2,), "point_on_line": (2,)}  # fmt: skip
 
@@ -100,7 +100,7 @@ class Scene:
 
 
 def of_model(model: Mechanism) -> Scene:
-    """Return the picture of a model; loops that are not closed yet or poses that are singular are no hindrance."""
+    """Return the scene of a model, also for open loops and singular poses."""
     plain = expanded(model)
     cut = set(span(plain).cut_joints) if plain.bodies else set()
     groups = (model.bodies, model.joints, model.springs, model.composed, model.inputs)
@@ -108,7 +108,7 @@ def of_model(model: Mechanism) -> Scene:
 
 
 def of_system(name: str, provenance: Provenance) -> Scene:
-    """Return the picture of what a system was made of."""
+    """Return the scene of the linearized model of a system."""
     cut = set(provenance.topology.cut_joints)
     return _scene(name, [*provenance.parts, *provenance.ports], cut, provenance.topology.bodies)
 
@@ -132,7 +132,7 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
         elif isinstance(part, Input):
             builder.arrow(part)
     for part in parts:
-        if type(part) is Body:  # not what stands for a Maxwell element
+        if type(part) is Body:  # not the node of a Maxwell element
             builder.body(part)
     return builder.scene(name, names)
 
@@ -190,7 +190,7 @@ class _Builder:
         self.marks.append(Mark(kind, name, self.point(body, at), words))
 
     def hold(self, body: str, at: Any) -> None:
-        """A body reaches as far as what it is held at."""
+        """Add a connection point of a body, which extends the body's outline."""
         held = self.held.setdefault(body, [])
         if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in held):
             held.append(at)

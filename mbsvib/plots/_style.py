@@ -1,4 +1,4 @@
-"""The look of all figures: colours that the colour-blind can tell apart, a restrained grid, sizes for a paper."""
+"""Style of all figures: colours for the colour-blind, a light grid, sizes for a paper."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _LOCK = RLock()  # matplotlib's settings are one dictionary for the whole proces
 
 @contextmanager
 def context() -> Iterator[None]:
-    """Apply the look while a figure is built; figures may be built in several threads."""
+    """Apply the style while a figure is built; figures may be built in several threads."""
     import matplotlib
 
     with _LOCK, matplotlib.rc_context(RC):
@@ -76,7 +76,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def line(number: int, faint: bool = False) -> dict[str, Any]:
-    """Return colour and dashes of the line with this number: told apart in grey print too."""
+    """Return colour and dashes of the line with this number; lines differ in grey print too."""
     look = {"color": COLOURS[number % len(COLOURS)], "linestyle": DASHES[number % len(DASHES)]}
     return {**look, "color": MARK, "linewidth": 0.8} if faint else look
 

@@ -1,4 +1,4 @@
-"""Where the bodies of a mechanism go in a drawing of its topology: ground below, each body above what it hangs on."""
+"""Positions of bodies in a drawing of the topology: ground at the bottom, each body above its parent."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
     abscissa = [0.0] * (ground + 1)
     next_column = 0
     stack = [ground]
-    while stack:  # leaves in the order of a walk through the tree
+    while stack:  # leaves in depth-first order
         body = stack.pop()
         stack += reversed(children[body])
         if not children[body]:
@@ -53,7 +53,7 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
 
 
 def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
-    """Return bodies and what connects them: nodes [name, x, level, floats], edges [kind, name, words, first, second].
+    """Return bodies and their connections: nodes [name, x, level, floats], edges [kind, name, words, first, second].
 
     Parameters
     ----------
@@ -90,6 +90,6 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
 
 
 def _moved(topology: Topology, coordinate: str) -> str:
-    """The body that a coordinate moves against the other one: where a gear sits."""
+    """The outer body of a coordinate, to which a gear belongs."""
     joint = next(joint for joint in topology.joints if joint.name == coordinate.rpartition(".")[0])
     return joint.first if joint.second == "ground" else joint.second

@@ -1,4 +1,4 @@
-"""Energy shares: which springs hold a mode, and which bodies move in it."""
+"""Energy shares of modes: strain energy by element, kinetic energy by body."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
 
 
 def largest(names: Sequence[str], values: Array) -> list[tuple[str, Array]]:
-    """Return those elements that have a share worth showing, in their order, and what is left over as all others.
+    """Return the elements with significant shares, in their order, and the sum of all others.
 
     Parameters
     ----------

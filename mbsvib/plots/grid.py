@@ -1,4 +1,4 @@
-"""Where to compute: times that show a response until it settles."""
+"""Times of a response until it has decayed."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def topology(system: System) -> Figure:
 
 
 def _bent(start: Array, end: Array, bend: float) -> Array:
-    """A curve from start to end that bends aside."""
+    """A curved line from start to end."""
     s = np.linspace(0.0, 1.0, 17)[:, None]
     aside = 0.5 * (start + end) + bend * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
     return np.asarray((1.0 - s) ** 2 * start + 2.0 * s * (1.0 - s) * aside + s**2 * end)

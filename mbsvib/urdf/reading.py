@@ -1,4 +1,4 @@
-"""What a URDF file says, as plain numbers: links with inertia, joints with origin, axis and damping."""
+"""Contents of a URDF file as plain numbers: links with inertia, joints with origin, axis and damping."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-AXIS = np.array((1.0, 0.0, 0.0))  # where a joint gives none, as the format has it
+AXIS = np.array((1.0, 0.0, 0.0))  # default axis of a joint in the format
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
-    """All links and joints by name; ``root`` is the link that no joint carries."""
+    """All links and joints by name; ``root`` is the link that is not the child of a joint."""
 
     name: str
     links: dict[str, Link]

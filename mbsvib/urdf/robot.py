@@ -158,7 +158,7 @@ def _add(
     if held:
         kind = "free"
     elif own is None and (k.any() or c.any()):
-        if not k.any():  # the file's damping of a joint with several freedoms has no direction
+        if not k.any():  # the file gives no direction for the damping of a joint with several freedoms
             c = np.zeros(1)
         else:
             raise ModelError(f"joint '{joint.name}': a {joint.kind} joint takes six stiffnesses x y z rx ry rz, not "
