@@ -75,21 +75,21 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
         raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
                           f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
     known = origin.parameters
-    names = tuple(dict.fromkeys(name for each in parameters for name in known.matching(each)))
+    names = tuple(dict.fromkeys(name for pattern in parameters for name in known.matching(pattern)))
 
     failures: dict[str, MbsvibError] = {}
 
     def build(values: Mapping[str, float]) -> Matrices | None:
         try:
-            found: Equations = linearized(origin.with_values(values), system.coordinates, system.cut_joints)
+            equations: Equations = linearized(origin.with_values(values), system.coordinates, system.cut_joints)
         except MbsvibError as error:
             failures.update(dict.fromkeys(values, error))
             return None
         for name in values:
             failures.pop(name, None)
-        if found.coordinates != system.coordinates or found.massless != system.massless:
+        if equations.coordinates != system.coordinates or equations.massless != system.massless:
             return None
-        return {label: getattr(found, label) for label in MATRICES}
+        return {label: getattr(equations, label) for label in MATRICES}
 
     base = build({})
     if base is None or any(not _near(base[label], getattr(system, label)) for label in MATRICES):
@@ -97,12 +97,12 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
                           f"tells what parameters do to them; give the system of model.linearize().")  # fmt: skip
     slopes, steps = {label: np.zeros((len(names), *base[label].shape)) for label in MATRICES}, {}
     for i, name in enumerate(names):
-        found = _slope(base, known[name], scale_of(known, name), lambda value, of=name: build({of: value}))  # type: ignore[misc]
-        if found is None:
+        slope = _slope(base, known[name], scale_of(known, name), lambda value, of=name: build({of: value}))  # type: ignore[misc]
+        if slope is None:
             raise ExportError(_refusal(known, name, caller, failures.get(name))) from failures.get(name)
-        steps[name] = known[name] + 0.4 * found[0]
+        steps[name] = known[name] + 0.4 * slope[0]
         for label in MATRICES:
-            slopes[label][i] = found[1][label]
+            slopes[label][i] = slope[1][label]
     together = build(steps) if len(names) > 1 else base
     shift = np.array([steps[name] - known[name] for name in names]) if len(names) > 1 else np.zeros(len(names))
     for label in MATRICES:
@@ -115,9 +115,9 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     return Affine(names, tuple(entry.unit for entry in entries), values, system, slopes)
 
 
-def _near(found: Array, expected: Array, rtol: float = 1e-11) -> bool:
-    size = float(max(np.abs(expected).max(initial=0.0), np.abs(found).max(initial=0.0)))
-    return found.shape == expected.shape and bool(np.abs(found - expected).max(initial=0.0) <= rtol * size)
+def _near(actual: Array, expected: Array, rtol: float = 1e-11) -> bool:
+    size = float(max(np.abs(expected).max(initial=0.0), np.abs(actual).max(initial=0.0)))
+    return actual.shape == expected.shape and bool(np.abs(actual - expected).max(initial=0.0) <= rtol * size)
 
 
 def _slope(
@@ -150,8 +150,8 @@ def _refusal(known: Parameters, name: str, caller: str, failure: MbsvibError | N
         return (f"{caller}: '{name}' cannot be tuned, as changed alone it gives no system: {failure} Leave it out, or "
                 f"export a file for each value, of a model that has all else that goes with it.")  # fmt: skip
     part = known.entry(name).part
-    same = [other for other in known if other.startswith(f"{part}.") and known.entry(other).field in _AFFINE]
-    others = same or [other for other in known if known.entry(other).field in ("mass", "stiffness", "damping")]
+    same = [key for key in known if key.startswith(f"{part}.") and known.entry(key).field in _AFFINE]
+    others = same or [key for key in known if known.entry(key).field in ("mass", "stiffness", "damping")]
     return (f"{caller}: '{name}' cannot be tuned, as the equations are not affine in it. They would be in stiffness, "
             f"damping, mass and inertia where nothing is condensed and no free length makes loads of them: "
             f"{', '.join(others[:6]) or 'of which there are none'}{', ...' if len(others) > 6 else ''}. For others "

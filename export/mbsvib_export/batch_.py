@@ -82,24 +82,24 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
     if realization == "balanced":
         raise ExportError("to_npz_batch: realization = 'balanced'; expected 'physical' or 'modal': balanced "
                           "states have other units in each variant. Write them one by one, to_npz(batch[i], ...).")
-    each = [SystemData.of(system, realization) for system in batch]
-    spaces = [data.state_space for data in each]
+    variants = [SystemData.of(system, realization) for system in batch]
+    spaces = [data.state_space for data in variants]
     for i, space in enumerate(spaces):
         if space.states != spaces[0].states:
             raise ExportError(f"to_npz_batch: variant {i} has the states {', '.join(space.states)}, variant 0 "
                               f"{', '.join(spaces[0].states)}; expected one list for all. Write them one by one, "
                               f"to_npz(batch[i], ...).")  # fmt: skip
-    one = each[0]
+    first = variants[0]
     arrays: dict[str, Any] = {
         "format": np.array(FORMAT),
         "version": np.array(VERSION),
-        "name": np.array(one.name),
+        "name": np.array(first.name),
         "realization": np.array(realization),
         "parameters": np.array(list(batch.parameters), dtype=str),
         "values": np.array(list(batch.parameters.values())).reshape(len(batch.parameters), len(batch)),
-        **{key: np.array(getattr(one, key), dtype=str) for key in TEXTS},
+        **{key: np.array(getattr(first, key), dtype=str) for key in TEXTS},
         **{key: np.array(getattr(spaces[0], key), dtype=str) for key in STATE_TEXTS},
-        **{key: np.stack([getattr(data, key) for data in each]) for key in (*SECOND_ORDER, "body_motion")},
+        **{key: np.stack([getattr(data, key) for data in variants]) for key in (*SECOND_ORDER, "body_motion")},
         **{f"state_space.{key}": np.stack([first_order(space)[key] for space in spaces])
            for key in first_order(spaces[0])},
     }  # fmt: skip

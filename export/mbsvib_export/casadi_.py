@@ -122,12 +122,12 @@ def _with_parameters(
         raise ExportError(f"to_casadi: '{system.name}' has motions that move no mass (see system.explain()), whose "
                           f"rates are affine in no parameter; give them a little mass, or leave parameters "
                           f"out.")  # fmt: skip
-    found, space = affine(system, names, "to_casadi"), system.state_space()
+    form, space = affine(system, names, "to_casadi"), system.state_space()
     if step is not None:
-        step_of(space, step, "to_casadi")  # refuses what is no step
+        step_of(space, step, "to_casadi")  # refuses invalid steps
     m = system.dof
-    x, u, p = _symbols(casadi, 2 * m, len(system.inputs), len(found.names))
-    matrix = {label: _affine_matrix(casadi, found, label, p) for label in MATRICES}
+    x, u, p = _symbols(casadi, 2 * m, len(system.inputs), len(form.names))
+    matrix = {label: _affine_matrix(casadi, form, label, p) for label in MATRICES}
     solved = casadi.solve(matrix["M"], casadi.horzcat(-matrix["K"], -matrix["C"], matrix["B"]), "qr")
     a, b = solved[:, : 2 * m], solved[:, 2 * m :]
     acceleration = a @ x + b @ u
@@ -135,12 +135,12 @@ def _with_parameters(
     rates = _function(casadi, "rates", (x, u, p), (casadi.vertcat(x[m:], acceleration), y))
     sampled = None
     if step is not None:
-        whole_a = casadi.vertcat(casadi.horzcat(casadi.DM(m, m), casadi.DM.eye(m)), a)
-        whole_b = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
-        phi, gamma = exponential_step(casadi, whole_a, whole_b, space, float(step))
+        state_matrix = casadi.vertcat(casadi.horzcat(casadi.DM(m, m), casadi.DM.eye(m)), a)
+        input_matrix = casadi.vertcat(casadi.DM(m, len(system.inputs)), b)
+        phi, gamma = exponential_step(casadi, state_matrix, input_matrix, space, float(step))
         sampled = _function(casadi, "step", (x, u, p), (phi @ x + gamma @ u, y))
     matrices = casadi.Function("matrices", [p], [matrix[label] for label in MATRICES], ["p"], list(MATRICES))
-    return _model(space, rates, sampled, matrices, step, found)
+    return _model(space, rates, sampled, matrices, step, form)
 
 
 def _symbols(casadi: Any, n: int, i: int, parameters: int) -> tuple[Any, Any, Any]:
@@ -152,13 +152,13 @@ def _function(casadi: Any, name: str, arguments: tuple[Any, ...], results: tuple
     return casadi.Function(name, list(arguments), list(results), ["x", "u", "p"], [first, "y"])
 
 
-def _affine_matrix(casadi: Any, found: Affine, label: str, p: Any) -> Any:
+def _affine_matrix(casadi: Any, form: Affine, label: str, p: Any) -> Any:
     """Nominal matrix and derivatives; one product, so that CasADi sees how few entries a parameter changes."""
-    nominal, slopes = getattr(found.nominal, label), found.slopes[label]
+    nominal, slopes = getattr(form.nominal, label), form.slopes[label]
     if not slopes.any():
         return casadi.MX(_dm(casadi, nominal))
-    entries = np.stack([each.ravel(order="F") for each in slopes], axis=1)
-    change = _dm(casadi, entries) @ (p - casadi.DM(found.values))
+    entries = np.stack([slope.ravel(order="F") for slope in slopes], axis=1)
+    change = _dm(casadi, entries) @ (p - casadi.DM(form.values))
     return _dm(casadi, nominal) + casadi.reshape(change, *nominal.shape)
 
 
@@ -167,10 +167,10 @@ def _dm(casadi: Any, array: Array) -> Any:
 
 
 def _model(
-    space: StateSpace, rates: Any, sampled: Any, matrices: Any, step: float | None, found: Affine | None
+    space: StateSpace, rates: Any, sampled: Any, matrices: Any, step: float | None, form: Affine | None
 ) -> CasadiModel:
     return CasadiModel(
         space.name, rates, sampled, matrices, None if step is None else float(step), space.states, space.state_units,
-        space.inputs, space.input_units, space.outputs, space.output_units, found.names if found else (),
-        found.units if found else (), found.values.copy() if found else np.zeros(0),
+        space.inputs, space.input_units, space.outputs, space.output_units, form.names if form else (),
+        form.units if form else (), form.values.copy() if form else np.zeros(0),
     )  # fmt: skip

@@ -47,9 +47,9 @@ def exponential_step(casadi: Any, a: Any, b: Any, space: StateSpace, dt: float) 
     norm = float(np.abs(nominal).sum(axis=0).max(initial=0.0))
     squarings = _SPARE + max(0, int(np.ceil(np.log2(norm / _NORM))) if norm > 0.0 else 0)
     to, back = casadi.diag(casadi.DM(np.exp2(-power))), casadi.diag(casadi.DM(np.exp2(power)))
-    whole = casadi.horzcat(to @ a @ back * dt, to @ b @ casadi.diag(casadi.DM(scale)))
-    whole = casadi.vertcat(whole, casadi.DM(i, n + i)) / 2.0**squarings
-    result = _pade(casadi, whole, n + i)
+    augmented = casadi.horzcat(to @ a @ back * dt, to @ b @ casadi.diag(casadi.DM(scale)))
+    augmented = casadi.vertcat(augmented, casadi.DM(i, n + i)) / 2.0**squarings
+    result = _pade(casadi, augmented, n + i)
     for _ in range(squarings):
         result = result @ result
     gamma = back @ result[:n, n:] @ casadi.diag(casadi.DM(dt / scale)) if i else casadi.MX(n, 0)
@@ -57,10 +57,10 @@ def exponential_step(casadi: Any, a: Any, b: Any, space: StateSpace, dt: float) 
 
 
 def _pade(casadi: Any, x: Any, size: int) -> Any:
-    c, one = _PADE, casadi.DM.eye(size)
+    c, identity = _PADE, casadi.DM.eye(size)
     x2 = x @ x
     x4 = x2 @ x2
     x6 = x4 @ x2
-    odd = x @ (x6 @ (c[13] * x6 + c[11] * x4 + c[9] * x2) + c[7] * x6 + c[5] * x4 + c[3] * x2 + c[1] * one)
-    even = x6 @ (c[12] * x6 + c[10] * x4 + c[8] * x2) + c[6] * x6 + c[4] * x4 + c[2] * x2 + c[0] * one
+    odd = x @ (x6 @ (c[13] * x6 + c[11] * x4 + c[9] * x2) + c[7] * x6 + c[5] * x4 + c[3] * x2 + c[1] * identity)
+    even = x6 @ (c[12] * x6 + c[10] * x4 + c[8] * x2) + c[6] * x6 + c[4] * x4 + c[2] * x2 + c[0] * identity
     return casadi.solve(even - odd, even + odd, "qr")

@@ -61,8 +61,8 @@ def to_casadi_eigenvalues(system: System, parameters: str | Sequence[str]) -> An
     if not system.dof:
         raise ExportError(f"to_casadi_eigenvalues: '{system.name}' has no degree of freedom, and no eigenvalues.")
     return _callback(
-        "eigenvalues", system, names, lambda found: found.modes().eigenvalues,
-        lambda found: found.eigenvalue_sensitivities(names).T,
+        "eigenvalues", system, names, lambda variant: variant.modes().eigenvalues,
+        lambda variant: variant.eigenvalue_sensitivities(names).T,
     )  # fmt: skip
 
 
@@ -102,14 +102,14 @@ def to_casadi_response(
     names = _names(system, parameters, "to_casadi_response")
     row, column = _port(system, output, "output"), _port(system, input, "input")
     w = np.atleast_1d(np.asarray(omega, dtype=float))
-    one_in, one_out = system.inputs[column], system.outputs[row]
+    input_name, output_name = system.inputs[column], system.outputs[row]
 
-    def response(found: System) -> Complex:
-        result: Complex = found.frequency_response(w)[row, column]
+    def response(variant: System) -> Complex:
+        result: Complex = variant.frequency_response(w)[row, column]
         return result
 
-    def derivatives(found: System) -> Complex:
-        return found.frequency_response_sensitivities(w, names, one_in, one_out)[:, 0, 0, :].T
+    def derivatives(variant: System) -> Complex:
+        return variant.frequency_response_sensitivities(w, names, input_name, output_name)[:, 0, 0, :].T
 
     return _callback("response", system, names, response, derivatives)
 
@@ -123,8 +123,8 @@ def _names(system: System, parameters: str | Sequence[str], caller: str) -> tupl
     if origin is None or system.provenance.dropped is not None:
         raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
                           f"tells what parameters do to it; give that one.")  # fmt: skip
-    given = (parameters,) if isinstance(parameters, str) else tuple(parameters)
-    return tuple(dict.fromkeys(name for each in given for name in origin.parameters.matching(each)))
+    patterns = (parameters,) if isinstance(parameters, str) else tuple(parameters)
+    return tuple(dict.fromkeys(name for pattern in patterns for name in origin.parameters.matching(pattern)))
 
 
 def _port(system: System, name: str | None, what: str) -> int:
@@ -152,17 +152,17 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
         if key not in last:
             try:
                 changed = origin.with_values(dict(zip(names, p.tolist(), strict=True)))
-                found: Any = settled(changed, system.coordinates, system.cut_joints, "dense", System)[1]
+                variant: Any = settled(changed, system.coordinates, system.cut_joints, "dense", System)[1]
             except MbsvibError:
-                found = None
+                variant = None
             last.clear()
-            last[key] = found
+            last[key] = variant
         return last[key]
 
     def ask(what: Ask, p: Array, shape: tuple[int, ...]) -> list[Array]:
-        found = at(p)
+        variant = at(p)
         try:
-            result = None if found is None else what(found)
+            result = None if variant is None else what(variant)
         except MbsvibError:
             result = None
         if result is None or result.shape != shape:
@@ -171,7 +171,7 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
 
     made = _kinds()[0](name, rows, len(names), lambda p: ask(value, p, (rows,)),
                        lambda p: ask(derivatives, p, (rows, len(names))))  # fmt: skip
-    made.parameters, made.values = names, np.array([origin.parameters[each] for each in names])
+    made.parameters, made.values = names, np.array([origin.parameters[key] for key in names])
     return made
 
 
@@ -201,7 +201,7 @@ def _kinds() -> tuple[Any, Any]:
             return casadi.Sparsity.dense(self.owner.rows, self.owner.columns)
 
         def eval(self, arguments: Any) -> Any:
-            return [casadi.DM(each) for each in self.owner.slopes(arguments[0].full().ravel())]
+            return [casadi.DM(array) for array in self.owner.slopes(arguments[0].full().ravel())]
 
     class Parts(casadi.Callback):  # type: ignore[misc, name-defined]
         """p -> real and imaginary parts."""
@@ -209,7 +209,7 @@ def _kinds() -> tuple[Any, Any]:
         def __init__(self, name: str, rows: int, columns: int, value: Any, slopes: Any) -> None:
             casadi.Callback.__init__(self)
             self.rows, self.columns, self.value, self.slopes = rows, columns, value, slopes
-            self.jacobians: list[Any] = []  # CasADi holds no reference to them
+            self.jacobians: list[Any] = []  # CasADi keeps no reference to them
             self.construct(name, {})
 
         def get_n_in(self) -> int:
@@ -231,7 +231,7 @@ def _kinds() -> tuple[Any, Any]:
             return casadi.Sparsity.dense(self.rows, 1)
 
         def eval(self, arguments: Any) -> Any:
-            return [casadi.DM(each) for each in self.value(arguments[0].full().ravel())]
+            return [casadi.DM(array) for array in self.value(arguments[0].full().ravel())]
 
         def has_jacobian(self) -> bool:
             return True

@@ -54,11 +54,11 @@ class ExportCheck:
     @property
     def passed(self) -> bool:
         """Whether all errors are within their limits."""
-        return all(each.passed for each in self.comparisons)
+        return all(comparison.passed for comparison in self.comparisons)
 
     def __str__(self) -> str:
-        rows = [(each.what, each.against, f"{each.error:.1e}", f"{each.limit:.0e}", "yes" if each.passed else "NO")
-                for each in self.comparisons]  # fmt: skip
+        rows = [(row.what, row.against, f"{row.error:.1e}", f"{row.limit:.0e}", "yes" if row.passed else "NO")
+                for row in self.comparisons]  # fmt: skip
         return tables.text(
             f"Check of {self.path.name}",
             [("in the file", "left"), ("against", "left"), ("error [1]", "right"), ("limit", "right"),
@@ -100,7 +100,7 @@ def check_export(
     file = a_path(path, "check_export", ExportError)
     suffix = file.suffix.lower()
     if suffix in _READERS:
-        return ExportCheck(file, _whole(_READERS[suffix](file), model, limit))
+        return ExportCheck(file, _of_system(_READERS[suffix](file), model, limit))
     if suffix in _PARTS:
         if model is None:
             raise ExportError(f"{file}: a {suffix} file has nothing in it to compare with; give the model as well.")
@@ -138,25 +138,25 @@ _READERS: dict[str, Callable[[Path], SystemData]] = {
 }  # fmt: skip
 
 
-def _whole(data: SystemData, model: System | SystemData | None, limit: float) -> tuple[Comparison, ...]:
+def _of_system(data: SystemData, model: System | SystemData | None, limit: float) -> tuple[Comparison, ...]:
     if model is not None:
         _same_names(data, model)
     values = poles(data.state_space.A) if model is None else _poles(model)
     omega = check_points(values)
     truth = second_order_response(data, omega) if model is None else _response(model, omega)
     against = "its second-order equations" if model is None else "the model"
-    given = (data if model is None else model), omega
+    reference = (data if model is None else model), omega
     result = [Comparison("response of A B C D", against,
-                         response_error(state_space_response(data.state_space, omega), truth, *given), limit)]
+                         response_error(state_space_response(data.state_space, omega), truth, *reference), limit)]
     if model is not None:
         result += [
             Comparison("response of M C K", against,
-                       response_error(second_order_response(data, omega), truth, *given), limit),
+                       response_error(second_order_response(data, omega), truth, *reference), limit),
             Comparison("poles", against, pole_error(poles(data.state_space.A), values), limit),
         ]
-    found, exact = _body_responses(data.state_space, data.body_motion, omega), _bodies(model or data, omega)
+    motions, exact = _body_responses(data.state_space, data.body_motion, omega), _bodies(model or data, omega)
     scale = np.abs(exact).max(axis=(0, 2), keepdims=True, initial=0.0)
-    error = float(np.max(np.abs(found - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
+    error = float(np.max(np.abs(motions - exact) / np.where(scale > 0.0, scale, 1.0), initial=0.0))
     result.append(Comparison("displacements of the bodies", against, error, limit))
     return tuple(result)
 
@@ -180,19 +180,19 @@ def _bodies(model: System | SystemData, omega: Array) -> Complex:
 def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
     from mbsvib_export.uff_ import from_uff
 
-    found = from_uff(path)
-    _same_names(found, model)
-    error = response_error(found.response, _response(model, found.omega), model, found.omega)
+    data = from_uff(path)
+    _same_names(data, model)
+    error = response_error(data.response, _response(model, data.omega), model, data.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
 
 
 def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
     from mbsvib_export.nastran_ import read_dmig, read_op4
 
-    found = read_dmig(path) if path.suffix.lower() == ".pch" else read_op4(path)
+    matrices = read_dmig(path) if path.suffix.lower() == ".pch" else read_op4(path)
     data = model if isinstance(model, SystemData) else SystemData.of(model)
     result = []
-    for key, array in found.items():
+    for key, array in matrices.items():
         truth = getattr(data, key)
         if array.shape != truth.shape:
             raise ExportError(f"{path}: {key} has shape {array.shape}, that of the model {truth.shape}; it is the file "
@@ -228,21 +228,21 @@ def _poles(model: System | SystemData) -> Complex:
     return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
 
 
-def _same_names(found: SystemData | StateSpace | ResponseData, model: System | SystemData) -> None:
+def _same_names(data: SystemData | StateSpace | ResponseData, model: System | SystemData) -> None:
     for what in ("inputs", "outputs"):
-        there, here = getattr(found, what), getattr(model, what)
+        there, here = getattr(data, what), getattr(model, what)
         if there != here:
             missing = sorted(set(here) ^ set(there)) or list(there)
             raise ExportError(f"the {what} of the file are not those of '{model.name}': {', '.join(missing[:6])}; it "
                               f"is the file of another model, or the model has changed. Export it again.")  # fmt: skip
 
 
-def pole_error(found: Complex, truth: Complex) -> float:
+def pole_error(poles: Complex, truth: Complex) -> float:
     """Return the largest relative distance of poles, each taken with its own counterpart.
 
     Parameters
     ----------
-    found, truth : array, shape (n,)
+    poles, truth : array, shape (n,)
         Poles [1/s]; those of rigid-body modes are compared by the size of the largest.
 
     Returns
@@ -252,12 +252,12 @@ def pole_error(found: Complex, truth: Complex) -> float:
     """
     from scipy.optimize import linear_sum_assignment
 
-    if len(found) != len(truth):
+    if len(poles) != len(truth):
         return float("inf")
-    if not len(found):
+    if not len(poles):
         return 0.0
     size = np.abs(truth)
     scale = np.where(size > _ZERO * size.max(), size, size.max() or 1.0)
-    distance = np.abs(found[:, None] - truth[None, :]) / scale
+    distance = np.abs(poles[:, None] - truth[None, :]) / scale
     rows, columns = linear_sum_assignment(distance)
     return float(distance[rows, columns].max())

@@ -79,7 +79,7 @@ def to_control(
     from mbsvib.api.batch import Batch
 
     if isinstance(system, Batch):
-        return [to_control(each, realization, dt) for each in system.state_space(realization)]
+        return [to_control(variant, realization, dt) for variant in system.state_space(realization)]
     space = state_space_of(system, realization, "to_control")
     if not space.inputs and 1 in (len(space.outputs), len(space.states)):
         raise ExportError(

@@ -107,17 +107,17 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
         with h5py.File(BytesIO(raw), "r") as file:
-            found: dict[str, Any] = {}
+            entries: dict[str, Any] = {}
 
             def take(key: str, item: Any) -> None:
                 if isinstance(item, h5py.Dataset):
                     is_text = h5py.check_string_dtype(item.dtype) is not None
                     value = np.array(item.asstr()[()], dtype=str) if is_text else np.array(item[()])
-                    found[key.replace("/", ".")] = value
+                    entries[key.replace("/", ".")] = value
 
             file.visititems(take)
-        check_version(str(found.get("format")), int(found.get("version", 0)))
-        return system_data_from(found)
+        check_version(str(entries.get("format")), int(entries.get("version", 0)))
+        return system_data_from(entries)
     except ExportError as error:
         raise ExportError(f"{os.fspath(path)}: {error}") from error
     except OSError as error:

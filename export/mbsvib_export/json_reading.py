@@ -77,8 +77,8 @@ def _matrix(group: Mapping[str, Any], key: str, width: int, where: str) -> Array
     rows = _list(group, key, where)
     for number, row in enumerate(rows):
         if not isinstance(row, Sequence) or isinstance(row, str) or len(row) != width:
-            given = f"{len(row)} entries" if isinstance(row, Sequence) else repr(row)
-            raise ExportError(f"{where}: {key}: row {number + 1} has {given}; expected {width} numbers.")
+            actual = f"{len(row)} entries" if isinstance(row, Sequence) else repr(row)
+            raise ExportError(f"{where}: {key}: row {number + 1} has {actual}; expected {width} numbers.")
         # bool is an int to Python, and numpy would read the text "1" as a number
         if wrong := [item for item in row if type(item) not in (float, int)]:
             raise ExportError(f"{where}: {key}: row {number + 1} holds {wrong[0]!r}; expected numbers.")

@@ -84,20 +84,20 @@ def to_mat(
     savemat(stream, content, format="5", long_field_names=True, oned_as="column")
     # scipy writes the time into the title; without it the same system gives the same bytes
     rest = stream.getvalue()[TITLE:]
-    whole = _title(rest) + rest
+    document = _title(rest) + rest
     goal = Path(a_path(path, "to_mat", ExportError))
     is_new = not os.path.lexists(goal)
     name = "load_" + re.sub(r"[^0-9A-Za-z_]", "_", goal.stem)[:50]
-    beside = goal.with_name(f"{name}.m")
+    companion = goal.with_name(f"{name}.m")
     if loader:
-        check_companion(beside, lambda file: is_script_of(goal.name, file.read_bytes()),
+        check_companion(companion, lambda file: is_script_of(goal.name, file.read_bytes()),
                         f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
                         "loader=False.")  # fmt: skip
-    result = write_whole(path, lambda file: file.write(whole))
+    result = write_whole(path, lambda file: file.write(document))
     if loader:
         text = script(name, result.name, data.name)
         try:
-            write_whole(beside, lambda file: file.write(text.encode("ascii")))
+            write_whole(companion, lambda file: file.write(text.encode("ascii")))
         except ExportError:
             if is_new:
                 result.unlink(missing_ok=True)
@@ -130,10 +130,10 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
         raw = file.read_bytes()
         if raw[:TITLE] != _title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
-        found = loadmat(BytesIO(raw), simplify_cells=False)
-        own = _fields(found["mbsvib"])
+        arrays = loadmat(BytesIO(raw), simplify_cells=False)
+        own = _fields(arrays["mbsvib"])
         check_version(_word(own["format"]), int(own["version"].item()))
-        return _data(found, own, _fields(found["mech"]))
+        return _data(arrays, own, _fields(arrays["mech"]))
     except OSError as error:
         raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
                           f"to_mat.") from error  # fmt: skip
@@ -201,10 +201,10 @@ class _Words:
 
     def plain(self, name: str, others: tuple[str, ...] = ()) -> str:
         if name not in self.changed and not name.isascii():
-            found = _FOREIGN.sub(lambda each: f"~{ord(each[0]):X}", name)
-            while found in self.changed.values() or found in others:
-                found += "_"
-            self.changed[name] = found
+            unique = _FOREIGN.sub(lambda match: f"~{ord(match[0]):X}", name)
+            while unique in self.changed.values() or unique in others:
+                unique += "_"
+            self.changed[name] = unique
         return self.changed.get(name, name)
 
     def cells(self, names: tuple[str, ...]) -> NDArray[Any]:
@@ -226,9 +226,9 @@ def _word(text: NDArray[Any]) -> str:
     return str(text.item()) if text.size else ""
 
 
-def _data(found: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
+def _data(arrays: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> SystemData:
     def real(array: NDArray[Any], *shape: int) -> Array:
-        # no .mat file tells apart the shapes of arrays without entries
+        # .mat files do not store the shapes of arrays without entries
         result = np.array(array, dtype=float)
         return result.reshape(shape) if shape and not result.size else result
 
@@ -239,19 +239,19 @@ def _data(found: dict[str, Any], own: dict[str, Any], mech: dict[str, Any]) -> S
     def texts(cells: NDArray[Any]) -> tuple[str, ...]:
         return tuple(origin.get(_word(cell), _word(cell)) for cell in cells.ravel())
 
-    names = {key: texts(found[key])
+    names = {key: texts(arrays[key])
              for key in ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")}  # fmt: skip
     ports: dict[str, Any] = {"inputs": names["InputName"], "input_units": names["InputUnit"],
                              "outputs": names["OutputName"], "output_units": names["OutputUnit"]}  # fmt: skip
     coordinates, bodies = texts(mech["CoordinateName"]), texts(own["bodies"])
     m, i, o, n = len(coordinates), len(ports["inputs"]), len(ports["outputs"]), len(names["StateName"])
     shapes = {"A": (n, n), "B": (n, i), "C": (o, n), "D": (o, i), "transform": (2 * m, n), THROUGH: (2 * m, i)}
-    first: dict[str, Any] = {key: real((found if key in "ABCD" else own)[key], *shapes[key])
+    first: dict[str, Any] = {key: real((arrays if key in "ABCD" else own)[key], *shapes[key])
              for key in (*FIRST_ORDER, *([THROUGH] if THROUGH in own else []))}  # fmt: skip
     widths = {"M": (m, m), "C": (m, m), "K": (m, m), "B": (m, i), "Cq": (o, m), "Cv": (o, m), "Ca": (o, m), "D": (o, i)}
     second: dict[str, Any] = {key: real((mech if key in "MCKB" else own)[key], *widths[key]) for key in SECOND_ORDER}
     motion = own["body_motion"].reshape(len(bodies), 6, m)
-    name = origin.get(_word(found["Name"]), _word(found["Name"]))
+    name = origin.get(_word(arrays["Name"]), _word(arrays["Name"]))
     space = StateSpace(name=name, realization=_word(own["realization"]), states=names["StateName"],
                        state_units=names["StateUnit"], **first, **ports)  # fmt: skip
     return SystemData(name=name, coordinates=coordinates, coordinate_units=texts(mech["CoordinateUnit"]),

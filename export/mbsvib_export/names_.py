@@ -67,7 +67,7 @@ class SignalNames:
             If neither of them makes this name.
         """
         plain = name.removesuffix(_SAME_NAME)
-        origin = _ESCAPE.sub(lambda found: chr(int(found[1], 16)) if found[1] else ".", plain)
+        origin = _ESCAPE.sub(lambda match: chr(int(match[1], 16)) if match[1] else ".", plain)
         if not origin or (name != _encoded(origin, _SIGNAL) and plain != _encoded(origin, _SYSTEM)):
             raise ExportError(
                 f"name = {name!r}; expected one that to_control made, with ':' for '.' and '~2D' and the like for what "
@@ -104,4 +104,4 @@ class SignalNames:
 def _encoded(name: str, misread: re.Pattern[str]) -> str:
     if not name:
         raise ExportError("name = ''; expected a text that is not empty: python-control cannot find a nameless signal.")
-    return misread.sub(lambda found: ":" if found[0] == "." else f"~{ord(found[0]):02X}", name)
+    return misread.sub(lambda match: ":" if match[0] == "." else f"~{ord(match[0]):02X}", name)

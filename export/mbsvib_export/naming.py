@@ -49,9 +49,9 @@ def named(
     """
     need("control", "named", "control>=0.10.1")
     plants = list(like) if isinstance(like, (list, tuple)) else [like]
-    for each in (result, *plants):
-        if not hasattr(each, "input_labels"):
-            raise ExportError(f"named: {type(each).__name__} is no system of python-control; expected a StateSpace, "
+    for system in (result, *plants):
+        if not hasattr(system, "input_labels"):
+            raise ExportError(f"named: {type(system).__name__} is no system of python-control; expected a StateSpace, "
                               f"TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first thing they "
                               f"return).")  # fmt: skip
     made: Any = deepcopy(result)
@@ -65,11 +65,11 @@ def named(
     made.set_inputs(inputs)
     made.set_outputs(outputs)
     if states:
-        found = [label for each in plants for label in each.state_labels]
-        if len(set(found)) < len(found):
-            found = [f"{each.name}_{label}" for each in plants for label in each.state_labels]
-        made.set_states(_all(found, made.nstates, "states"))
-    joined = "_".join(dict.fromkeys(each.name for each in plants))
+        labels = [label for system in plants for label in system.state_labels]
+        if len(set(labels)) < len(labels):
+            labels = [f"{system.name}_{label}" for system in plants for label in system.state_labels]
+        made.set_states(_all(labels, made.nstates, "states"))
+    joined = "_".join(dict.fromkeys(system.name for system in plants))
     made.name = name if name is not None else joined + ("_controller" if controller else "")
     return made  # type: ignore[no-any-return]
 
@@ -93,7 +93,7 @@ def _few(labels: Sequence[str]) -> str:
 
 
 def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """Call a function of python-control, and give what it returns the names of the systems that it was given.
+    """Call a function of python-control, and name its results after its arguments.
 
     ``with_names(control.hinfsyn, plant, 2, 1)`` is ``control.hinfsyn(plant, 2, 1)`` with named results: the controller
     has the plant's last outputs as inputs and its last inputs as outputs, the closed loop what is left of both. Knows
@@ -119,8 +119,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
         If the function is not known, or needs slycot, which is not installed. Its own errors are not touched.
     """
     need("control", "with_names", "control>=0.10.1")
-    given = getattr(function, "__name__", repr(function))
-    name = _SAME.get(given, given)
+    function_name = getattr(function, "__name__", repr(function))
+    name = _SAME.get(function_name, function_name)
     if name not in (*_OF_FIRST, *_SYNTHESES, "series"):
         raise ExportError(f"with_names: {name} is none of {', '.join((*_OF_FIRST, *_SYNTHESES, 'series'))}; call it, "
                           f"and give its result to named(result, like=plant).")  # fmt: skip
@@ -132,14 +132,14 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
         raise ExportError(f'with_names: {name} of python-control needs slycot, which is not installed; install it '
                           f'with:  pip install "mbsvib[slycot]"') from error  # fmt: skip
     if name == "series":
-        systems = [each for each in arguments if hasattr(each, "input_labels")]
+        systems = [item for item in arguments if hasattr(item, "input_labels")]
         return named(result, systems) if systems else result
     plant = arguments[0]
     if name in _OF_FIRST:
         many = isinstance(result, list)  # balred of several orders
-        return [named(each, plant) for each in result] if many else named(result, plant)
+        return [named(item, plant) for item in result] if many else named(result, plant)
     controller, *rest = result if isinstance(result, tuple) else (result,)
-    loops = (_loop(each, plant, controller) if hasattr(each, "input_labels") else each for each in rest)
+    loops = (_loop(item, plant, controller) if hasattr(item, "input_labels") else item for item in rest)
     made = [named(controller, plant, controller=True), *loops]
     return tuple(made) if isinstance(result, tuple) else made[0]
 

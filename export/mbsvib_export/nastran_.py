@@ -96,9 +96,9 @@ def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
     if not Path(path).is_file():
         raise ExportError(f"{where}: cannot be read: there is no such file; expected a file of to_op4.")
     try:
-        with redirect_stdout(StringIO()):  # where it meets damage it prints what it sees
-            found = module.OP4(debug=False).read_op4(where)
-        result = {OP4_NAMES[name]: _dense(value) for name, value in found.items() if name in OP4_NAMES}
+        with redirect_stdout(StringIO()):  # the reader prints messages about damaged files
+            matrices = module.OP4(debug=False).read_op4(where)
+        result = {OP4_NAMES[name]: _dense(value) for name, value in matrices.items() if name in OP4_NAMES}
         if not result or not all(np.isfinite(array).all() for array in result.values()):
             raise ExportError("it holds none of the matrices, or not finite numbers")
         return result

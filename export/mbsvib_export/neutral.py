@@ -25,8 +25,8 @@ THROUGH = "through"
 
 def first_order(space: StateSpace) -> dict[str, Array]:
     """Return the matrices of a state space by name, those that it has."""
-    found = {label: getattr(space, label) for label in FIRST_ORDER}
-    return found if space.through is None else found | {THROUGH: space.through}
+    arrays = {label: getattr(space, label) for label in FIRST_ORDER}
+    return arrays if space.through is None else arrays | {THROUGH: space.through}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -190,7 +190,7 @@ def state_space_of(source: System | StateSpace | SystemData, realization: str, c
 
 
 def refuse_many(source: object, caller: str) -> None:
-    """Refuse what is not a single system of few coordinates, with the way to one.
+    """Refuse objects other than a dense system, with advice.
 
     Parameters
     ----------

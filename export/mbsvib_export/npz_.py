@@ -110,9 +110,9 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     a_path(path, "from_npz", ExportError)
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            found = dict(arrays)
-        check_version(str(found.get("format")), int(found.get("version", 0)))
-        return system_data_from(found)
+            entries = dict(arrays)
+        check_version(str(entries.get("format")), int(entries.get("version", 0)))
+        return system_data_from(entries)
     except OSError as error:
         raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
                           f"to_npz.") from error  # fmt: skip

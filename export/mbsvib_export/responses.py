@@ -21,7 +21,7 @@ CANCELLED = 1e-4  # of the size of terms that cancel each other, which their sum
 
 
 def check_points(eigenvalues: Complex) -> Array:
-    """Return angular frequencies that tell one system from another: beside resonances, below and above all of them.
+    """Return angular frequencies that distinguish systems: near resonances, below and above all of them.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def check_points(eigenvalues: Complex) -> Array:
     if not len(size):
         return np.array([1.0, 10.0])
     apart = size[np.concatenate(([True], np.diff(size) > 1e-3 * size[1:]))]
-    chosen = apart[np.unique(np.linspace(0, len(apart) - 1, MOST_POINTS - 2).round().astype(int))]
-    return np.unique(np.concatenate(([0.1 * size[0]], 1.002 * chosen, [3.0 * size[-1]])))
+    selected = apart[np.unique(np.linspace(0, len(apart) - 1, MOST_POINTS - 2).round().astype(int))]
+    return np.unique(np.concatenate(([0.1 * size[0]], 1.002 * selected, [3.0 * size[-1]])))
 
 
 def poles(a: Array) -> Complex:
@@ -77,10 +77,10 @@ def state_space_response(space: StateSpace, omega: Array) -> Complex:
     power = exponents(space.A, space.B, space.C)
     a = np.ldexp(space.A, power[None, :] - power[:, None])
     b, c = np.ldexp(space.B, -power[:, None]), np.ldexp(space.C, power)
-    one = np.eye(len(a))
+    identity = np.eye(len(a))
     result = np.empty((*space.D.shape, len(omega)), dtype=complex)
     for k, w in enumerate(omega):
-        result[:, :, k] = c @ np.linalg.solve(1j * w * one - a, b) + space.D
+        result[:, :, k] = c @ np.linalg.solve(1j * w * identity - a, b) + space.D
     return result
 
 
@@ -107,7 +107,7 @@ def second_order_response(data: SystemData, omega: Array) -> Complex:
 
 
 def response_scale(response: Complex, model: System | SystemData, omega: Array) -> Array:
-    """Return what the errors of a response are measured by: the largest entry between ports of the same units.
+    """Return the scale of the errors of a response: the largest entry between ports of the same units.
 
     An output may see next to nothing of large motions: by symmetry, or above all resonances. Where the terms that
     cancel there are larger than that entry by ten thousand, rounding of these is what it is measured by.
@@ -130,8 +130,8 @@ def response_scale(response: Complex, model: System | SystemData, omega: Array) 
     size = np.abs(response)
     for output in set(model.output_units):
         rows = [i for i, unit in enumerate(model.output_units) if unit == output]
-        for given in set(model.input_units):
-            block = np.ix_(rows, [i for i, unit in enumerate(model.input_units) if unit == given])
+        for input_unit in set(model.input_units):
+            block = np.ix_(rows, [i for i, unit in enumerate(model.input_units) if unit == input_unit])
             result[block] = np.maximum(result[block], size[block].max(axis=(0, 1), initial=0.0))
     return np.where(result > 0.0, result, 1.0)
 
@@ -150,12 +150,12 @@ def _terms(model: System | SystemData, omega: Array) -> Array:
     return result
 
 
-def response_error(found: Complex, truth: Complex, model: System | SystemData, omega: Array) -> float:
+def response_error(actual: Complex, truth: Complex, model: System | SystemData, omega: Array) -> float:
     """Return the largest difference of two responses, relative to their ``response_scale``.
 
     Parameters
     ----------
-    found, truth : array, shape (outputs, inputs, n)
+    actual, truth : array, shape (outputs, inputs, n)
         Complex responses.
     model : System or SystemData
         Whose responses they should be.
@@ -172,9 +172,9 @@ def response_error(found: Complex, truth: Complex, model: System | SystemData, o
     ExportError
         If the responses differ in shape.
     """
-    if found.shape != truth.shape:
-        raise ExportError(f"responses have shapes {found.shape} and {truth.shape}; expected the same inputs, outputs "
+    if actual.shape != truth.shape:
+        raise ExportError(f"responses have shapes {actual.shape} and {truth.shape}; expected the same inputs, outputs "
                           f"and frequencies.")  # fmt: skip
-    if not np.isfinite(found).all():
+    if not np.isfinite(actual).all():
         return float("inf")
-    return float(np.max(np.abs(found - truth) / response_scale(truth, model, omega), initial=0.0))
+    return float(np.max(np.abs(actual - truth) / response_scale(truth, model, omega), initial=0.0))

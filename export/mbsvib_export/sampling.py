@@ -62,11 +62,11 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
     # the size of inputs must not decide how often expm squares
     largest = np.abs(b).max(axis=0, initial=0.0)
     scale = np.where(largest > 0.0, np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)))), 1.0)
-    whole = np.zeros((n + 2 * i, n + 2 * i))
-    whole[:n, :n] = np.ldexp(space.A, power[None, :] - power[:, None]) * dt
-    whole[:n, n : n + i] = b * scale
-    whole[n : n + i, n + i :] = np.eye(i)
-    result = expm(whole)
+    augmented = np.zeros((n + 2 * i, n + 2 * i))
+    augmented[:n, :n] = np.ldexp(space.A, power[None, :] - power[:, None]) * dt
+    augmented[:n, n : n + i] = b * scale
+    augmented[n : n + i, n + i :] = np.eye(i)
+    result = expm(augmented)
     phi = np.ldexp(result[:n, :n], power[:, None] - power[None, :])
     gamma, slope = (np.ldexp(result[:n, part], power[:, None]) * (dt / scale)
                     for part in (slice(n, n + i), slice(n + i, None)))  # fmt: skip

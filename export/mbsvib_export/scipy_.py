@@ -1,4 +1,4 @@
-"""scipy.signal: StateSpace. It holds no names; rows and columns keep the order of the system's."""
+"""scipy.signal: StateSpace. It has no names; rows and columns have the order of the system's."""
 
 from __future__ import annotations
 

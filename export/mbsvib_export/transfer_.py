@@ -1,4 +1,4 @@
-"""Transfer functions of one input and one output, from poles and zeros, with what their polynomials cost."""
+"""Transfer functions of one input and one output, from poles and zeros, with the errors of their polynomials."""
 
 from __future__ import annotations
 
@@ -62,24 +62,24 @@ def to_transfer_function(
         refuse_many(system, "to_transfer_function")
         raise ExportError(f"to_transfer_function: system = {type(system).__name__}; expected a System "
                           f"(model.linearize()), whose poles and zeros are computed from its factors.")  # fmt: skip
-    one_in = _only(input, system.inputs, "input", system.name)
-    one_out = _only(output, system.outputs, "output", system.name)
-    omega = _grid(system, one_in, one_out)
-    exact = system.frequency_response(omega)[system.outputs.index(one_out), system.inputs.index(one_in)]
-    poles, zeros = _without_common(system.poles(), system.transmission_zeros(one_in, one_out))
+    source = _only(input, system.inputs, "input", system.name)
+    target = _only(output, system.outputs, "output", system.name)
+    omega = _grid(system, source, target)
+    exact = system.frequency_response(omega)[system.outputs.index(target), system.inputs.index(source)]
+    poles, zeros = _without_common(system.poles(), system.transmission_zeros(source, target))
     numerator, denominator = _polynomials(poles, zeros, omega, exact)
     with np.errstate(all="ignore"):  # what overflows is refused below
-        found = np.polyval(numerator, 1j * omega) / np.polyval(denominator, 1j * omega)
-    error = _error(found, exact)
+        response = np.polyval(numerator, 1j * omega) / np.polyval(denominator, 1j * omega)
+    error = _error(response, exact)
     if not error <= WORST:
         raise ExportError(
-            f"to_transfer_function: '{one_in}' to '{one_out}' of '{system.name}' has {len(poles)} poles, and as "
+            f"to_transfer_function: '{source}' to '{target}' of '{system.name}' has {len(poles)} poles, and as "
             f"polynomials its frequency response is off by {error:.1e}; expected at most {WORST:.0e}. Use "
             f"to_control, whose state space keeps the digits, or a model of fewer modes."
         )
     result = control.TransferFunction(
-        numerator, denominator, inputs=[SignalNames.to_control(one_in)], outputs=[SignalNames.to_control(one_out)],
-        name=SignalNames.system_to_control(system.name, (one_in, one_out)),
+        numerator, denominator, inputs=[SignalNames.to_control(source)], outputs=[SignalNames.to_control(target)],
+        name=SignalNames.system_to_control(system.name, (source, target)),
     )  # fmt: skip
     return result, error
 
@@ -95,21 +95,21 @@ def _only(name: str | None, known: tuple[str, ...], what: str, owner: str) -> st
     return known[0] if name is None else name
 
 
-def _grid(system: System, one_in: str, one_out: str) -> Array:
+def _grid(system: System, source: str, target: str) -> Array:
     if not system.dof:
         return np.array([1.0])
-    return np.asarray(system.frequency_grid(one_in, one_out), dtype=float)
+    return np.asarray(system.frequency_grid(source, target), dtype=float)
 
 
 def _without_common(poles: Complex, zeros: Complex) -> tuple[Complex, Complex]:
-    kept, left = list(poles), []
+    remaining, left = list(poles), []
     for zero in zeros:
-        near = int(np.argmin(np.abs(np.array(kept) - zero))) if kept else -1
-        if near >= 0 and abs(kept[near] - zero) <= SAME * abs(zero):
-            kept.pop(near)
+        near = int(np.argmin(np.abs(np.array(remaining) - zero))) if remaining else -1
+        if near >= 0 and abs(remaining[near] - zero) <= SAME * abs(zero):
+            remaining.pop(near)
         else:
             left.append(zero)
-    return np.array(kept, dtype=complex), np.array(left, dtype=complex)
+    return np.array(remaining, dtype=complex), np.array(left, dtype=complex)
 
 
 def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -> tuple[Array, Array]:
@@ -125,11 +125,11 @@ def _polynomials(poles: Complex, zeros: Complex, omega: Array, exact: Complex) -
     return np.atleast_1d(numerator), np.atleast_1d(np.real(np.poly(poles)) if len(poles) else np.ones(1))
 
 
-def _error(found: Complex, exact: Complex) -> float:
+def _error(response: Complex, exact: Complex) -> float:
     size = np.abs(exact)
-    if not np.isfinite(found).all():
+    if not np.isfinite(response).all():
         return float("inf")
     if not size.any():
-        return float(np.abs(found).max())
+        return float(np.abs(response).max())
     around = np.maximum(size, 0.5 * (np.roll(size, 1) + np.roll(size, -1))) if len(size) > 2 else size
-    return float(np.max(np.abs(found - exact) / np.where(around > 0.0, around, size.max())))
+    return float(np.max(np.abs(response - exact) / np.where(around > 0.0, around, size.max())))

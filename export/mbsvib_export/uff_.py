@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 _INSTALL = "mbsvib[uff]"
-# specific data types of the format; what it has no number for is 0, unknown
+# specific data types of the format; types without a number are 0, unknown
 _TYPES = {"m": 8, "m/s": 11, "m/s^2": 12, "rad": 8, "rad/s": 11, "rad/s^2": 12, "N": 13, "N m": 13}
 LINE = 80
 
@@ -93,7 +93,7 @@ def to_uff(
         omega = system.frequency_grid()
     frequency = np.atleast_1d(np.asarray(omega, dtype=float)) / (2 * np.pi)
     if not binary:
-        frequency = np.unique([float(f"{each:.5e}") for each in frequency])
+        frequency = np.unique([float(f"{value:.5e}") for value in frequency])
     points = 2 * np.pi * frequency
     response = (second_order_response(system, points) if isinstance(system, SystemData)
                 else system.frequency_response(points))  # fmt: skip
@@ -163,20 +163,20 @@ def _short(name: str) -> str:
 
 
 def _gathered(sets: list[dict[str, Any]]) -> ResponseData:
-    found = {(int(each["rsp_node"]), int(each["ref_node"])): each for each in sets}
-    outputs, inputs = max(i for i, _ in found), max(j for _, j in found)
-    one = np.asarray(found[1, 1]["x"])
-    response = np.empty((outputs, inputs, len(one)), dtype=complex)
-    for (i, j), each in found.items():
-        if not np.array_equal(each["x"], one):
+    by_nodes = {(int(item["rsp_node"]), int(item["ref_node"])): item for item in sets}
+    outputs, inputs = max(i for i, _ in by_nodes), max(j for _, j in by_nodes)
+    abscissa = np.asarray(by_nodes[1, 1]["x"])
+    response = np.empty((outputs, inputs, len(abscissa)), dtype=complex)
+    for (i, j), item in by_nodes.items():
+        if not np.array_equal(item["x"], abscissa):
             raise ExportError("the sets have different frequencies.")
-        response[i - 1, j - 1] = each["data"]
-    if len(found) != outputs * inputs:
-        raise ExportError(f"{len(found)} sets for {outputs} outputs and {inputs} inputs.")
+        response[i - 1, j - 1] = item["data"]
+    if len(by_nodes) != outputs * inputs:
+        raise ExportError(f"{len(by_nodes)} sets for {outputs} outputs and {inputs} inputs.")
 
     def words(key: str, at: int, nodes: list[tuple[int, int]]) -> tuple[str, ...]:
-        return tuple(str(found[node][key]).split(" / ")[at].strip() for node in nodes)
+        return tuple(str(by_nodes[node][key]).split(" / ")[at].strip() for node in nodes)
 
     rows, columns = [(i + 1, 1) for i in range(outputs)], [(1, j + 1) for j in range(inputs)]
-    return ResponseData(2 * np.pi * one, response, words("id1", 1, columns), words("id2", 1, columns),
+    return ResponseData(2 * np.pi * abscissa, response, words("id1", 1, columns), words("id2", 1, columns),
                         words("id1", 0, rows), words("id2", 0, rows))  # fmt: skip

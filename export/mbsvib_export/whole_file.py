@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
-    """Write a file beside its place, then put it there in one step.
+    """Write a file atomically: to a temporary file in the same folder, which then replaces it.
 
     Parameters
     ----------

@@ -178,7 +178,7 @@ class PortedMechanism(Mechanism):
     def add_strain_output(
         self, name: str, element: str, at: str = "start", side: str = "z", distance: float | None = None
     ) -> StrainOutput:
-        """Add the axial strain on the surface of a beam as an output [m/m], as a strain gauge sees it.
+        """Add the axial strain on the surface of a beam as an output [m/m], as a strain gauge measures it.
 
         It is the strain of stretching and of bending in one plane, positive in tension, as a change against the given
         pose.

@@ -46,7 +46,7 @@ class Batch(BatchEquations):
 
     @cached_property
     def basis(self) -> BatchBasis:
-        """What repeated questions share: the modes of all variants."""
+        """Cached modes of all variants."""
         from mbsvib.api.modes import Modes
         from mbsvib.responses.batch import BatchBasis
 
@@ -107,7 +107,7 @@ class Batch(BatchEquations):
             if np.isfinite(result).all():
                 result[..., w < 0.0] = result[..., w < 0.0].conj()
                 return result
-        return np.array(self._each(lambda system: system.frequency_response(omega)))
+        return np.array(self._map(lambda system: system.frequency_response(omega)))
 
     def time_response(
         self, t: ArrayLike, u: ArrayLike, hold: str = "first", initial: tuple[ArrayLike, ArrayLike] | None = None
@@ -135,7 +135,7 @@ class Batch(BatchEquations):
         ResponseError
             If times do not ascend, shapes do not match, or the hold is unknown.
         """
-        return np.array(self._each(lambda system: system.time_response(t, u, hold, initial)))
+        return np.array(self._map(lambda system: system.time_response(t, u, hold, initial)))
 
     def state_space(self, realization: str = "physical") -> tuple[StateSpace, ...]:
         """Return first-order equations x' = A x + B u, y = C x + D u of each variant.
@@ -155,10 +155,10 @@ class Batch(BatchEquations):
         ResponseError
             If the realization is unknown.
         """
-        return tuple(self._each(lambda system: system.state_space(realization)))
+        return tuple(self._map(lambda system: system.state_space(realization)))
 
     def explain(self) -> str:
-        """Return in words how the equations came about: those of the pose as given, and what varies from it."""
+        """Return a description of the equations: those of the given pose, and the varied parameters."""
         names = list(self.values.by_name)
         shown = ", ".join(names[:SHOWN]) + (f", ... ({len(names)} in all)" if len(names) > SHOWN else "")
         fixed = [name for name in MATRICES if getattr(self, name).size and getattr(self, name).strides[0] == 0]
@@ -167,8 +167,8 @@ class Batch(BatchEquations):
             lines.append(f"  computed once, as nothing varies in them: {', '.join(fixed)}")
         return "\n".join([self.nominal.explain(), *lines])
 
-    def _each(self, ask: Callable[[System], T]) -> list[T]:
-        """Ask every variant, with the modes that were computed for all together."""
+    def _map(self, ask: Callable[[System], T]) -> list[T]:
+        """Call a function for every variant, with the modes that were computed for all together."""
         modal = self.basis.modal
         result = []
         for i, system in enumerate(self):

@@ -1,4 +1,4 @@
-"""The model: what the user said about a mechanism and what is asked of it, and the way to its equations."""
+"""The model: the description of a mechanism with its inputs and outputs, and its linearization."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model can do about its pose."""
+"""Methods of models for other poses and equilibrium."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mbsvib.elements import Bushing, Spring
     from mbsvib.equilibrium.report import Equilibrium
 
-    Chosen = Sequence[str | Spring | Bushing] | str | bool
+    Preloaded = Sequence[str | Spring | Bushing] | str | bool
 
 
 class Posed(Mechanism):
@@ -66,17 +66,17 @@ class Posed(Mechanism):
 
     @overload
     def equilibrium(
-        self, preload: Chosen | None = ..., *, report: Literal[False] = ..., snap: bool = ...,
+        self, preload: Preloaded | None = ..., *, report: Literal[False] = ..., snap: bool = ...,
         cut: Sequence[str] = ...,
     ) -> Self: ...  # fmt: skip
 
     @overload
     def equilibrium(
-        self, preload: Chosen | None = ..., *, report: Literal[True], snap: bool = ..., cut: Sequence[str] = ...
+        self, preload: Preloaded | None = ..., *, report: Literal[True], snap: bool = ..., cut: Sequence[str] = ...
     ) -> Equilibrium[Self]: ...
 
     def equilibrium(
-        self, preload: Chosen | None = None, *, report: bool = False, snap: bool = False, cut: Sequence[str] = ()
+        self, preload: Preloaded | None = None, *, report: bool = False, snap: bool = False, cut: Sequence[str] = ()
     ) -> Self | Equilibrium[Self]:
         """Return a new model in equilibrium: where its loads take it, or with preloads that hold it in this pose.
 
@@ -126,10 +126,10 @@ class Posed(Mechanism):
         from mbsvib.equilibrium.search import equilibrium
 
         if not preload:
-            found = equilibrium(self, snap, cut)
+            result = equilibrium(self, snap, cut)
         else:
             from mbsvib.equilibrium.articulation import held_as, stiffened
             from mbsvib.equilibrium.preloads import preloaded
 
-            found = held_as(self, equilibrium(preloaded(stiffened(self), preload), snap, cut))
-        return found if report else found.model
+            result = held_as(self, equilibrium(preloaded(stiffened(self), preload), snap, cut))
+        return result if report else result.model

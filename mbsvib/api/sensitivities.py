@@ -1,4 +1,4 @@
-"""What a system says of its parameters: sensitivities, as methods of ``System``."""
+"""Sensitivities of a system with respect to its parameters, as methods of ``System``."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Sensitive(Equations):
 
     @cached_property
     def basis(self) -> Basis:
-        """What repeated questions share: modes and what is made of them, computed when first asked for."""
+        """Cached modes and derived quantities, computed on first access."""
         from mbsvib.api.modes import Modes
         from mbsvib.responses.basis import Basis
 
@@ -36,7 +36,7 @@ class Sensitive(Equations):
 
     @cached_property
     def sensitivity_basis(self) -> SensitivityBasis:
-        """What all sensitivities share: the network of connections and the vectors of eigenvalues."""
+        """Cached data of all sensitivities: the network of connections and the vectors of eigenvalues."""
         from mbsvib.sensitivities.basis import SensitivityBasis
 
         return SensitivityBasis(self.basis)
@@ -174,8 +174,8 @@ class Sensitive(Equations):
         """
         from mbsvib.sensitivities import frequency_response_sensitivities
 
-        found = frequency_response_sensitivities(self.sensitivity_basis, [0.0], parameters, inputs, outputs)
-        return found[..., 0].real
+        derivatives = frequency_response_sensitivities(self.sensitivity_basis, [0.0], parameters, inputs, outputs)
+        return derivatives[..., 0].real
 
     def time_response_sensitivities(
         self, t: ArrayLike, u: ArrayLike, parameters: Asked = None, hold: str = "first",

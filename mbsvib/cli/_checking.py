@@ -21,7 +21,7 @@ def check_export(
     """Read an export again and compare frequency response and poles with the model; exit status 1 if they differ."""
     import mbsvib_export as mx
 
-    found = mx.check_export(file, None if model is None else system_of(model), limit)
-    shell.say(str(found))
-    if not found.passed:
+    result = mx.check_export(file, None if model is None else system_of(model), limit)
+    shell.say(str(result))
+    if not result.passed:
         raise typer.Exit(shell.FAILED)

@@ -34,18 +34,18 @@ def cosim(
     import mbsvib_export as mx
 
     pairs = {}
-    for each in connect or []:
-        name, sign, source = each.partition("=")
+    for connection in connect or []:
+        name, sign, source = connection.partition("=")
         if not sign or not name:
-            raise shell.UsageProblem(f"--connect {each}: expected INPUT=OUTPUT, such as --connect F=u.")
+            raise shell.UsageProblem(f"--connect {connection}: expected INPUT=OUTPUT, such as --connect F=u.")
         pairs[name] = source or None
-    found = mx.check_cosimulation(plant, controller, step, masters=master, connections=pairs, duration=duration)
-    shell.say(str(found))
+    result = mx.check_cosimulation(plant, controller, step, masters=master, connections=pairs, duration=duration)
+    shell.say(str(result))
     if plot is not None:
         try:
-            found.plot().savefig(plot)
+            result.plot().savefig(plot)
         except ValueError as error:  # matplotlib's, for a suffix that it does not know
             raise shell.UsageProblem(f"--plot {plot}: {error}") from error
         shell.say(f"Written: {shell.shown(plot)}")
-    if not found.passed:
+    if not result.passed:
         raise typer.Exit(shell.FAILED)

@@ -60,9 +60,9 @@ def demo(
     to_json(system, wrote("stewart.json", "the same for any language"))
 
     shell.say("")
-    place = shell.shown(folder)
-    tables.show(shell.console(), f"Written to {place}", [("file", "left"), ("what is in it", "left")], files)
-    example = str(Path(place) / "stewart.yaml")
+    shown_folder = shell.shown(folder)
+    tables.show(shell.console(), f"Written to {shown_folder}", [("file", "left"), ("what is in it", "left")], files)
+    example = str(Path(shown_folder) / "stewart.yaml")
     shell.say("Next: " + _line("", f"modes {example}") + "\n")
     rows = [(words, _line(extra, command)) for extra, words, command in EXTRAS]
     tables.show(shell.console(), "What needs an extra", [("what", "left"), ("command", "left")], rows)

@@ -37,7 +37,7 @@ def export(
     """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
     suffix = file.suffix.lower()
     if suffix not in KINDS:
-        known = "; ".join(f"{each}: {words}" for each, words in KINDS.items())
+        known = "; ".join(f"{kind}: {words}" for kind, words in KINDS.items())
         hint = nearest(suffix, KINDS)
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
     source = model_of(model)

@@ -1,4 +1,4 @@
-"""From words on the command line to models, systems, inputs and outputs."""
+"""Models, systems, inputs and outputs from arguments of the command line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OutputOption = Annotated[
 
 
 def model_of(word: str) -> Model:
-    """Return the model that a file holds or a name of the library stands for.
+    """Return the model of a file or of a name in the library.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def model_of(word: str) -> Model:
     path = Path(word)
     if path.suffix.lower() in SUFFIXES or path.is_file():
         if not path.is_file():
-            beside = [str(path.parent / each.name) for each in _models_beside(path)]
-            raise UsageProblem(f"there is no file '{word}'.{nearest(word, beside)}")
+            candidates = [str(path.parent / file.name) for file in _models_in_folder(path)]
+            raise UsageProblem(f"there is no file '{word}'.{nearest(word, candidates)}")
         return _read(path)
     from mbsvib import library
 
@@ -65,7 +65,7 @@ def model_of(word: str) -> Model:
 
 
 def _read(path: Path) -> Model:
-    """Read a file by its suffix; XML tells by its outermost element whether it is MJCF or URDF."""
+    """Read a file by its suffix; the root element of XML determines whether it is MJCF or URDF."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
         from mbsvib.mjcf.kind import root_of
@@ -121,7 +121,7 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
     return sources[:1], results[:1], remark
 
 
-def _models_beside(path: Path) -> list[Path]:
+def _models_in_folder(path: Path) -> list[Path]:
     if not path.parent.is_dir():
         return []
-    return [each for each in sorted(path.parent.iterdir()) if each.suffix.lower() in SUFFIXES]
+    return [file for file in sorted(path.parent.iterdir()) if file.suffix.lower() in SUFFIXES]

@@ -1,4 +1,4 @@
-"""Between the commands and the terminal: words out, warnings and errors as one message, exit status."""
+"""Terminal output of the commands: text, warnings and errors as messages, exit status."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ FAILED, MISUSED = 1, 2
 
 
 class UsageProblem(MbsvibError):
-    """A command line that asks for what there is not: exit status 2, where a faulty model has 1."""
+    """A command line with invalid arguments: exit status 2; a faulty model has 1."""
 
 
 class Group(TyperGroup):
     """The commands, with mbsvib's errors and warnings as readable messages on standard error."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take ``--debug`` from wherever it stands."""
+        """Accept ``--debug`` at any position."""
         ctx.meta[DEBUG] = DEBUG in args
         return super().parse_args(ctx, [word for word in args if word != DEBUG])
 
@@ -65,7 +65,7 @@ def console() -> Console:
 
 
 def say(words: str) -> None:
-    """Print lines as they are: no colours, no wrapping, in ASCII where standard output knows nothing else."""
+    """Print lines without colours or wrapping, in ASCII if standard output supports nothing else."""
     typer.echo(words if tables.encodable(words) else tables.to_ascii(words))
 
 

@@ -1,1 +1,1 @@
-"""Explanations in words: how a system came about, and which elements carry a mode."""
+"""Explanations in words: the derivation of a system, and the elements with most energy of a mode."""

@@ -1,4 +1,4 @@
-"""Explain: how a system came about, in words."""
+"""Explain: description of a system and its derivation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ENOUGH = {
 
 
 def explain(system: Equations, basis: Basis | None = None) -> str:
-    """Return how the equations of a system came about: topology, loops, rank decisions, and what was skipped.
+    """Return a description of the equations of a system: topology, loops, rank decisions, and skipped steps.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ def _coordinates(system: Equations) -> list[str]:
     everything = system.provenance.joint_coordinates
     if not everything:
         return ["  none"]
-    kept = set(system.coordinates)
+    independent = set(system.coordinates)
     gone = system.provenance.dropped
-    kept |= set(gone.names) if gone else set()
-    dependent = [name for name in everything if name not in kept]
+    independent |= set(gone.names) if gone else set()
+    dependent = [name for name in everything if name not in independent]
     lines = [f"  minimal: {listed(system.coordinates) or 'none'}"]
     if dependent:
         lines.append(f"  dependent: {listed(dependent)}")
@@ -130,7 +130,7 @@ def dropped(gone: Dropped) -> list[str]:
 
 
 def _unsymmetric(system: Equations) -> list[str]:
-    """What spins, and what else takes symmetry from C and K."""
+    """Rotors and other causes of unsymmetric C and K."""
     from mbsvib.elements.rotor import Rotor
 
     rotors = [part for part in system.provenance.parts if isinstance(part, Rotor)]
@@ -148,24 +148,24 @@ def _unsymmetric(system: Equations) -> list[str]:
 
 
 def _massless(system: Equations) -> list[str]:
-    found = system.provenance.massless
-    return [] if found is None else separated(found, 2 * system.dof - system.massless)
+    separation = system.provenance.massless
+    return [] if separation is None else separated(separation, 2 * system.dof - system.massless)
 
 
-def separated(found: Separation, states: int) -> list[str]:
-    """Return what became of motions without mass, a line each, where the system has so many ``states``."""
-    lines = [f"  motions without mass: {len(found.condensed) + len(found.first_order)}; of the mass rows, "
-             f"smallest pivot kept {found.kept:.1e}, largest dropped {found.dropped:.1e}"]  # fmt: skip
-    if found.condensed:
-        lines.append(f"  condensed statically, as no damper acts on them: {listed(found.condensed)}")
-    if found.first_order:
-        lines.append(f"  without mass but damped, one first-order state each: {listed(found.first_order)}; "
+def separated(separation: Separation, states: int) -> list[str]:
+    """Return the treatment of motions without mass, one line each; ``states`` is the number of states."""
+    lines = [f"  motions without mass: {len(separation.condensed) + len(separation.first_order)}; of the mass rows, "
+             f"smallest pivot kept {separation.kept:.1e}, largest dropped {separation.dropped:.1e}"]  # fmt: skip
+    if separation.condensed:
+        lines.append(f"  condensed statically, as no damper acts on them: {listed(separation.condensed)}")
+    if separation.first_order:
+        lines.append(f"  without mass but damped, one first-order state each: {listed(separation.first_order)}; "
                      f"{states} states in all")  # fmt: skip
     return lines
 
 
 def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
-    """Return what was left out of the computation because the scene does not need it, one sentence each.
+    """Return the steps of the computation that the model does not need, one sentence each.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def skipped(system: Equations, basis: Basis | None = None) -> list[str]:
 
 
 def _modal_skips(basis: Basis | None) -> list[str]:
-    """What the modes that were computed so far, if any, did without."""
+    """Steps that the modes computed so far, if any, did not need."""
     if basis is None or "modes" not in basis.computed:
         return ["no mode and no response was requested yet: no eigenvalue was computed"]
     result, modes = [], basis.modes

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mbsvib.modes import Modes
     from mbsvib.responses.basis import Basis
 
-# Of a table, modes and the least share that is shown.
+# Maximum number of modes in a table, and smallest share that is shown.
 SHOWN_MODES, SHOWN_SHARE = 8, 5e-4
 ELASTIC, PRELOAD, LOAD, REACTION = "elastic", "preload", "load", "reaction"
 
@@ -135,7 +135,7 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
     names, kinds = list(springs), [ELASTIC] * len(springs)
     if statics is not None:
         count = len(statics.pairs.first)
-        sums = sums[: len(springs) + count]  # the sums over bodies come behind: here each force has its own
+        sums = sums[: len(springs) + count]  # without the sums over bodies: here each force has its own entry
         sums[len(springs) :] += _of_forms(statics, system.body_motion, shapes)
         applied = statics.applied
         names += statics.owners[:count]
@@ -146,14 +146,14 @@ def energies(system: Equations, shapes: Array | Complex) -> tuple[tuple[str, ...
 
 
 def _of_forms(statics: Statics, motion: Array, shapes: Array | Complex) -> Array:
-    """What each pair of forces adds by its arms from the centres of mass, (pairs, n)."""
+    """Contribution of each pair of forces by its lever arms from the centres of mass, (pairs, n)."""
     rotation = motion[:, 3:] @ shapes
     rotation = np.concatenate((rotation, np.zeros((1, *rotation.shape[1:]))))
     pairs = _fixed(statics)
     result = np.zeros((len(pairs.first), rotation.shape[2]))
     for form, body in zip(forms(pairs, statics.position), (pairs.first, pairs.second), strict=True):
-        turned = rotation[body]
-        result += np.einsum("pin,ijp,pjn->pn", turned.conj(), form, turned, optimize=True).real
+        rotated = rotation[body]
+        result += np.einsum("pin,ijp,pjn->pn", rotated.conj(), form, rotated, optimize=True).real
     return result
 
 

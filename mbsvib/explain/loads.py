@@ -1,4 +1,4 @@
-"""Explain: the loads of a system and what they do, in words."""
+"""Explain: the loads of a system and their effects."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHOWN = 12
 
 
 def explain_loads(system: Equations) -> list[str]:
-    """Return what loads a system, how well it balances, and what it does to stiffness.
+    """Return the loads of a system, their balance, and their effect on stiffness.
 
     Parameters
     ----------
@@ -48,13 +48,13 @@ def explain_loads(system: Equations) -> list[str]:
 
 
 def _stiffness(system: Equations) -> list[str]:
-    """The diagonal of K by kinds, and what each element of a loaded scene adds to it where it adds most."""
+    """The diagonal of K by kinds, and the largest contribution of each element of a loaded model."""
     names, kinds, parts = energies(system, np.eye(system.dof))
     total = np.diagonal(system.K)
     lines = []
     for i, coordinate in enumerate(system.coordinates[:SHOWN]):
-        each = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
-        text = " ".join(f"{value:+.6g} {kind}" for kind, value in each.items() if value)
+        sums = {kind: sum(parts[k, i] for k in range(len(names)) if kinds[k] == kind) for kind in dict.fromkeys(kinds)}
+        text = " ".join(f"{value:+.6g} {kind}" for kind, value in sums.items() if value)
         unit = "N/m" if system.coordinate_units[i] == "m" else "N m/rad"
         lines.append(f"  stiffness along {coordinate}: {total[i]:.6g} {unit} = {text or 'nothing'}")
     for name, kind, part in zip(names, kinds, parts, strict=True):

@@ -1,4 +1,4 @@
-"""Explain: how a sparse system came about, in words."""
+"""Explain: description of a sparse system and its derivation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A document: the plain values of a file, and the line at which each of its keys stands."""
+"""A document: the plain values of a file, and the line number of each key."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 from mbsvib.errors import ModelError
 
-# (section, name, word): the way from the top of a document down to one key
-Place = tuple[str, ...]
+# (section, name, word): the path from the top of a document to one key
+KeyPath = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,32 +18,32 @@ class Document:
 
     file: str
     data: Any
-    lines: Mapping[Place, int]
+    lines: Mapping[KeyPath, int]
 
     def error(
-        self, place: Place, message: str, *, element: str | None = None, field: str | None = None
+        self, key_path: KeyPath, message: str, *, element: str | None = None, field: str | None = None
     ) -> ModelError:
         """Build the error "FILE, line LINE, PLACE: MESSAGE"."""
-        known = place
-        while known and known not in self.lines:  # a key that is missing, or that came by an alias
+        known = key_path
+        while known and known not in self.lines:  # a key that is missing or is from an alias
             known = known[:-1]
-        return fault(self.file, self.lines.get(known, 1), place, message, element=element, field=field)
+        return fault(self.file, self.lines.get(known, 1), key_path, message, element=element, field=field)
 
 
 def fault(
-    file: str, line: int, place: Place, message: str, *, column: int | None = None,
+    file: str, line: int, key_path: KeyPath, message: str, *, column: int | None = None,
     element: str | None = None, field: str | None = None,
 ) -> ModelError:  # fmt: skip
     """Build the error "FILE, line LINE[, column COLUMN][, PLACE]: MESSAGE"."""
     where = [file, f"line {line}"]
     if column is not None:
         where.append(f"column {column}")
-    if place:
-        where.append(".".join(place))
+    if key_path:
+        where.append(".".join(key_path))
     return ModelError(f"{', '.join(where)}: {message}", element=element, field=field)
 
 
-def repeated(file: str, line: int, place: Place, first: int) -> ModelError:
-    """Build the error of a key that is there twice."""
-    return fault(file, line, place, f"'{place[-1]}' is already there on line {first}, and each key can be there "
-                                    f"only once; rename or remove one.", element=place[-1])  # fmt: skip
+def repeated(file: str, line: int, key_path: KeyPath, first: int) -> ModelError:
+    """Build the error of a duplicate key."""
+    return fault(file, line, key_path, f"'{key_path[-1]}' is already there on line {first}, and each key can be there "
+                                       f"only once; rename or remove one.", element=key_path[-1])  # fmt: skip

@@ -10,7 +10,7 @@ import json
 import re
 from typing import Any
 
-from mbsvib.files.document import Document, Place, fault, repeated
+from mbsvib.files.document import Document, KeyPath, fault, repeated
 
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:\n]')
 
@@ -29,17 +29,17 @@ def read_json(text: str, file: str) -> Document:
 
 
 def _integer(text: str) -> Any:
-    # what no double holds exactly is a float all the same; Python refuses to convert thousands of digits
+    # long integers become floats too; Python refuses to convert thousands of digits
     return int(text) if len(text) < 18 else float(text)
 
 
-def _lines(text: str, file: str) -> dict[Place, int]:
-    """Return the line of each key that is not inside a list; refuse a key that is there twice."""
-    lines: dict[Place, int] = {}
+def _lines(text: str, file: str) -> dict[KeyPath, int]:
+    """Return the line of each key that is not inside a list; refuse duplicate keys."""
+    lines: dict[KeyPath, int] = {}
     line = 1
-    stack: list[Place | None] = []
+    stack: list[KeyPath | None] = []
     last = ""
-    value: Place | None = ()
+    value: KeyPath | None = ()
     for match in _TOKEN.finditer(text):
         token = match[0]
         if token == "\n":

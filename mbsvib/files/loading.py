@@ -1,4 +1,4 @@
-"""Model files to models: each entry becomes the ``add_...`` call that it spells."""
+"""Model files to models: each entry becomes an ``add_...`` call."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Any
 from mbsvib.api.model import Model
 from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
-from mbsvib.files.document import Document, Place
+from mbsvib.files.document import Document, KeyPath
 from mbsvib.files.reading import read
 from mbsvib.files.words import SECTIONS, VERSION, head_words, mandatory, options, unfit, words
 from mbsvib.mechanism.mechanism import GROUND
 
-# keys at the top level besides the sections and the words of Model(...)
+# keys at the top level in addition to the sections and the arguments of Model(...)
 MARK, SCHEMA = "mbsvib", "$schema"
-# sections of parts that hold each other by their nodes
+# sections of parts that may be connected by their nodes
 COMPOSED = ("beams", "superelements")
-# of what is known, no message lists more
+# maximum number of known names in a message
 MOST_NAMES = 12
 
 
@@ -44,8 +44,8 @@ def load(path: str | PathLike[str]) -> Model:
     document = read(path)
     data = document.data
     if not isinstance(data, dict):
-        given = "the file is empty" if data is None else f"{_what(data)} stands at the top"
-        raise document.error((), f"{given}; expected the sections of a model: {', '.join(SECTIONS)}.")
+        problem = "the file is empty" if data is None else f"{_what(data)} stands at the top"
+        raise document.error((), f"{problem}; expected the sections of a model: {', '.join(SECTIONS)}.")
     _check_version(document, data)
     head = head_words()
     for key in data:
@@ -60,13 +60,13 @@ def load(path: str | PathLike[str]) -> Model:
     return model
 
 
-def _nodes_first(given: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, Any]]:
-    """Entries in an order in which beams and superelements come after those whose nodes hold them."""
-    waiting = [item for item in given if item[0] in COMPOSED]
+def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, Any]]:
+    """Entries sorted so that beams and superelements follow those to whose nodes they are connected."""
+    waiting = [item for item in items if item[0] in COMPOSED]
     if not waiting:
-        return given
-    first = [item for item in given if item[0] == "bodies"]
-    rest = [item for item in given if item[0] not in ("bodies", *COMPOSED)]
+        return items
+    first = [item for item in items if item[0] == "bodies"]
+    rest = [item for item in items if item[0] not in ("bodies", *COMPOSED)]
     ordered = []
     while waiting:
         owners = {name for _, name, _ in waiting}
@@ -77,7 +77,7 @@ def _nodes_first(given: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, 
 
 
 def _held_by(entry: Any) -> set[str]:
-    """What could be the owners of nodes that hold a beam or superelement."""
+    """Possible owners of the nodes to which a beam or superelement is connected."""
     if not isinstance(entry, dict):
         return set()
     held = entry.get("bodies")
@@ -102,8 +102,8 @@ def _model(document: Document, head: dict[str, Any], stem: str) -> Model:
     try:
         return Model(**{"name": stem, **head})
     except ModelError as error:
-        place = (error.field,) if error.field in head else ()
-        raise _placed(document, place, error) from error
+        key_path = (error.field,) if error.field in head else ()
+        raise _placed(document, key_path, error) from error
 
 
 def _entries(document: Document, section: str, entries: Any) -> Iterable[tuple[str, Any]]:
@@ -116,38 +116,38 @@ def _entries(document: Document, section: str, entries: Any) -> Iterable[tuple[s
 
 
 def _add(document: Document, model: Model, section: str, name: str, entry: Any) -> None:
-    place = (section, name)
+    path = (section, name)
     if not isinstance(entry, dict):
-        raise document.error(place, f"expected the words of {_calls(section)}, not {_what(entry)}.", element=name)
+        raise document.error(path, f"expected the words of {_calls(section)}, not {_what(entry)}.", element=name)
     entry = dict(entry)
-    kind = _kind(document, place, entry)
+    kind = _kind(document, path, entry)
     known = words(kind)
     for key, value in entry.items():
         wrong = _wrong(model, section, kind, key, value)
         if wrong is not None:
-            raise document.error((*place, key), wrong, element=name, field=key)
+            raise document.error((*path, key), wrong, element=name, field=key)
     missing = [word for word, item in known.items() if mandatory(item) and word not in entry]
     if missing:
-        raise document.error(place, f"missing: {', '.join(missing)}; add_{kind} takes {', '.join(known)}.",
+        raise document.error(path, f"missing: {', '.join(missing)}; add_{kind} takes {', '.join(known)}.",
                              element=name, field=missing[0])  # fmt: skip
-    # a word that admits None may be left out here, though Python would ask for it
+    # an argument that may be None is optional here, even if Python requires it
     absent = {word: None for word, item in known.items() if item.default is item.empty and word not in entry}
     try:
         getattr(model, f"add_{kind}")(name, **absent, **entry)
     except ModelError as error:
         field = error.field
-        raise _placed(document, (*place, field) if field in known and field is not None else place, error) from error
+        raise _placed(document, (*path, field) if field in known and field is not None else path, error) from error
 
 
 def _wrong(model: Model, section: str, kind: str, key: str, value: Any) -> str | None:
-    """Return what is wrong with a word that the ``add_...`` call could not say, or not as clearly."""
+    """Return the error of an argument that the ``add_...`` call would not report, or less clearly."""
     known = words(kind)
     if key not in known:
-        return f"add_{kind} has no such word.{_other_kind(section, kind, key) or _known(key, known)}"
+        return f"add_{kind} has no such word.{_kinds_with_word(section, kind, key) or _known(key, known)}"
     expected = unfit(known[key], value)
     if expected is not None:
         return _mismatch(key, value, expected)
-    # the call would advise to add bodies first, which in a file they always are
+    # the call would advise to add bodies first, but in a file the order does not matter
     if "Body" in options(known[key]) and "Joint" not in options(known[key]) and not _is_body(model, value):
         return f"there is no body '{value}'.{_known(value, [*model.bodies, *model.nodes, GROUND])}"
     return None
@@ -157,21 +157,21 @@ def _is_body(model: Model, value: Any) -> bool:
     return value is None or value in model.bodies or value == GROUND or value in model.nodes
 
 
-def _kind(document: Document, place: Place, entry: dict[str, Any]) -> str:
-    kinds = SECTIONS[place[0]]
+def _kind(document: Document, key_path: KeyPath, entry: dict[str, Any]) -> str:
+    kinds = SECTIONS[key_path[0]]
     if len(kinds) == 1 or "type" not in entry:
         return kinds[0]
     kind = entry.pop("type")
     if kind not in kinds:
         expected = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
-        raise document.error((*place, "type"), f"{kind!r} is no type of {place[0]}; expected {expected}."
-                             f"{nearest(str(kind), kinds)}", element=place[1], field="type")  # fmt: skip
+        raise document.error((*key_path, "type"), f"{kind!r} is no type of {key_path[0]}; expected {expected}."
+                             f"{nearest(str(kind), kinds)}", element=key_path[1], field="type")  # fmt: skip
     return str(kind)
 
 
-def _placed(document: Document, place: Place, error: ModelError) -> ModelError:
+def _placed(document: Document, key_path: KeyPath, error: ModelError) -> ModelError:
     message = str(error).removeprefix(f"{error.element}: ")
-    return document.error(place, message, element=error.element, field=error.field)
+    return document.error(key_path, message, element=error.element, field=error.field)
 
 
 def _calls(section: str) -> str:
@@ -179,17 +179,17 @@ def _calls(section: str) -> str:
 
 
 def _misplaced(key: str) -> str:
-    """Return a hint for sections that people expect, though their entries go into another one."""
+    """Return a hint for names of sections that do not exist, such as those of single types."""
     for section, kinds in SECTIONS.items():
         for kind in kinds:
             if key in (kind, f"{kind}s"):
-                given = "" if kind == kinds[0] else f", each with 'type: {kind}'"
-                return f" These go under '{section}'{given}."
+                condition = "" if kind == kinds[0] else f", each with 'type: {kind}'"
+                return f" These go under '{section}'{condition}."
     return ""
 
 
-def _other_kind(section: str, kind: str, key: str) -> str:
-    others = [other for other in SECTIONS[section] if other != kind and key in words(other)]
+def _kinds_with_word(section: str, kind: str, key: str) -> str:
+    others = [candidate for candidate in SECTIONS[section] if candidate != kind and key in words(candidate)]
     return f" It is a word of add_{others[0]}: add 'type: {others[0]}' if that is meant." if others else ""
 
 

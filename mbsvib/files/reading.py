@@ -1,4 +1,4 @@
-"""Files to documents: the suffix says which language, and whatever hinders reading is told as a ModelError."""
+"""Files to documents: the suffix determines the format; every error of reading is a ModelError."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ READERS = {".yaml": read_yaml, ".yml": read_yaml, ".json": read_json}
 
 
 def suffix_of(path: str | PathLike[str]) -> str:
-    """Return the suffix of a model file in small letters; refuse one that says no language."""
+    """Return the suffix of a model file in lower case; refuse unknown ones."""
     suffix = a_path(path, "file", ModelError).suffix
     if suffix.lower() not in READERS:
         raise ModelError(f"{path}: the suffix is {suffix!r}; expected .yaml, .yml or .json, which says how a model "

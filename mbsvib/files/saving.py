@@ -55,18 +55,18 @@ def described(model: Model) -> dict[str, Any]:
         entries = {}
         for name, part in getattr(model, section).items():
             kind = ADDERS[type(part)].removeprefix("add_")
-            said = {} if kind == kinds[0] else {"type": kind}
+            entry_words = {} if kind == kinds[0] else {"type": kind}
             for word, value in part.words().items():
                 if word != "name" and value != words(kind)[word].default:
-                    said[word] = _spoken(word, value)
-            entries[name] = said
+                    entry_words[word] = _spoken(word, value)
+            entries[name] = entry_words
         if entries:
             data[section] = entries
     return data
 
 
 def _spoken(word: str, value: Any) -> Any:
-    """Return the shorter form of a value that the ``add_...`` call turns into the same value."""
+    """Return the shortest form of a value that the ``add_...`` call converts to the same value."""
     if word in ("inertia", "direction") and isinstance(value, tuple) and value[3:] == (0.0, 0.0, 0.0):
         return value[:3]
     return value

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 HEADING = "# mbsvib model: SI units and radians; positions and axes in world coordinates"
-# Letters first, so that it is no number; single blanks inside, so that neither ": " nor " #" can occur.
+# A plain scalar starts with a letter, so that it is no number, and single blanks, so that ": " and " #" cannot occur.
 _PLAIN = re.compile(r"[^\W\d][\w./-]*(?: [\w./-]+)*")
-# text in YAML 1.2, and nearly all of it something else to older readers
+# text in YAML 1.2, but most of it has another type in YAML 1.1
 _RESERVED = frozenset({"null", "true", "false", "yes", "no", "on", "off"})
 # YAML takes a longer key only in its explicit form
 _LONG_KEY = 1000
@@ -24,7 +24,7 @@ def yaml_text(data: Mapping[str, Any]) -> str:
             lines += ["", f"{key}:"]
             for name, words in value.items():
                 lines.append(f"  {_key(name)}" if len(name) < _LONG_KEY else f"  ? {_word(name)}\n  :")
-                lines += (f"    {line}" for word, said in words.items() for line in _yaml_entry(word, said))
+                lines += (f"    {line}" for word, argument in words.items() for line in _yaml_entry(word, argument))
         else:
             lines += _yaml_entry(key, value)
     return "\n".join(lines) + "\n"
@@ -46,8 +46,8 @@ def number(value: float) -> str:
         return text if "." in mantissa else f"{mantissa}.0e{exponent}"
     if abs(value) >= 1e5 and text.endswith("000.0"):
         sign, digits = ("-", text[1:-2]) if text[0] == "-" else ("", text[:-2])
-        kept = digits.rstrip("0")
-        return f"{sign}{kept[0]}.{kept[1:] or '0'}e+{len(digits) - 1}"
+        significant = digits.rstrip("0")
+        return f"{sign}{significant[0]}.{significant[1:] or '0'}e+{len(digits) - 1}"
     return text
 
 

@@ -12,8 +12,8 @@ from mbsvib.elements.families import FAMILIES
 
 VERSION = 1
 
-# Each section is a property of the model that holds its parts in the order in which they were added. Where two calls
-# fill one section, ``type`` names the call; the first is the section's own and goes without saying.
+# Each section is a property of the model with its parts in the order in which they were added. If several calls fill
+# one section, ``type`` names the call; the first one is the default.
 SECTIONS: dict[str, tuple[str, ...]] = {
     section: tuple([family.word for family in FAMILIES if family.section == section])
     for section in dict.fromkeys(family.section for family in FAMILIES)
@@ -29,7 +29,7 @@ def words(kind: str) -> Mapping[str, Parameter]:
 
 @cache
 def head_words() -> Mapping[str, Parameter]:
-    """Return the arguments of ``Model(...)`` by name: they stand at the top level of a file."""
+    """Return the arguments of ``Model(...)`` by name: they are at the top level of a file."""
     return {word: item for word, item in signature(Model.__init__).parameters.items() if word != "self"}
 
 
@@ -39,12 +39,12 @@ def options(item: Parameter) -> frozenset[str]:
 
 
 def mandatory(item: Parameter) -> bool:
-    """Return whether an argument must be there; one that admits None may be left out."""
+    """Return whether an argument is required; one that may be None is optional."""
     return item.default is Parameter.empty and "None" not in options(item)
 
 
 def unfit(item: Parameter, value: Any) -> str | None:
-    """Return what was expected where an ``add_...`` call would take ``value`` for something else, else None.
+    """Return the expected value if an ``add_...`` call would misinterpret ``value``, else None.
 
     Numbers are left to the call, which knows the unit and the range. What is caught here is what Python would let
     through in silence (``"no"`` is true, ``["1", 2, 3]`` converts to numbers) or fail on without a clear word.

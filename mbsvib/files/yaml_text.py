@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from mbsvib.errors import ModelError
-from mbsvib.files.document import Document, Place, fault, repeated
+from mbsvib.files.document import Document, KeyPath, fault, repeated
 
 _CONSTANTS: dict[str, Any] = {
     "": None, "~": None, "null": None, "Null": None, "NULL": None,
@@ -21,7 +21,7 @@ _INTEGER = re.compile(r"[-+]?[0-9]{1,17}")
 _BASED = re.compile(r"0(?:o[0-7]{1,16}|x[0-9a-fA-F]{1,12})")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _SPECIAL = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
-# a model needs five levels; far more would only exhaust the stack
+# a model needs five levels; far more could exhaust the stack
 MAX_DEPTH = 40
 
 
@@ -43,7 +43,7 @@ def read_yaml(text: str, file: str) -> Document:
 
 
 def scalar(text: str) -> Any:
-    """Return what an unquoted scalar means in the core schema of YAML 1.2."""
+    """Return the value of an unquoted scalar in the core schema of YAML 1.2."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     if text[0] not in "+-.0123456789":
@@ -60,45 +60,45 @@ def scalar(text: str) -> Any:
 
 
 class _Builder:
-    """Builds plain values from events, and notes the line of each key on the way."""
+    """Builds plain values from events, and records the line of each key."""
 
     def __init__(self, file: str, events: Iterator[Any]) -> None:
         self.file = file
         self.events = events
-        self.lines: dict[Place, int] = {(): 1}
+        self.lines: dict[KeyPath, int] = {(): 1}
         self.anchors: dict[str, Any] = {}
 
     def document(self) -> Any:
         from ruamel.yaml.events import DocumentStartEvent
 
-        data, found = None, False
+        data, has_document = None, False
         for event in self.events:
             if isinstance(event, DocumentStartEvent):
-                if found:
+                if has_document:
                     raise self.fault(event, (), "a second document starts here; a model file holds one.")
                 first = next(self.events)
                 self.lines[()] = first.start_mark.line + 1
-                data, found = self.node(first, (), 0), True
+                data, has_document = self.node(first, (), 0), True
         return data
 
-    def node(self, event: Any, place: Place | None, depth: int) -> Any:
-        """Build the value that starts with ``event``; ``place`` is None inside a list."""
+    def node(self, event: Any, key_path: KeyPath | None, depth: int) -> Any:
+        """Build the value that starts with ``event``; ``key_path`` is None inside a list."""
         from ruamel.yaml.events import AliasEvent, MappingStartEvent, ScalarEvent
 
         if isinstance(event, AliasEvent):
             if event.anchor not in self.anchors:
-                raise self.fault(event, place, f"the alias *{event.anchor} stands for nothing; there is no "
+                raise self.fault(event, key_path, f"the alias *{event.anchor} stands for nothing; there is no "
                                                f"&{event.anchor} that is complete above it.")  # fmt: skip
             return self.anchors[event.anchor]
         if event.tag is not None:
-            raise self.fault(event, place, f"the tag {event.tag} has no meaning in a model file; leave it out.")
+            raise self.fault(event, key_path, f"the tag {event.tag} has no meaning in a model file; leave it out.")
         if depth > MAX_DEPTH:
-            raise self.fault(event, place, f"lists and mappings are nested more than {MAX_DEPTH} deep.")
+            raise self.fault(event, key_path, f"lists and mappings are nested more than {MAX_DEPTH} deep.")
         value: Any
         if isinstance(event, ScalarEvent):
             value = event.value if event.style else scalar(event.value)
         elif isinstance(event, MappingStartEvent):
-            value = self.mapping(place, depth)
+            value = self.mapping(key_path, depth)
         else:
             value = self.sequence(depth)
         if event.anchor is not None:
@@ -113,7 +113,7 @@ class _Builder:
             result.append(self.node(event, None, depth + 1))
         return result
 
-    def mapping(self, place: Place | None, depth: int) -> dict[str, Any]:
+    def mapping(self, key_path: KeyPath | None, depth: int) -> dict[str, Any]:
         from ruamel.yaml.events import MappingEndEvent
 
         own: dict[str, Any] = {}
@@ -121,43 +121,43 @@ class _Builder:
         seen: dict[str, int] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
             line = event.start_mark.line + 1
-            key = self.key(event, place, depth)
-            here = None if place is None else (*place, key)
+            key = self.key(event, key_path, depth)
+            here = None if key_path is None else (*key_path, key)
             if key in seen:
                 raise repeated(self.file, line, here or (key,), seen[key])
             seen[key] = line
             if key == "<<" and not event.style:
-                merged = self.merged(next(self.events), place, depth)
+                merged = self.merged(next(self.events), key_path, depth)
                 continue
             if here is not None:
                 self.lines[here] = line
             own[key] = self.node(next(self.events), here, depth + 1)
         return merged | own if merged else own
 
-    def key(self, event: Any, place: Place | None, depth: int) -> str:
+    def key(self, event: Any, key_path: KeyPath | None, depth: int) -> str:
         key = self.node(event, None, depth + 1)
         if isinstance(key, str):
             return key
         if isinstance(key, (list, dict)):
-            raise self.fault(event, place, "a list or mapping cannot be a key; expected a name.")
+            raise self.fault(event, key_path, "a list or mapping cannot be a key; expected a name.")
         what = {bool: "a truth value", type(None): "empty"}.get(type(key), "a number")
-        said = getattr(event, "value", "")
-        raise self.fault(event, place, f"the key {said} is {what} in YAML, and a name is text; "
-                                       f"write it in quotes: '{said}'.")  # fmt: skip
+        value = getattr(event, "value", "")
+        raise self.fault(event, key_path, f"the key {value} is {what} in YAML, and a name is text; "
+                                          f"write it in quotes: '{value}'.")  # fmt: skip
 
-    def merged(self, event: Any, place: Place | None, depth: int) -> dict[str, Any]:
-        """Return what a merge key ``<<`` brings in; of several mappings the first that has a key wins."""
+    def merged(self, event: Any, key_path: KeyPath | None, depth: int) -> dict[str, Any]:
+        """Return the entries of a merge key ``<<``; of several mappings the first one with a key has priority."""
         value = self.node(event, None, depth + 1)
         parents = value if isinstance(value, list) else [value]
         if not all(isinstance(parent, dict) for parent in parents):
-            raise self.fault(event, place, "<< takes the alias of a mapping, or a list of such aliases.")
+            raise self.fault(event, key_path, "<< takes the alias of a mapping, or a list of such aliases.")
         result: dict[str, Any] = {}
         for parent in reversed(parents):
             result |= parent
         return result
 
-    def fault(self, event: Any, place: Place | None, message: str) -> ModelError:
-        return fault(self.file, event.start_mark.line + 1, place or (), message)
+    def fault(self, event: Any, key_path: KeyPath | None, message: str) -> ModelError:
+        return fault(self.file, event.start_mark.line + 1, key_path or (), message)
 
 
 def _syntax(error: Any, file: str) -> ModelError:

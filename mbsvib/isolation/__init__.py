@@ -1,11 +1,11 @@
-"""Isolation: how well a mechanism keeps the vibration of its base from a body, and how to make it do so better.
+"""Isolation of a body from the vibration of its base: analysis and design.
 
-study      transmissibility, compliance and what is read off them; ``.under(spectra)`` the vibration under base noise
+study      transmissibility, compliance and derived figures; ``.under(spectra)`` the vibration under base noise
 white, shaped, table      power spectral densities of the base's acceleration
 vc_curve   vibration criteria VC-A to VC-G
 actuated   actuators and sensors in the legs; ``.with_gains(controller)`` closes loops
 force_feedback, velocity_feedback, skyhook, lqg, hinf, controller      controllers
-collocation, root_locus, force_feedback_optimum      what a controller can do
+collocation, root_locus, force_feedback_optimum      analysis of controllers
 passive    quantities for ``studies.optimize``, best values of springs, dampers, masses and places, Pareto fronts
 unfolded   relaxation legs as springs, dampers and nodes, whose derivatives are known
 struts, ring      ideal legs J^T k J, and their ends as variables

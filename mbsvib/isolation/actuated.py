@@ -1,4 +1,4 @@
-"""Active legs: actuators beside the springs of a mechanism, and the sensors that go with them."""
+"""Active legs: actuators in parallel with the springs of a mechanism, and their sensors."""
 
 from __future__ import annotations
 
@@ -104,47 +104,47 @@ def actuated(
         If a name is unknown, or a leg has no line.
     """
     lines = [name for name, part in a_model(model, "actuated").springs.items() if not isinstance(part, Bushing)]
-    chosen = tuple(lines if legs is None else names(legs, "actuated", "legs", ModelError))
-    for name in chosen:
+    leg_names = tuple(lines if legs is None else names(legs, "actuated", "legs", ModelError))
+    for name in leg_names:
         if name not in lines:
             raise ModelError(f"active: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."
                              f"{nearest(str(name), lines)} It has {', '.join(lines) or 'none'}.", element=str(name),
                              field="legs")  # fmt: skip
-    if not chosen:
+    if not leg_names:
         raise ModelError(f"active: model '{model.name}' has no line spring beside which an actuator could act; add "
                          f"legs by add_spring.", field="legs")  # fmt: skip
     made = scene(model, body, base, point, length, directions)
     changed = made.model
-    missing = [name for name in chosen if name not in changed.springs]
+    missing = [name for name in leg_names if name not in changed.springs]
     if missing:
         raise ModelError(f"active: leg '{missing[0]}' is below the base '{base}'; choose legs above it.",
                          element=missing[0], field="legs")  # fmt: skip
-    carried = _carried(changed, body, chosen)
-    for name in chosen:
+    attached = _attached_bodies(changed, body, leg_names)
+    for name in leg_names:
         leg = changed.springs[name]
         assert not isinstance(leg, Bushing)
         changed.add_input(f"{name}.actuator", leg.second, leg.line, leg.start, leg.first)
         changed.add_output(f"{name}.rate", leg.second, leg.line, leg.start, leg.first, quantity="velocity")
         changed.add_force_output(f"{name}.tension", name)
-        away = leg.first in carried and leg.second not in carried
+        away = leg.first in attached and leg.second not in attached
         end, push = (leg.start, -np.array(leg.line)) if away else (leg.end, np.array(leg.line))
         changed.add_output(f"{name}.acceleration", body, push, end, quantity="acceleration")
     system = changed.linearize(method="dense")
     direct = system.D.copy()
-    for name in chosen:
-        # the sensor in series feels spring and actuator
+    for name in leg_names:
+        # the sensor in series measures the force of spring and actuator
         direct[system.outputs.index(f"{name}.tension"), system.inputs.index(f"{name}.actuator")] -= 1.0
-    return Active(replace(made, system=replace(system, D=direct)), chosen)
+    return Active(replace(made, system=replace(system, D=direct)), leg_names)
 
 
-def _carried(model: Model, body: str, legs: Sequence[str]) -> set[str]:
-    """The bodies that hang on the isolated one by anything but legs and the ground."""
+def _attached_bodies(model: Model, body: str, legs: Sequence[str]) -> set[str]:
+    """The bodies that are connected to the isolated one by elements other than legs, not through the ground."""
     ties = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
             if part.name not in legs]  # fmt: skip
-    found, last = {body}, 0
-    while len(found) > last:
-        last = len(found)
+    attached, last = {body}, 0
+    while len(attached) > last:
+        last = len(attached)
         for pair in ties:
-            if GROUND not in pair and not found.isdisjoint(pair):
-                found.update(pair)
-    return found
+            if GROUND not in pair and not attached.isdisjoint(pair):
+                attached.update(pair)
+    return attached

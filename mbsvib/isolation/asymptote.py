@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.isolation.linear import Linear
 
-# A Markov parameter below this share of the terms that it is the sum of is rounding: sums over a hundred motions lose
+# A Markov parameter below this share of the sum of its terms' magnitudes is rounding: sums over a hundred motions lose
 # two or three of sixteen digits.
 ROUNDING = 1e-12
-STEEPEST = 12  # orders that are looked at: a response that falls faster is rounding wherever the asymptote leads
-AFTER = 2  # parameters after the leading one that tell from where on it leads
+STEEPEST = 12  # maximum order: a response that falls faster is rounding where the asymptote holds
+AFTER = 2  # parameters after the leading one, from which the start of the asymptote follows
 
 
 @dataclass(frozen=True, slots=True)
 class Asymptote:
-    """||T(i w)|| -> ``size`` / w^``order``, which leads above the angular frequency ``start`` [rad/s]."""
+    """||T(i w)|| -> ``size`` / w^``order``, the dominant term above the angular frequency ``start`` [rad/s]."""
 
     order: int
     size: float
@@ -57,8 +57,8 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
         parameters = _first_order(linear, into, out, unit)
     sizes: list[float] = []
     order = 0
-    for k, found in zip(range(STEEPEST + AFTER + 1), parameters, strict=False):
-        size = float(np.linalg.norm(left[:, None] * found * right))
+    for k, markov in zip(range(STEEPEST + AFTER + 1), parameters, strict=False):
+        size = float(np.linalg.norm(left[:, None] * markov * right))
         if sizes or size > 0.0:
             order = order if sizes else k
             sizes.append(size)
@@ -71,7 +71,7 @@ def asymptote(linear: Linear, into: list[int], out: list[int], left: Array, righ
 
 
 def direct(linear: Linear) -> Array:
-    """Return what outputs see of inputs at once, H0, with zeros where it is rounding.
+    """Return the feedthrough H0 from inputs to outputs, with zeros where it is rounding.
 
     Parameters
     ----------
@@ -87,12 +87,12 @@ def direct(linear: Linear) -> Array:
 
 
 def without_rounding(value: Array, terms: Array) -> Array:
-    """Return a sum, with zeros where it is rounding of its terms, whose sizes add up to ``terms``."""
+    """Return a sum, with zeros where it is rounding of its terms; ``terms`` is the sum of their magnitudes."""
     return np.where(np.abs(value) > ROUNDING * terms, value, 0.0)
 
 
 def _direct(system: System) -> tuple[Array, Array]:
-    """D + Ca M^-1 B, and the sum of the sizes of its terms as far as their rounding goes."""
+    """D + Ca M^-1 B, and the sum of the magnitudes of its terms, for their rounding."""
     if not system.massless:
         inverse = np.linalg.inv(system.M)
         bound = np.abs(inverse) @ np.abs(system.M) @ np.abs(inverse) @ np.abs(system.B)
@@ -108,8 +108,8 @@ def _direct(system: System) -> tuple[Array, Array]:
 def _second_order(system: System, into: list[int], out: list[int], unit: float) -> Iterator[Array]:
     """Markov parameters, zeros where they are rounding, of M q'' + C q' + K q = B u, in units of time.
 
-    q(s) = sum of x_k / s^(k + 2), M x_0 = B u, M x_k = -C x_(k-1) - K x_(k-2). Terms with as many dampers are kept
-    together, so that those of weak dampers are not taken for the rounding of springs.
+    q(s) = sum of x_k / s^(k + 2), M x_0 = B u, M x_k = -C x_(k-1) - K x_(k-2). Terms with the same number of damper
+    factors are summed together, so that those of weak dampers do not count as rounding of springs.
     """
     inverse = np.linalg.inv(system.M)
     size = np.abs(inverse)
@@ -119,7 +119,7 @@ def _second_order(system: System, into: list[int], out: list[int], unit: float) 
     b = system.B[:, into]
     none = np.zeros_like(b), np.zeros_like(b)
     yield direct(system)[np.ix_(out, into)]
-    # by the number of dampers: motions, and how far rounding goes in them, in parts of ROUNDING
+    # by the number of damper factors: motions, and their rounding errors, in parts of ROUNDING
     motions: list[dict[int, tuple[Array, Array]]] = [{}, {0: (inverse @ b, rounding @ np.abs(b))}]
     while True:
         before, last = motions[-2:]
@@ -150,6 +150,6 @@ def _first_order(linear: Linear, into: list[int], out: list[int], unit: float) -
     power, c = space.B[:, into] / scale[:, None] / unit, space.C[out] * scale
     yield direct(linear)[np.ix_(out, into)]
     while True:
-        found, size = c @ power, np.linalg.norm(c, axis=1)[:, None] * np.linalg.norm(power, axis=0)
-        yield without_rounding(found, size)
+        markov, size = c @ power, np.linalg.norm(c, axis=1)[:, None] * np.linalg.norm(power, axis=0)
+        yield without_rounding(markov, size)
         power = a @ power

@@ -1,4 +1,4 @@
-"""Chains of bodies between base and platform: what of a leg goes with which end, and what makes it none."""
+"""Chains of bodies between base and platform: the parts of a leg that move with each end, and checks of legs."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ SAME = 1e-9  # distance, in parts of a leg's length, of points that are one
 class Leg:
     """A leg with its ``bodies``, from ``start`` on the base to ``end`` on the platform, (3,) each [m].
 
-    ``points`` are its positions by the names that their parameters begin with, and their ``shares``: 0 goes with the
-    start, 1 with the end, what is between them keeps its share of the length. ``turned`` are orientations, likewise.
+    ``points`` are its positions by the prefixes of their parameters, and their ``shares``: 0 moves with the start, 1
+    with the end, others keep their share of the length. ``orientations`` are the prefixes of its orientations.
     """
 
     name: str
@@ -37,12 +37,12 @@ class Leg:
     end: Array
     points: Mapping[str, Array]
     shares: Mapping[str, float]
-    turned: tuple[str, ...]
+    orientations: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Bodies that hang together without ``base`` and ``platform``, and all that connects them, also to these."""
+    """Bodies that are connected without ``base`` and ``platform``, and their connections, also to these."""
 
     bodies: tuple[str, ...]
     connections: tuple[Connection, ...]
@@ -51,27 +51,27 @@ class Chain:
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Names of all that it is made of."""
+        """Names of all its parts."""
         return (*self.bodies, *(part.name for part in self.connections))
 
     @property
     def name(self) -> str:
-        """What its parts' names begin with."""
+        """The common prefix of its parts' names."""
         common = {name.split(".")[0] for name in self.parts}
         return common.pop() if self.bodies and len(common) == 1 else self.parts[0]
 
     @property
-    def whole(self) -> bool:
-        """Whether it leads from base to platform, and is held by the ground nowhere else."""
+    def complete(self) -> bool:
+        """Whether it connects base and platform, and has no other connection to ground."""
         return not self.missing() and "ground" not in self.bodies
 
     def missing(self) -> list[str]:
-        """Which of base and platform it does not reach."""
+        """Which of base and platform it is not connected to."""
         reached = {end for part in self.connections for end in (part.first, part.second)}
         return [end for end in (self.base, self.platform) if end not in reached]
 
     def leg(self, model: Model) -> Leg:
-        """Return what of it goes with which end.
+        """Return the leg, with the parts that move with each end.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class Chain:
         Raises
         ------
         ModelError
-            If it has not two ends, is not straight, does not slide, or has parts that would not follow.
+            If it has not two ends, is not straight, has no sliding joint, or has parts that cannot follow.
         """
         who = f"platform: leg '{self.name}'"
         self._refuse_odd(model, who)
@@ -94,7 +94,7 @@ class Chain:
         line, size = end - start, max(np.abs(start).max(), np.abs(end).max())
         length = float(np.linalg.norm(line))
         if length <= SAME * size:
-            raise ModelError(f"{who}: it has no length, as both of its ends are at {_said(start)} m.",
+            raise ModelError(f"{who}: it has no length, as both of its ends are at {_text(start)} m.",
                              element=self.name, field="legs")  # fmt: skip
         self._refuse_bent(line / length, who)
         share = {self.base: 0.0, self.platform: 1.0} | self._shares(model, start, line / length**2, who)
@@ -105,31 +105,31 @@ class Chain:
             for field, body in _fields(part):
                 points[f"{part.name}.{field}"] = np.array(getattr(part, field))
                 shares[f"{part.name}.{field}"] = share[body]
-        turned = [name for name in self.bodies if any(model.bodies[name].inertia)]
-        turned += [part.name for part in self.connections if isinstance(part, Bushing)
-                   or (isinstance(part, Joint) and part.kind not in ("spherical", "distance"))]  # fmt: skip
-        names = tuple([f"{name}.orientation" for name in turned])
+        oriented = [name for name in self.bodies if any(model.bodies[name].inertia)]
+        oriented += [part.name for part in self.connections if isinstance(part, Bushing)
+                     or (isinstance(part, Joint) and part.kind not in ("spherical", "distance"))]  # fmt: skip
+        names = tuple([f"{name}.orientation" for name in oriented])
         return Leg(self.name, self.bodies, start, end, points, shares, names)
 
     def _end(self, at: str, who: str) -> Array:
-        """Where it is held at its one end."""
+        """The point at which a body, base or platform, is connected to it."""
         every = [(part, _point(part, at)) for part in self.connections]
-        found = {part.name: np.array(point) for part, point in every if point is not None and not _slides(part)} or {
+        points = {part.name: np.array(point) for part, point in every if point is not None and not _slides(part)} or {
             part.name: np.array(point) for part, point in every if point is not None}  # fmt: skip
-        if not found:
+        if not points:
             names = [part.name for part in self.connections if at in (part.first, part.second)]
             raise ModelError(f"{who}: joint '{names[0]}' has no position, so that the leg has no end at '{at}'; give "
                              f"its position, where leg and '{at}' meet.", element=names[0], field="legs")  # fmt: skip
-        (name, point), *others = found.items()
-        for other, place in others:
-            if not same(place, point):
-                raise ModelError(f"{who}: '{at}' holds it at two points, {_said(point)} m by '{name}' and "
-                                 f"{_said(place)} m by '{other}'; expected a chain with one end there.",
-                                 element=other, field="legs")  # fmt: skip
+        (name, point), *others = points.items()
+        for other_name, other_point in others:
+            if not same(other_point, point):
+                raise ModelError(f"{who}: '{at}' holds it at two points, {_text(point)} m by '{name}' and "
+                                 f"{_text(other_point)} m by '{other_name}'; expected a chain with one end there.",
+                                 element=other_name, field="legs")  # fmt: skip
         return point
 
     def _refuse_odd(self, model: Model, who: str) -> None:
-        """Refuse legs with parts that would not follow."""
+        """Refuse legs with parts that cannot follow."""
         strange = [name for name in self.bodies if name not in model.bodies]
         if strange:
             raise ModelError(f"{who}: '{strange[0]}' belongs to a beam or superelement, which does not follow the ends "
@@ -150,8 +150,8 @@ class Chain:
             if isinstance(part, Joint) and part.kind in ALONG:
                 axis = np.array(part.axes)[:, 2]
                 if np.linalg.norm(np.cross(axis, along)) > STRAIGHT:
-                    raise ModelError(f"{who}: '{part.name}' slides along {_said(axis)}, which is not the line from end "
-                                     f"to end, {_said(along)}.", element=part.name, field="legs")  # fmt: skip
+                    raise ModelError(f"{who}: '{part.name}' slides along {_text(axis)}, which is not the line from end "
+                                     f"to end, {_text(along)}.", element=part.name, field="legs")  # fmt: skip
 
     def _shares(self, model: Model, start: Array, per_length: Array, who: str) -> dict[str, float]:
         """The share of the leg's length that each body has."""
@@ -167,16 +167,14 @@ class Chain:
                                  f"expected a joint along the leg that does.", element=name, field="legs")  # fmt: skip
             if name not in result:
                 group = _reached([name], held, self.bodies) - {self.base, self.platform}
-                centre = np.mean([model.bodies[each].position for each in group], axis=0)
+                centre = np.mean([model.bodies[member].position for member in group], axis=0)
                 share = 0.0 if name in below else 1.0 if name in above else float((centre - start) @ per_length)
                 result.update(dict.fromkeys(group, share))
         return result
 
 
 def chains_between(model: Model, body: str, base: str) -> list[Chain]:
-    """What lies between two bodies: all that hangs together without them, and line springs and rods from one to the
-    other.
-    """
+    """Chains between two bodies: bodies that are connected without them, and line springs and rods between the two."""
     every: list[Connection] = [*model.joints.values(), *model.springs.values()]
     ends = (base, body)
     between = [part for part in every if part.first not in ends or part.second not in ends]
@@ -187,7 +185,7 @@ def chains_between(model: Model, body: str, base: str) -> list[Chain]:
         if name not in seen:
             group = _reached([name], pairs, inner)
             seen |= group
-            members = tuple([each for each in inner if each in group])
+            members = tuple([member for member in inner if member in group])
             those = tuple([part for part in between if part.first in members or part.second in members])
             result.append(Chain(members, those, base, body))
     lines = [part for part in every if {part.first, part.second} == {base, body} and len(_fields(part)) == 2]
@@ -195,28 +193,28 @@ def chains_between(model: Model, body: str, base: str) -> list[Chain]:
 
 
 def _reached(starts: list[str], pairs: Iterable[tuple[str, str]], through: Iterable[str]) -> set[str]:
-    """What pairs lead to, stepping on nothing but some bodies."""
+    """Bodies that can be reached by pairs, through some bodies only."""
     known, allowed, edges = set(starts), set(through), list(pairs)
     todo = list(starts)
     while todo:
         here = todo.pop()
         for first, second in edges:
-            for one, other in ((first, second), (second, first)):
-                if one == here and other not in known:
-                    known.add(other)
-                    todo += [other] if other in allowed else []
+            for near, far in ((first, second), (second, first)):
+                if near == here and far not in known:
+                    known.add(far)
+                    todo += [far] if far in allowed else []
     return known
 
 
 def _slides(part: Connection) -> bool:
-    """Whether it is a joint that lets a leg change its length."""
+    """Whether it is a joint that allows a change of the leg's length."""
     if not isinstance(part, Joint) or part.kind == "distance":
         return False
     return part.kind == "screw" or any(name in "xyz" for name, _ in part.freedom)
 
 
 def _fields(part: Connection) -> list[tuple[str, str]]:
-    """Points of a connection, and the body that each goes with."""
+    """Points of a connection, and the body of each."""
     if isinstance(part, (Spring, Maxwell)):
         return [("start", part.first), ("end", part.second)]
     if isinstance(part, Joint) and part.end is not None:
@@ -225,17 +223,17 @@ def _fields(part: Connection) -> list[tuple[str, str]]:
 
 
 def _point(part: Connection, at: str) -> tuple[float, ...] | None:
-    """Where a connection holds a body, if it does."""
+    """The point of a connection on a body, or None."""
     fields = _fields(part)
     if at not in (part.first, part.second) or not fields:
         return None
     return tuple(getattr(part, {body: field for field, body in fields}.get(at, fields[0][0])))
 
 
-def same(one: Array, other: Array) -> bool:
-    """Return whether two points are one."""
-    return bool(np.linalg.norm(one - other) <= SAME * max(np.abs(one).max(), np.abs(other).max()))
+def same(first: Array, second: Array) -> bool:
+    """Return whether two points coincide."""
+    return bool(np.linalg.norm(first - second) <= SAME * max(np.abs(first).max(), np.abs(second).max()))
 
 
-def _said(vector: Array) -> str:
+def _text(vector: Array) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in vector) + ")"

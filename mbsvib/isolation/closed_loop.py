@@ -94,12 +94,12 @@ class ClosedLoop(FeedbackLoop):
 
     @property
     def resolution(self) -> Resolution:
-        """What responses are made of."""
+        """Poles and panels of the responses."""
         return Resolution(self.poles())
 
     @property
     def far(self) -> ClosedLoop:
-        """What the response is that of at high frequency."""
+        """The loop or system with the same response at high frequency."""
         return self
 
     @property
@@ -148,14 +148,14 @@ def close(plant: Plant, *controllers: Controller) -> ClosedLoop:
     if not controllers:
         raise ResponseError("closed loop: no controller is given; make one by force_feedback, skyhook, controller, ...")
     system = plant.system
-    for each in controllers:
-        if not isinstance(each, Controller):
-            raise ResponseError(f"closed loop: {type(each).__name__} is no controller; expected what force_feedback, "
+    for law in controllers:
+        if not isinstance(law, Controller):
+            raise ResponseError(f"closed loop: {type(law).__name__} is no controller; expected what force_feedback, "
                                 f"skyhook, controller, ... return.")  # fmt: skip
-        for what, names, known in (("sensor", each.inputs, system.outputs), ("actuator", each.outputs, system.inputs)):
+        for what, names, known in (("sensor", law.inputs, system.outputs), ("actuator", law.outputs, system.inputs)):
             for name in names:
                 if name not in known:
-                    raise ResponseError(f"closed loop: {each.name} names the {what} '{name}', which the plant has not."
+                    raise ResponseError(f"closed loop: {law.name} names the {what} '{name}'; the plant has none."
                                         f"{nearest(name, known)} It has {', '.join(known)}.")  # fmt: skip
     return ClosedLoop(plant, controllers, _united([c.inputs for c in controllers]),
                       _united([c.outputs for c in controllers]))  # fmt: skip

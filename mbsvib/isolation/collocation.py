@@ -1,4 +1,4 @@
-"""Collocation: which sensor is an actuator's own, so that any gain between them damps."""
+"""Collocation: pairs of actuators and sensors for which any gain of one sign damps."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 PARALLEL = 1e-9
-SAME = 1e-6  # a pole and a zero this near to each other are a mode that the pair does not see
+SAME = 1e-6  # a pole and a zero within this relative distance cancel: the mode is not visible to the pair
 LIGHT = 1e-3  # damping ratio of the highest mode
 ROUNDING = 1e-8  # share of the response by which a real part may be negative
-# Frequencies that are looked at, in parts of the lowest and highest pole; poles below a share of that are at rest.
+# Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
 LOWEST, HIGHEST, AT_REST = 1e-3, 1e3, 1e-9
 
 
@@ -100,12 +100,12 @@ def collocation(plant: Plant, pairs: Iterable[tuple[str, str]] | None = None) ->
     if pairs is None:
         pairs = [(f"{leg}.actuator", f"{leg}.{sensor}") for leg in plant.legs
                  for sensor in ("tension", "rate", "acceleration")]  # fmt: skip
-    chosen = list(pairs)
-    if not chosen:
+    port_pairs = list(pairs)
+    if not port_pairs:
         raise ResponseError("collocation: no pairs; give at least one (actuator, sensor).")
     undamped = replace(system, C=np.zeros_like(system.C), damping=np.zeros_like(system.damping), gyroscopic=None)
     still = undamped if not system.massless else None
-    return Collocation(system.name, tuple([_pair(plant, still, *pair) for pair in chosen]))
+    return Collocation(system.name, tuple([_pair(plant, still, *pair) for pair in port_pairs]))
 
 
 def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> Pair:
@@ -122,7 +122,7 @@ def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> 
         dual = True  # in series
     free = without(undamped, [leg]) if undamped is not None and sensor != leg and actuator == f"{leg}.actuator" and \
         removable(plant, [leg]) else None  # fmt: skip
-    poles, zeros, minimum = _seen(system if undamped is None else undamped, actuator, sensor, free)
+    poles, zeros, minimum = _visible_frequencies(system if undamped is None else undamped, actuator, sensor, free)
     both = np.concatenate((poles, zeros))
     kind = np.concatenate((np.zeros(len(poles)), np.ones(len(zeros))))[np.argsort(both, kind="stable")]
     interlaced = None if undamped is None else minimum and bool((np.diff(kind) != 0.0).all())
@@ -131,7 +131,7 @@ def _pair(plant: Plant, undamped: System | None, actuator: str, sensor: str) -> 
 
 
 def removable(plant: Plant, legs: Sequence[str]) -> bool:
-    """Return whether legs are plain springs without preload, so that without tension they play no part."""
+    """Return whether legs are plain springs without preload, so that they have no effect without tension."""
     system, springs = plant.system, plant.scene.model.springs
     rows = np.bincount(system.row_owner, minlength=len(system.provenance.springs))
     return all(isinstance(springs[leg], Spring) and rows[system.provenance.springs.index(leg)] == 1 for leg in legs)
@@ -142,7 +142,7 @@ def without(system: System, legs: Sequence[str]) -> System:
     gone = np.isin(system.row_owner, [system.provenance.springs.index(leg) for leg in legs])
     k, c = np.where(gone, 0.0, system.stiffness), np.where(gone, 0.0, system.damping)
     rows = system.elastic_rows[~gone]
-    # summed afresh: a difference would leave rounding where nothing is left
+    # summed again: a difference would leave rounding errors
     stiffness, damping = (rows.T @ (values[~gone, None] * rows) for values in (k, c))
     if system.circulatory is not None:
         stiffness += system.circulatory
@@ -151,7 +151,7 @@ def without(system: System, legs: Sequence[str]) -> System:
     return replace(system, stiffness=k, damping=c, K=stiffness, C=damping)
 
 
-def _seen(system: System, actuator: str, sensor: str, free: System | None) -> tuple[Array, Array, bool]:
+def _visible_frequencies(system: System, actuator: str, sensor: str, free: System | None) -> tuple[Array, Array, bool]:
     """Frequencies [Hz] of poles and zeros that do not cancel, and whether all zeros are on the imaginary axis."""
     poles = system.poles()
     zeros = system.transmission_zeros(actuator, sensor) if free is None else free.poles()
@@ -160,24 +160,24 @@ def _seen(system: System, actuator: str, sensor: str, free: System | None) -> tu
     rest = zeros[np.abs(zeros) > SAME * unit]
     minimum = bool((np.abs(rest.real) <= SAME * np.abs(rest)).all())
     dips = np.sort(rest.imag[(rest.imag > 0.0) & (np.abs(rest.real) <= SAME * np.abs(rest))])
-    kept = []
+    visible = []
     for pole in up.tolist():
         near = np.flatnonzero(np.abs(dips - pole) <= SAME * pole)
         if len(near):
             dips = np.delete(dips, near[0])
         else:
-            kept.append(pole)
-    return np.array(kept) / (2.0 * np.pi), dips / (2.0 * np.pi), minimum
+            visible.append(pole)
+    return np.array(visible) / (2.0 * np.pi), dips / (2.0 * np.pi), minimum
 
 
 def _damped(system: System) -> System:
-    """A system with dampers in proportion to its springs: without any no mode takes or gives energy."""
+    """A system with damping proportional to stiffness: without damping no mode exchanges energy."""
     ratio = 2.0 * LIGHT / np.abs(system.poles()).max(initial=1.0)
     return replace(system, C=ratio * system.K, damping=ratio * system.stiffness)
 
 
 def _passive(system: System, i: int, j: int, force: bool, order: int) -> bool:
-    """Whether the force times the rate that belongs to the sensor is never negative, or never positive."""
+    """Whether the real part of the response from force to the sensor's rate never changes its sign."""
     poles = system.poles()
     size = np.abs(poles[np.abs(poles) > AT_REST * np.abs(poles).max(initial=0.0)])
     ends = panels(poles, LOWEST * float(size.min(initial=1.0)), HIGHEST * float(size.max(initial=1.0)))

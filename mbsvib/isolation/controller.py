@@ -116,7 +116,7 @@ def integrators(
     inputs, outputs : sequence of str
         Names of sensors and actuators.
     leak : float
-        Corner of the integrators [rad/s]: below it they forget.
+        Corner of the integrators [rad/s]: below it they do not integrate.
 
     Returns
     -------

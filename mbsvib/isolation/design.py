@@ -1,4 +1,4 @@
-"""What a passive design found: the mechanism, and its figures before and after."""
+"""Result of a passive design: the mechanism, and its figures before and after."""
 
 from __future__ import annotations
 

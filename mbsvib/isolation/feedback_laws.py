@@ -156,11 +156,11 @@ def _gains(plant: Plant, gain: ArrayLike, who: str, unit: str) -> Array:
     return _shared(gain, len(plant.legs), who, f"a gain [{unit}], or one for each of {len(plant.legs)} legs")
 
 
-def _shared(given: ArrayLike, size: int, who: str, expected: str) -> Array:
+def _shared(gain: ArrayLike, size: int, who: str, expected: str) -> Array:
     try:
-        values = np.asarray(given, dtype=float)
+        values = np.asarray(gain, dtype=float)
     except (TypeError, ValueError) as error:
-        raise ResponseError(f"{who}: gain = {check.shown(given)}; expected {expected}.") from error
+        raise ResponseError(f"{who}: gain = {check.shown(gain)}; expected {expected}.") from error
     if values.shape not in ((), (size,)) or not np.isfinite(values).all():
-        raise ResponseError(f"{who}: gain = {check.shown(given)}; expected {expected}.")
+        raise ResponseError(f"{who}: gain = {check.shown(gain)}; expected {expected}.")
     return np.broadcast_to(values, (size,)).copy()

@@ -1,4 +1,4 @@
-"""Feedback loops: what continuous-time and discrete-time controllers have in common."""
+"""Feedback loops: common base of continuous-time and discrete-time controllers."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from mbsvib.isolation.plant import Plant
     from mbsvib.responses.state_space import StateSpace
 
-RESTS = 3e-8  # poles at 0 that are double come out so far off, in parts of the largest
+RESTS = 3e-8  # error of double poles at 0, in parts of the largest
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FeedbackLoop(ABC):
     """A mechanism with controllers; has the inputs and outputs of ``plant.system``, actuators take further forces.
 
-    How controllers run, over time or from sample to sample, is said by the classes made of this one.
+    Subclasses define whether controllers run in continuous or discrete time.
     """
 
     plant: Plant
@@ -63,20 +63,21 @@ class FeedbackLoop(ABC):
     @cached_property
     def law(self) -> Controller:
         """All controllers as one."""
-        sizes = [len(each.A) for each in self.controllers]
+        sizes = [len(controller.A) for controller in self.controllers]
         n, start = sum(sizes), 0
         a, b = np.zeros((n, n)), np.zeros((n, len(self.sensors)))
         c, d = np.zeros((len(self.actuators), n)), np.zeros((len(self.actuators), len(self.sensors)))
-        for each, size in zip(self.controllers, sizes, strict=True):
+        for controller, size in zip(self.controllers, sizes, strict=True):
             part = slice(start, start + size)
-            into = [self.sensors.index(name) for name in each.inputs]
-            out = [self.actuators.index(name) for name in each.outputs]
-            a[part, part] = each.A
-            b[part, into] = each.B
-            c[out, part] = each.C
-            d[np.ix_(out, into)] += each.D
+            into = [self.sensors.index(name) for name in controller.inputs]
+            out = [self.actuators.index(name) for name in controller.outputs]
+            a[part, part] = controller.A
+            b[part, into] = controller.B
+            c[out, part] = controller.C
+            d[np.ix_(out, into)] += controller.D
             start += size
-        return Controller(" + ".join(each.name for each in self.controllers), a, b, c, d, self.sensors, self.actuators)
+        name = " + ".join(controller.name for controller in self.controllers)
+        return Controller(name, a, b, c, d, self.sensors, self.actuators)
 
     @property
     def ports(self) -> tuple[list[int], list[int]]:
@@ -85,24 +86,24 @@ class FeedbackLoop(ABC):
 
     @abstractmethod
     def _loop(self, omega: Array, own: Complex) -> tuple[Complex, Complex, Complex]:
-        """K (n, actuators, sensors), what K G brings back of signals at the actuators (n, actuators, actuators), and
-        what a hold makes of forces (n,); ``own`` (n, sensors, actuators) is the response of the mechanism.
+        """K (n, actuators, sensors), the loop gain K G at the actuators (n, actuators, actuators), and the response of
+        the hold (n,); ``own`` (n, sensors, actuators) is the response of the mechanism.
         """
 
     @property
     @abstractmethod
     def _eigen(self) -> tuple[Complex, Array]:
-        """Poles [1/s] in ascending magnitude, and how far each state takes part in them, (states, poles)."""
+        """Poles [1/s] in ascending magnitude, and the participation of each state in them, (states, poles)."""
 
     @property
     @abstractmethod
     def resolution(self) -> Resolution:
-        """What responses are made of."""
+        """Poles and panels of the responses."""
 
     @property
     @abstractmethod
     def far(self) -> Linear:
-        """What the response is that of at high frequency."""
+        """The loop or system with the same response at high frequency."""
 
     @abstractmethod
     def state_space(self, realization: str = "modal") -> StateSpace:
@@ -131,7 +132,7 @@ class FeedbackLoop(ABC):
 
     @cached_property
     def _own(self) -> System:
-        """The mechanism with the ports of the loops alone."""
+        """The mechanism with only the ports of the loops."""
         y, u = self.ports
         system = self.plant.system
         return replace(
@@ -141,7 +142,7 @@ class FeedbackLoop(ABC):
         )  # fmt: skip
 
     def returned(self, omega: ArrayLike) -> Complex:
-        """Return what the loops bring back of a signal at the actuators, K G_yu, with nothing closed.
+        """Return the loop gain at the actuators, K G_yu, with open loops.
 
         Parameters
         ----------
@@ -180,11 +181,11 @@ class FeedbackLoop(ABC):
         y, u = self.ports
         k, returned, hold = self._loop(w, g[:, y][:, :, u])
         forces = np.linalg.solve(np.eye(len(u)) - returned, k @ g[:, y])
-        whole: Complex = g + g[:, :, u] @ (hold[:, None, None] * forces)
-        return np.asarray(whole.transpose(1, 2, 0))
+        closed: Complex = g + g[:, :, u] @ (hold[:, None, None] * forces)
+        return np.asarray(closed.transpose(1, 2, 0))
 
     def direct(self) -> Array:
-        """Return what outputs see of inputs at once (outputs, inputs), with zeros where it is rounding."""
+        """Return the feedthrough (outputs, inputs), with zeros where it is rounding."""
         plant, (y, u) = direct(self.open_loop), self.ports
         back = np.linalg.inv(np.eye(len(u)) - self.law.D @ plant[np.ix_(y, u)]) @ self.law.D
         value = plant + plant[:, u] @ back @ plant[y]

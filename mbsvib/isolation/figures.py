@@ -1,4 +1,4 @@
-"""Figures of an isolation: transmissibility and compliance over frequency, and what is read off them."""
+"""Figures of an isolation: transmissibility and compliance over frequency, and values derived from them."""
 
 from __future__ import annotations
 
@@ -118,8 +118,8 @@ class Figures:
         """
         if self.index[-1] >= 1.0:
             return float("inf")
-        found = self._band.crossings(lambda square: square - 1.0) if self._band else np.zeros(0)
-        return float(found[-1] if len(found) else self.frequencies[0])
+        crossings = self._band.crossings(lambda square: square - 1.0) if self._band else np.zeros(0)
+        return float(crossings[-1] if len(crossings) else self.frequencies[0])
 
     @property
     def decade(self) -> float:
@@ -134,12 +134,12 @@ class Figures:
         out = [far.outputs.index(name) for name in ACCELERATIONS]
         left = self.scene.scale() / np.sqrt(len(into))
         result = asymptote(far, into, out, left, 1.0 / self.scene.scale(self.scene.moved))
-        # what a hold does at high frequency has ripples, and falls with the frequency
+        # the response of a hold has ripples at high frequency, and decreases with the frequency
         return result if result is None or not self.sampled or not result.order else None
 
     @property
     def _far(self) -> Linear:
-        """What has the response at high frequency."""
+        """The system with the same response at high frequency."""
         return self.linear if isinstance(self.linear, System) else self.linear.far
 
     @property

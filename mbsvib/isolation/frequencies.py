@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
 
-POINTS = 400  # evenly spaced ones of the default frequencies; beside them others follow the resonances
-THINNING = 3.0  # these are so many half-widths away, and so many times as far each
-SAME = 1e-10  # share of a frequency within which points are one
+POINTS = 400  # evenly spaced default frequencies; more points are added at resonances
+THINNING = 3.0  # distance of the first added point in half-widths, and ratio of successive distances
+SAME = 1e-10  # share of a frequency within which points are duplicates
 BELOW, ABOVE = 0.02, 20.0  # default band, in parts of the lowest and highest natural frequency
 
 
@@ -82,13 +82,13 @@ def default(linear: Linear) -> Array:
         count = int(high / period) + 1
         poles = (poles[:, None] + 1j * period * np.arange(-count, count + 1)).reshape(-1)
     even = np.geomspace(low, high, POINTS)
-    found = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
-    found = found[(found >= low) & (found <= high)]
-    return found[np.concatenate(([True], np.diff(found) > SAME * found[1:]))]
+    points = np.unique(np.concatenate((even, _around(poles, even[1] / even[0] - 1.0))))
+    points = points[(points >= low) & (points <= high)]
+    return points[np.concatenate(([True], np.diff(points) > SAME * points[1:]))]
 
 
 def _around(poles: Complex, spacing: float) -> Array:
-    """Tops and half-power points of resonances, and points about them that thin out to an even spacing."""
+    """Peaks and half-power points of resonances, and points around them up to the even spacing."""
     half, centre = np.abs(poles.real)[:, None], np.abs(poles.imag)[:, None]
     away = THINNING ** np.arange(np.ceil(-np.log(extrema.UNDAMPED) / np.log(THINNING)))
     away = half * np.concatenate(([0.0], away, -away))

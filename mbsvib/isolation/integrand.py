@@ -1,4 +1,4 @@
-"""Responses of which norms are taken: as accurate as these, and no more."""
+"""Responses for norms: accurate in the norm, not in each entry."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-DENSE = 60  # degrees of freedom up to which equations are solved whole at every frequency
+DENSE = 60  # degrees of freedom up to which the dense equations are solved at every frequency
 
 
 def response(system: System, w: Array, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-    """Return responses that are to be summed up, so that entries which symmetry makes zero need no digits.
+    """Return responses for norms, in which entries that are zero by symmetry need not be accurate.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def solved(system: System, w: Array, o: list[int], i: list[int]) -> tuple[Comple
     h = system.Cq[o] + s * system.Cv[o] + s * s * system.Ca[o]
     try:
         right = np.linalg.solve(z, np.broadcast_to(system.B[:, i], (len(w), system.dof, len(i))))
-    except np.linalg.LinAlgError:  # on a pole: refused there by its name
+    except np.linalg.LinAlgError:  # at a pole: raises an error with the mode
         system.frequency_response(w)
         raise
     left = np.linalg.solve(z.transpose(0, 2, 1), h.transpose(0, 2, 1)).transpose(0, 2, 1)

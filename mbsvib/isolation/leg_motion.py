@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from mbsvib.isolation.chains import Leg
 
 
-SHORT = 1e-9  # length, in parts of the one before, that is none
-FLIPPED = 1e-9  # 1 + cosine of the angle that a leg turns by, below which no rotation is the least
-SMALL = 1e-3  # sine below which two terms of a series are exact enough for what they are multiplied with
+SHORT = 1e-9  # length, in parts of the original one, that counts as zero
+FLIPPED = 1e-9  # 1 + cosine of a leg's rotation angle, below which the smallest rotation is not unique
+SMALL = 1e-3  # sine below which two terms of a series are accurate enough
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Legs somewhere else: ``length`` (..., l), direction ``along`` (..., l, 3), ``cross`` product of the old direction
-    with it, their ``cosine``, and ``factor`` = angle / sine.
+    """Displaced legs: ``length`` (..., l), direction ``along`` (..., l, 3), ``cross`` product of the old direction with
+    it, their ``cosine``, and ``factor`` = angle / sine.
     """
 
     length: Array
@@ -54,29 +54,29 @@ class Following:
 
     @classmethod
     def of(cls, legs: Sequence[Leg]) -> Following:
-        """Return what follows the ends of some legs."""
+        """Return the parts that follow the ends of some legs."""
         points = [(name, i, point, leg.shares[name]) for i, leg in enumerate(legs)
                   for name, point in leg.points.items()]  # fmt: skip
-        turned = [(name, i) for i, leg in enumerate(legs) for name in leg.turned]
+        oriented = [(name, i) for i, leg in enumerate(legs) for name in leg.orientations]
         names = [f"{name}.{axis}" for name, *_ in points for axis in "xyz"]
-        names += [f"{name}.{axis}" for name, _ in turned for axis in ("rx", "ry", "rz")]
+        names += [f"{name}.{axis}" for name, _ in oriented for axis in ("rx", "ry", "rz")]
         start = np.array([leg.start for leg in legs])
         return cls(
             tuple([leg.name for leg in legs]), start, np.array([leg.end for leg in legs]) - start,
             np.array([point for _, _, point, _ in points]), np.array([i for _, i, _, _ in points], dtype=np.intp),
-            np.array([share for _, _, _, share in points]), np.array([i for _, i in turned], dtype=np.intp),
+            np.array([share for _, _, _, share in points]), np.array([i for _, i in oriented], dtype=np.intp),
             tuple(names),
         )  # fmt: skip
 
-    def values(self, low: Array, high: Array, said: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters where ends are shifted.
+    def values(self, low: Array, high: Array, variables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the parameters for shifted ends.
 
         Parameters
         ----------
         low, high : array, shape (..., l, 3)
-            How far the starts and ends of the legs are off [m].
-        said : mapping
-            Variables, of which errors tell.
+            Displacements of the starts and ends of the legs [m].
+        variables : mapping
+            Variables, for messages.
 
         Returns
         -------
@@ -88,7 +88,7 @@ class Following:
         ModelError
             If a leg has no length, or is turned upside down.
         """
-        lines, own = self._lines(low, high, said), self.owner
+        lines, own = self._lines(low, high, variables), self.owner
         arm = self.points - self.start[own]
         cross, cosine = lines.cross[..., own, :], lines.cosine[..., own, None]
         once = np.cross(cross, arm)
@@ -100,17 +100,17 @@ class Following:
         every = np.concatenate([points.reshape(*lead, -1), turns.reshape(*lead, -1)], axis=-1)
         return dict(zip(self.parameters, np.moveaxis(every, -1, 0) if lead else every.tolist(), strict=True))
 
-    def rates(self, low: Array, high: Array, slopes: Array, said: Mapping[str, Any]) -> list[dict[str, float]]:
+    def rates(self, low: Array, high: Array, slopes: Array, variables: Mapping[str, Any]) -> list[dict[str, float]]:
         """Return the derivatives of these parameters.
 
         Parameters
         ----------
         low, high : array, shape (l, 3)
-            How far the starts and ends of the legs are off [m].
+            Displacements of the starts and ends of the legs [m].
         slopes : array, shape (k, 2, l, 3)
             Derivatives of both to each variable.
-        said : mapping
-            Variables, of which errors tell.
+        variables : mapping
+            Variables, for messages.
 
         Returns
         -------
@@ -122,7 +122,7 @@ class Following:
         ModelError
             As ``values`` does.
         """
-        lines, own = self._lines(low, high, said), self.owner
+        lines, own = self._lines(low, high, variables), self.owner
         u, k, c = lines.along, lines.cross, lines.cosine[..., None]
         old = self.line / np.linalg.norm(self.line, axis=-1)[:, None]
         d_low, d_line = slopes[:, 0], slopes[:, 1] - slopes[:, 0]
@@ -144,25 +144,25 @@ class Following:
         every = np.concatenate([d_points.reshape(len(slopes), -1), d_turns.reshape(len(slopes), -1)], axis=-1)
         return [{name: rate for name, rate in zip(self.parameters, row, strict=True) if rate} for row in every.tolist()]
 
-    def _lines(self, low: Array, high: Array, said: Mapping[str, Any]) -> Lines:
+    def _lines(self, low: Array, high: Array, variables: Mapping[str, Any]) -> Lines:
         before = np.linalg.norm(self.line, axis=-1)
         line = self.line + high - low
         length = np.linalg.norm(line, axis=-1)
-        self._refuse(~(length > SHORT * before), "no length", said)
+        self._refuse(~(length > SHORT * before), "no length", variables)
         old, along = self.line / before[:, None], line / length[..., None]
         cosine = (old * along).sum(axis=-1)
-        self._refuse(1.0 + cosine <= FLIPPED, "been turned end for end", said)
+        self._refuse(1.0 + cosine <= FLIPPED, "been turned end for end", variables)
         cross = np.cross(old, along)
         sine = np.linalg.norm(cross, axis=-1)
         angle = np.arctan2(sine, cosine)
         factor = np.divide(angle, sine, out=np.ones_like(sine), where=sine > 0.0)
         return Lines(length, along, cross, cosine, factor)
 
-    def _refuse(self, bad: NDArray[np.bool_], what: str, said: Mapping[str, Any]) -> None:
+    def _refuse(self, bad: NDArray[np.bool_], what: str, variables: Mapping[str, Any]) -> None:
         if not bad.any():
             return
         *point, leg = np.argwhere(bad)[0].tolist()
-        values = {name: np.asarray(value) for name, value in said.items()}
+        values = {name: np.asarray(value) for name, value in variables.items()}
         shown = ", ".join(f"{name} = {float(value[tuple(point)] if value.ndim else value):.6g}"
                           for name, value in values.items())  # fmt: skip
         raise ModelError(f"platform: leg '{self.names[leg]}' has {what} where {shown}; give bounds that keep away from "

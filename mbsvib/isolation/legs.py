@@ -1,4 +1,4 @@
-"""Legs with bodies of their own: those that are asked for, and springs side by side as one."""
+"""Legs with bodies: selection of legs, and parallel springs as one leg."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None
     model : Model
         The mechanism.
     body, base : str
-        What the legs carry, and what they stand on.
+        The supported body, and the one on which the legs stand.
     asked : sequence of str, optional
         Names or patterns of parts, one or more of each leg. Default: every chain between both.
 
@@ -37,29 +37,29 @@ def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None
     Raises
     ------
     ModelError
-        If there are none, or what is asked for is no chain from base to body with ends to be moved.
+        If there are none, or a selected part is no chain from base to body with ends that can be moved.
     """
     chains = chains_between(model, body, base)
     if asked is None:
-        chosen = [chain for chain in chains if chain.whole]
+        selected = [chain for chain in chains if chain.complete]
     else:
-        chosen = _picked(model, chains, [asked] if isinstance(asked, str) else asked)
-    if not chosen:
+        selected = _picked(model, chains, [asked] if isinstance(asked, str) else asked)
+    if not selected:
         raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of rigid "
                          f"bodies and joints between both.", element=body, field="body")  # fmt: skip
     result: list[Leg] = []
-    for leg in (chain.leg(model) for chain in chosen):
+    for leg in (chain.leg(model) for chain in selected):
         if not _joined(result, leg):
             result.append(leg)
     for chain in chains:
-        if chain.whole and chain not in chosen:
-            with suppress(ModelError):  # what is no leg is none that lies beside another
+        if chain.complete and chain not in selected:
+            with suppress(ModelError):  # chains that are no legs are ignored
                 _joined(result, chain.leg(model))
     return tuple(result)
 
 
 def _picked(model: Model, chains: list[Chain], asked: Iterable[str]) -> list[Chain]:
-    found: list[Chain] = []
+    picked: list[Chain] = []
     for pattern in asked:
         these = [chain for chain in chains if any(fnmatchcase(name, pattern) for name in chain.parts)]
         if not these:
@@ -71,19 +71,20 @@ def _picked(model: Model, chains: list[Chain], asked: Iterable[str]) -> list[Cha
                 raise ModelError(f"platform: leg '{chain.name}': it does not reach '{end}'; expected a chain of bodies "
                                  f"and joints from '{chain.base}' to '{chain.platform}'.",
                                  element=chain.name, field="legs")  # fmt: skip
-            if not chain.whole:
+            if not chain.complete:
                 raise ModelError(f"platform: leg '{chain.name}': it is held by the ground too; expected a chain from "
                                  f"'{chain.base}' to '{chain.platform}' alone.", element=chain.name,
                                  field="legs")  # fmt: skip
-        found += [chain for chain in these if chain not in found]
-    return [chain for chain in chains if chain in found]
+        picked += [chain for chain in these if chain not in picked]
+    return [chain for chain in chains if chain in picked]
 
 
-def _joined(legs: list[Leg], other: Leg) -> bool:
-    """Whether a leg lies beside one of several, as parts of relaxation elements do, which it then belongs to."""
-    for i, one in enumerate(legs):
-        if same(one.start, other.start) and same(one.end, other.end):
-            legs[i] = replace(one, bodies=one.bodies + other.bodies, points={**one.points, **other.points},
-                              shares={**one.shares, **other.shares}, turned=one.turned + other.turned)  # fmt: skip
+def _joined(legs: list[Leg], added: Leg) -> bool:
+    """Merge a leg with one of several that has the same ends, such as parts of relaxation elements; tell if done."""
+    for i, leg in enumerate(legs):
+        if same(leg.start, added.start) and same(leg.end, added.end):
+            legs[i] = replace(leg, bodies=leg.bodies + added.bodies, points={**leg.points, **added.points},
+                              shares={**leg.shares, **added.shares},
+                              orientations=leg.orientations + added.orientations)  # fmt: skip
             return True
     return False

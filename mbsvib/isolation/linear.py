@@ -1,4 +1,4 @@
-"""What figures and mean squares are read off: a system, or a mechanism with closed loops."""
+"""Common interface of a system and of a mechanism with closed loops, for figures and mean squares."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 class Resolution(NamedTuple):
-    """What responses are made of: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the largest
-    length of a panel on which the rest of them is a polynomial of the frequency.
+    """Structure of responses: ``poles`` [1/s], repeated after the ``period`` [Hz]; ``longest`` [Hz] is the maximum
+    length of a panel on which other factors are polynomials of the frequency.
     """
 
     poles: Complex
@@ -42,11 +42,11 @@ class LoopResponse(Protocol):
 
     @property
     def resolution(self) -> Resolution:
-        """What responses are made of."""
+        """Poles and panels of the responses."""
 
     @property
     def far(self) -> Linear:
-        """What the response is that of at high frequency."""
+        """The loop or system with the same response at high frequency."""
 
     def poles(self) -> Complex:
         """Return the poles [1/s]."""
@@ -58,14 +58,14 @@ class LoopResponse(Protocol):
         """Return first-order equations."""
 
     def direct(self) -> Array:
-        """Return what outputs see of inputs at once (outputs, inputs), with zeros where it is rounding."""
+        """Return the feedthrough (outputs, inputs), with zeros where it is rounding."""
 
 
 Linear: TypeAlias = System | LoopResponse
 
 
 def resolution(linear: Linear) -> Resolution:
-    """Return what the responses of a system or a closed loop are made of.
+    """Return poles and panels of the responses of a system or a closed loop.
 
     Parameters
     ----------

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from mbsvib.isolation.linear import Resolution
 
 
-# Frequencies that are looked at, in parts of the lowest and highest pole; poles below a share of that are at rest.
+# Band, in parts of the lowest and highest pole; poles below the third share of the highest are at rest.
 LOWEST, HIGHEST, AT_REST = 1e-6, 1e6, 1e-9
-# At both ends a loop is at its limits, which are real, or on the way to 0 or infinity.
+# At both ends of the band the loop gain is near its limit, which is real, or tends to 0 or infinity.
 REAL = 1e-3
-# A loop that brings back less, or more than the inverse, limits no gain, and rounding decides on its signs.
+# A loop gain below this, or above its inverse, limits no gain: its sign is rounding.
 NONE = 1e-6
 
 
 class OpenedLoops(Protocol):
-    """What loops bring back of signals at the actuators, and what is known of them when all are closed."""
+    """Loop gains at the actuators, and properties of the closed loops."""
 
     @property
     def law(self) -> Controller:
@@ -45,7 +45,7 @@ class OpenedLoops(Protocol):
 
     @property
     def resolution(self) -> Resolution:
-        """What responses with closed loops are made of."""
+        """Poles and panels of the closed-loop responses."""
 
     @property
     def stable(self) -> bool:
@@ -95,9 +95,9 @@ class Margins:
         dict
             Title, columns, rows and notes.
         """
-        each = zip(self.actuators, self.lower, self.gain, self.phase, self.delay, self.modulus_each, strict=True)
+        loops = zip(self.actuators, self.lower, self.gain, self.phase, self.delay, self.modulus_each, strict=True)
         rows = [(name, f"{low:.3g} ... {high:.3g}", f"{phase:.3g}", f"{1e3 * late:.3g}", f"{modulus:.3g}")
-                for name, low, high, phase, late, modulus in each]  # fmt: skip
+                for name, low, high, phase, late, modulus in loops]  # fmt: skip
         low, high = self.all_gains
         rows.append(("disk margin (simultaneous)", f"{low:.3g} ... {high:.3g}", f"{self.all_phases:.3g}", "",
                      f"{self.modulus:.3g}"))  # fmt: skip
@@ -149,12 +149,12 @@ def margins(loop: OpenedLoops, frequencies: ArrayLike | None = None) -> Margins:
         if low == high:
             raise ResponseError(f"margins: frequencies: only {low:g} Hz; expected the first and the last of a band.")
     ends = panels(poles / (2.0 * np.pi), low, high, longest=longest, period=period)
-    # 1 / (1 - K G) has the poles of the closed loop and no others, however many loops are opened
+    # 1 / (1 - K G) has only the poles of the closed loop
     band = Band(lambda hertz: _sensitivity(loop, hertz), ends)
     frequency, largest = band.highest(lambda s: np.asarray(np.linalg.svd(s, compute_uv=False)[:, 0]))
     limits = _sensitivity(loop, ends[[0, -1]])[: 2 if frequencies is None else 0]
-    each = [_single(band, limits[:, i, i], i) for i in range(len(loop.actuators))]
-    lower, gain, phase, delay, modulus = np.array(each).T
+    single_margins = [_single(band, limits[:, i, i], i) for i in range(len(loop.actuators))]
+    lower, gain, phase, delay, modulus = np.array(single_margins).T
     return Margins(loop.law.name, loop.actuators, 1.0 / largest, frequency, lower, gain, phase, delay, modulus,
                    loop.stable)  # fmt: skip
 
@@ -164,8 +164,8 @@ def _sensitivity(loop: OpenedLoops, hertz: Array) -> Complex:
 
 
 def _single(band: Band, limits: Complex, i: int) -> tuple[float, float, float, float, float]:
-    """Gain down and up, phase [deg], delay [s] and modulus of the loop that is left of one actuator when all others are
-    closed: L = 1 / S - 1, -1 being critical.
+    """Lower and upper gain margin, phase [deg], delay [s] and modulus margin of one actuator's loop, the others closed:
+    L = 1 / S - 1, with the critical point -1.
     """
 
     def tells(s: Complex) -> NDArray[np.bool_]:

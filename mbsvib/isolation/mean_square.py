@@ -39,7 +39,7 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     linear : Linear
         A system or a closed loop.
     inputs, outputs : sequence of str
-        Where noise enters, and what is asked for.
+        Inputs of the noise, and outputs.
     filters : sequence of Shaped
         The filter of each input.
     correlation : array, shape (inputs, inputs)
@@ -64,12 +64,12 @@ def moments(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], filte
     fa, fb = block_diag(*[f.a for f in filters]), block_diag(*[f.b for f in filters])
     fc, fd = block_diag(*[f.c for f in filters]), np.diag([f.d for f in filters])
     n, k = len(a), len(fa)
-    whole = np.zeros((n + k, n + k))
-    whole[:n, :n], whole[:n, n:], whole[n:, n:] = a, b @ fc, fa
+    augmented = np.zeros((n + k, n + k))
+    augmented[:n, :n], augmented[:n, n:], augmented[n:, n:] = a, b @ fc, fa
     enters, leaves = np.concatenate((b @ fd, fb)), np.concatenate((c, d @ fc), axis=1)
     root = np.sqrt([0.5 * f.level for f in filters])
     strength = root[:, None] * correlation * root
-    balanced, (scale, _) = matrix_balance(whole, permute=False, separate=True)
+    balanced, (scale, _) = matrix_balance(augmented, permute=False, separate=True)
     enters, leaves = enters / scale[:, None], leaves * scale
     result = _lyapunov(space.name, balanced, enters, leaves, strength)
     through = (at_once(linear)[np.ix_(out, into)] @ fd @ np.diag(root) != 0.0).any(axis=1)
@@ -93,7 +93,7 @@ def _lyapunov(name: str, a: Array, b: Array, c: Array, strength: Array) -> Array
         if np.linalg.eigvals(rest).real.max() > 1e4 * slow:
             raise ResponseError(f"rms: '{name}' is not stable, so its rms value is unbounded. Add stiffness or damping "
                                 f"until no pole has a positive real part.")  # fmt: skip
-        # block-diagonal: what does not decay is harmless only where no output shows it or no noise drives it
+        # block-diagonal: undamped states are permitted only if unobservable or not excited by noise
         mix = solve_sylvester(upper[:stable, :stable], -rest, -upper[:stable, stable:])
         driven, shown = b[stable:], c[:, stable:] + c[:, :stable] @ mix
         b = np.concatenate((b[:stable] - mix @ driven, driven))
@@ -115,7 +115,7 @@ def panels(linear: Linear, noise: BaseNoise, band: tuple[float, float], more: Ar
     linear : Linear
         A system or a closed loop.
     noise : BaseNoise
-        What shakes it.
+        The excitation.
     band : (float, float)
         First and last frequency [Hz].
     more : array-like
@@ -156,7 +156,7 @@ def integrals(linear: Linear, inputs: Sequence[str], outputs: Sequence[str], noi
     linear : Linear
         A system or a closed loop.
     inputs, outputs : sequence of str
-        Where noise enters, and what is asked for.
+        Inputs of the noise, and outputs.
     noise : BaseNoise
         Its density, one direction an input.
     ends : array, shape (panels + 1,)

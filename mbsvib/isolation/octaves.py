@@ -89,6 +89,6 @@ def vc_curve(name: str, frequencies: ArrayLike) -> Array:
 
 
 def strictest(middle: Array, velocity: Array) -> str:
-    """Return the strictest criterion that velocities in one-third octaves keep, or an empty string."""
-    kept = [name for name in VC if (velocity <= vc_curve(name, middle)).all()]
-    return kept[-1] if kept else ""
+    """Return the strictest criterion that velocities in one-third octaves meet, or an empty string."""
+    met = [name for name in VC if (velocity <= vc_curve(name, middle)).all()]
+    return met[-1] if met else ""

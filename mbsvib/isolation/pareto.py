@@ -1,4 +1,4 @@
-"""Pareto fronts of passive designs: what isolation costs in compliance."""
+"""Pareto fronts of passive designs: isolation against compliance."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ def front(
     designed: Callable[[Constraint, Mapping[str, Any]], Design], labels: tuple[str, str], against: Quantity,
     bounds: Sequence[float], words: Mapping[str, Any],
 ) -> Front:  # fmt: skip
-    """Return the front: one search for each bound, from where the one before ended.
+    """Return the front: one search for each bound, starting at the previous result.
 
     Parameters
     ----------
     designed : callable
-        The best design under one more constraint, with the other words of ``studies.optimize``.
+        Returns the best design under an additional constraint and other arguments of ``studies.optimize``.
     labels : (str, str)
         Labels of the objective and of the bounded quantity.
     against : Quantity
@@ -69,7 +69,7 @@ def front(
     bounds : sequence of float
         Largest values of it.
     words : mapping
-        What else ``studies.optimize`` is told.
+        Other arguments of ``studies.optimize``.
 
     Returns
     -------

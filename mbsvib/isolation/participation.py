@@ -1,4 +1,4 @@
-"""Where the poles of a closed loop come from: how far modes of the mechanism and states of controllers take part."""
+"""Origin of closed-loop poles: participation of modes of the mechanism and of states of controllers."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-FORGOTTEN = np.finfo(float).eps ** 0.5  # what a delay forgets within a few samples
-ALIKE = 1e-6  # poles that differ by less than this share have one space of eigenvectors, in which any basis is as good
+FORGOTTEN = np.finfo(float).eps ** 0.5  # poles of delays, which decay within a few samples
+ALIKE = 1e-6  # poles that differ by less than this share are repeated: any basis of their eigenspace is valid
 
-LEAST = 0.1  # participation of the mechanism in what comes from one of its modes
+LEAST = 0.1  # minimum participation of the mechanism in poles that are assigned to its modes
 
 
 def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
@@ -46,8 +46,8 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
 
     values, left, right = eig(matrix_balance(a, permute=False)[0], left=True)
     if rate is not None:
-        kept = np.abs(values) > FORGOTTEN
-        values, left, right = np.log(values[kept]) * rate, left[:, kept], right[:, kept]
+        remembered = np.abs(values) > FORGOTTEN
+        values, left, right = np.log(values[remembered]) * rate, left[:, remembered], right[:, remembered]
     order = np.lexsort((-values.imag, np.abs(values)))
     values, left, right = values[order], left[:, order], right[:, order]
     share = np.empty(left.shape)
@@ -65,15 +65,14 @@ def eigen(a: Array, rate: float | None = None) -> tuple[Complex, Array]:
 def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list[int | None]:
     """Return the mode of the mechanism, from 0, that each pole comes from, None where that is a controller.
 
-    Poles that vibrate are shared out among the modes so that these take part most, all together: no two of them come
-    from one mode.
+    Oscillating poles are assigned to different modes so that the total participation is maximal.
 
     Parameters
     ----------
     poles : array, shape (poles,)
         Poles [1/s].
     participation : array, shape (states, poles)
-        How far states take part; those of the mechanism are the first.
+        Participation of states; those of the mechanism are the first.
     states : sequence of str
         Names of these: "mode1", "mode1'", ...
 
@@ -90,12 +89,12 @@ def sources(poles: Complex, participation: Array, states: Sequence[str]) -> list
     table = np.zeros((count, len(poles)))
     np.add.at(table, number, participation[: len(number)])
     largest = table.argmax(axis=0) if count else np.zeros(len(poles), dtype=int)
-    found: list[int | None] = [
+    modes: list[int | None] = [
         int(mode) if count and table[mode, k] > rest[:, k].sum() else None for k, mode in enumerate(largest)
     ]
     waves = np.flatnonzero(vibrates(poles) & (poles.imag > 0.0))
     row, column = linear_sum_assignment(-table[:, waves])
-    chosen = dict(zip(waves[column].tolist(), row.tolist(), strict=True))
+    assigned = dict(zip(waves[column].tolist(), row.tolist(), strict=True))
     for k in waves.tolist():
-        found[k] = chosen.get(k) if table[:, k].sum() >= LEAST else None
-    return found
+        modes[k] = assigned.get(k) if table[:, k].sum() >= LEAST else None
+    return modes

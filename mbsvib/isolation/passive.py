@@ -113,7 +113,7 @@ class Passive:
         Quantity
             One number for each of ``legs`` [m].
         """
-        return self._each("rms stroke [m]", [leg.stroke for leg in self.scene.legs], spectra, band)
+        return self._rms_of_each("rms stroke [m]", [leg.stroke for leg in self.scene.legs], spectra, band)
 
     def force(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square forces in all legs and joints under base noise.
@@ -130,7 +130,7 @@ class Passive:
         Quantity
             One number for each of ``legs`` [N].
         """
-        return self._each("rms force [N]", [leg.force for leg in self.scene.legs], spectra, band)
+        return self._rms_of_each("rms force [N]", [leg.force for leg in self.scene.legs], spectra, band)
 
     def angle(self, spectra: Mapping[str, Any], band: tuple[float, float] | None = None) -> Quantity:
         """Return the root mean square angles by which joints turn under base noise, all axes together.
@@ -242,11 +242,11 @@ class Passive:
         ModelError
             If a variable is unknown or its derivatives are not supported.
         """
-        found = optimize(self.scene.model, variables, objective, constraints, **words)
-        changed = {name: value for name, value in found.parameters.items() if name in self.model.parameters}
+        optimum = optimize(self.scene.model, variables, objective, constraints, **words)
+        changed = {name: value for name, value in optimum.parameters.items() if name in self.model.parameters}
         model = settled(self.model.with_values(changed))[0]
         made = scene(model, self.scene.body, self.scene.base, self.scene.point, self.scene.length, self.scene.moved)
-        return Design(model, found, self.before, figures(made, made.system, self.before.frequencies))
+        return Design(model, optimum, self.before, figures(made, made.system, self.before.frequencies))
 
     def front(
         self, variables: Bounds, objective: Quantity, against: Quantity, bounds: Sequence[float],
@@ -294,7 +294,7 @@ class Passive:
         root = float(np.sqrt(len(self.scene.moved)))
         return Weighted(label, dict(zip(ACCELERATIONS, self.scene.scale() / root, strict=True)), inputs)
 
-    def _each(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
+    def _rms_of_each(self, label: str, outputs: list[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
         if not outputs:
             raise ModelError(f"passive: model '{self.model.name}' has no leg, spring or damper of which strokes and "
                              f"forces could be told.", field="legs")  # fmt: skip
@@ -305,7 +305,7 @@ class Passive:
     def _squares(self, label: str, outputs: Sequence[str], spectra: Mapping[str, Any], band: Any) -> Quantity:
         noise, span = base_noise(spectra, self.scene.moved), band_of(band, lowest=0.0)
         if span is not None or not noise.unbounded:
-            # over a band all are finite, and computed together
+            # over a band all mean squares are finite, and computed together
             squares = self._shared.setdefault((repr(spectra), span), self._mean((), noise, span)).wanted(outputs)
         else:
             squares = self._mean(outputs, noise, span)
@@ -370,12 +370,12 @@ def passive(
 
 
 def _joints(model: Model, asked: Sequence[str]) -> tuple[str, ...]:
-    found: list[str] = []
+    joint_names: list[str] = []
     for pattern in [asked] if isinstance(asked, str) else asked:
         these = [name for name in model.joints if fnmatchcase(name, pattern)]
         if not these:
             raise ModelError(f"passive: joints: no joint is named '{pattern}'.{nearest(str(pattern), model.joints)} "
                              f"Joints are: {', '.join(model.joints) or 'none'}.", element=str(pattern),
                              field="joints")  # fmt: skip
-        found.extend(name for name in these if name not in found)
-    return tuple(found)
+        joint_names.extend(name for name in these if name not in joint_names)
+    return tuple(joint_names)

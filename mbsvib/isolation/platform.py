@@ -102,8 +102,8 @@ class Platform:
             which, what = name.split(".")
             slope = self.rings[which].slope(what, off[which]) @ self.frame.T
             slopes.append([slope if ring == which else np.zeros_like(slope) for ring in self.rings])
-        found = self.following.rates(low, high, np.array(slopes), variables)
-        return dict(zip(variables, found, strict=True))
+        derivatives = self.following.rates(low, high, np.array(slopes), variables)
+        return dict(zip(variables, derivatives, strict=True))
 
     def _off(self, variables: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         """How far variables are off their start, by ring."""
@@ -178,19 +178,19 @@ def platform(
                          element=body, field="base")  # fmt: skip
     origin = np.array(check.vector(centre, "platform", "centre"))
     frame = np.array(check.frame_along(check.axis(axis, "platform", "axis")))
-    found = legs_between(model, body, base, legs)
+    leg_list = legs_between(model, body, base, legs)
     low, high = ((np.array(ends) - origin) @ frame for ends in
-                 ([leg.start for leg in found], [leg.end for leg in found]))  # fmt: skip
-    names = [leg.name for leg in found]
+                 ([leg.start for leg in leg_list], [leg.end for leg in leg_list]))  # fmt: skip
+    names = [leg.name for leg in leg_list]
     rings = {"base": ring_of(low, high, names, "base"), "platform": ring_of(high, low, names, "platform")}
     start = {f"{which}.{what}": value for which, ring in rings.items() for what, value in ring.start.items()}
-    left = _left_behind(model, found)
+    left = _left_behind(model, leg_list)
     if left:
         warnings.warn(f"platform: inputs and outputs along legs stay where they are, {', '.join(left[:4])}"
                       f"{', ...' if left[4:] else ''}; leave them out, and add them to the mechanism that is found.",
                       stacklevel=2)  # fmt: skip
-    return Platform(found, rings, frame, start, {name: UNITS[name.split(".")[1]] for name in start},
-                    Following.of(found))  # fmt: skip
+    return Platform(leg_list, rings, frame, start, {name: UNITS[name.split(".")[1]] for name in start},
+                    Following.of(leg_list))  # fmt: skip
 
 
 def _left_behind(model: Model, legs: Sequence[Leg]) -> list[str]:

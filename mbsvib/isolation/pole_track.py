@@ -1,4 +1,4 @@
-"""Poles over a gain, each followed in its column, and the gain at which a measure of them is highest."""
+"""Tracks of poles over a gain, one column each, and the gain that maximizes a measure of them."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 
 HALVINGS = 6
-# A step is short if every pole is found within this share of its distance to the nearest other one.
+# A step is short enough if every pole moves by less than this share of its distance to the nearest other one.
 SHORT = 0.3
 REAL = 0.05
-ALIKE = 1e-7  # poles in parts of their size that count as one
-MOVED = 0.01  # share of its size by which a pole moves if it is no other's rounding
-# Pairs of real poles that coincide come out with imaginary parts, and integrators at rest with sizes, of these shares.
+ALIKE = 1e-7  # relative distance below which poles coincide
+MOVED = 0.01  # share of its magnitude by which a pole must move to count as moved
+# Rounding of repeated real poles: their relative imaginary parts; of integrators at rest: their relative magnitude.
 OSCILLATES, AT_REST = 1e-6, 1e-9
-GROWS = 1e-10  # a real part beyond this share of the largest pole is no rounding
-# A curve has a point for each move by this share of the largest pole, so many in a step at most.
+GROWS = 1e-10  # a real part above this share of the largest pole is unstable
+# Curves have a point for each change by this share of the largest pole, with a maximum number per step.
 SMOOTH, MOST = 0.02, 12
 GOLDEN, SECTIONS = 0.5 * (3.0 - 5.0**0.5), 24  # golden ones: gains to 1e-5 of the steps between points
 
@@ -65,7 +65,7 @@ class Track:
         return np.array([self._known[gain] for gain in self._order])
 
     def refine(self) -> None:
-        """Look at more gains where poles move far from one to the next."""
+        """Add gains where poles change much from one to the next."""
         largest = float(np.abs(self.poles[0]).max(initial=0.0)) or 1.0
         for low, high in pairwise(tuple(self._order)):
             far = float(np.abs(self._known[high] - self._known[low]).max(initial=0.0))
@@ -105,9 +105,9 @@ class Track:
                 top = gains[near], heights[near]
             low, high = (low, gains[1]) if left else (gains[0], high)
             new = low + GOLDEN * (high - low) if left else high - GOLDEN * (high - low)
-            beside = float(height(self.at(new)[None])[0])
-            gains, heights = ([new, gains[0]], [beside, heights[0]]) if left else (
-                [gains[1], new], [heights[1], beside])  # fmt: skip
+            new_height = float(height(self.at(new)[None])[0])
+            gains, heights = ([new, gains[0]], [new_height, heights[0]]) if left else (
+                [gains[1], new], [heights[1], new_height])  # fmt: skip
         return *top, self.at(top[0])
 
 
@@ -122,13 +122,13 @@ def moved(poles: Complex) -> NDArray[np.bool_]:
     return np.asarray(np.abs(poles - poles[0]).max(axis=0) > MOVED * np.abs(poles[0]))
 
 
-def least_damping(poles: Complex, chosen: NDArray[np.bool_]) -> Array:
+def least_damping(poles: Complex, columns: NDArray[np.bool_]) -> Array:
     """Return the least damping ratio of some columns of poles (n, poles) that vibrate, (n,); 1 where none does."""
-    return np.asarray(np.where(chosen & vibrates(poles), ratios(poles), 1.0).min(axis=1, initial=1.0))
+    return np.asarray(np.where(columns & vibrates(poles), ratios(poles), 1.0).min(axis=1, initial=1.0))
 
 
 def vibrates(poles: Complex) -> NDArray[np.bool_]:
-    """Return whether poles (..., poles) vibrate: what rounding makes of real ones and of integrators does not."""
+    """Return whether poles (..., poles) oscillate; real poles and integrators with rounding errors do not."""
     size = np.abs(poles)
     largest = size.max(axis=-1, keepdims=True, initial=0.0)
     return np.asarray((np.abs(poles.imag) > OSCILLATES * size) & (size > AT_REST * largest))
@@ -141,22 +141,22 @@ def stable(poles: Complex) -> NDArray[np.bool_]:
 
 
 def followed(
-    at: Callable[[float], Complex], one: tuple[float, Complex], other: tuple[float, Complex], halvings: int
+    at: Callable[[float], Complex], first: tuple[float, Complex], second: tuple[float, Complex], halvings: int
 ) -> Complex:
     """Return the poles at the other gain, in the order of those at the one."""
     from scipy.optimize import linear_sum_assignment
 
-    (low, before), (high, after) = one, other
+    (low, before), (high, after) = first, second
     distance = np.abs(before[:, None] - after)
     row, column = linear_sum_assignment(distance)
     step = distance[row, column]
     apart = np.abs(after[column][:, None] - after[column])
     size = np.maximum(np.abs(after[column]), AT_REST * np.abs(after).max(initial=0.0))
-    apart[apart <= ALIKE * size[:, None]] = np.inf  # poles that coincide need not be told apart
-    # what is overdamped comes together and parts again on the real axis: there are no modes to follow
+    apart[apart <= ALIKE * size[:, None]] = np.inf  # coinciding poles need not be distinguished
+    # overdamped poles meet and separate on the real axis: there are no modes to follow
     waves = (np.abs(before[row].imag) > REAL * size) & (np.abs(after[column].imag) > REAL * size)
     if halvings and (waves & (step > SHORT * apart.min(axis=1, initial=np.inf))).any():
         middle = 0.5 * (low + high)
-        between = followed(at, one, (middle, at(middle)), halvings - 1)
-        return followed(at, (middle, between), other, halvings - 1)
+        between = followed(at, first, (middle, at(middle)), halvings - 1)
+        return followed(at, (middle, between), second, halvings - 1)
     return np.asarray(after[column])

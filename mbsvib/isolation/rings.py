@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 UNITS = {"radius": "m", "height": "m", "spread": "rad", "angle": "rad"}
-ON_AXIS = 1e-9  # distance from the axis, in parts of the ring's size, that is none
-ALIKE = 1e-6  # angles that differ by less are one [rad]
+ON_AXIS = 1e-9  # distance from the axis, in parts of the ring's size, that counts as zero
+ALIKE = 1e-6  # angles that differ by less are equal [rad]
 
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """Ends of legs around an axis, (legs,) each: ``radius`` and ``height`` [m], ``angle`` [rad], and by ``side`` which
-    way the spread turns them, -1 or 1, 0 where legs make no pairs; ``half`` of the angle between pairs [rad].
+    """Ends of legs around an axis, (legs,) each: ``radius`` and ``height`` [m], ``angle`` [rad], and ``side``, the sign
+    of their rotation by the spread, 0 if legs form no pairs; ``half`` of the angle between pairs [rad].
     """
 
     radius: Array
@@ -39,26 +39,26 @@ class Ring:
         return {"radius": float(self.radius.mean()), "height": float(self.height.mean()), **spread, "angle": 0.0}
 
     def at(self, off: Mapping[str, Any]) -> tuple[Array, Array]:
-        """Return radius and angle of the ends (..., legs), for what the variables are off their start."""
+        """Return radius and angle of the ends (..., legs), for differences of the variables from their start."""
         added = {what: np.asarray(off.get(what, 0.0), dtype=float)[..., None] for what in UNITS}
         return self.radius + added["radius"], self.angle + self.side * added["spread"] + added["angle"]
 
     def shifts(self, off: Mapping[str, Any]) -> Array:
-        """Return how far the ends are off their start, (..., legs, 3), the axis along the last entry."""
+        """Return the displacements of the ends, (..., legs, 3), with the axis along the last entry."""
         radius, angle = self.at(off)
         across = [radius * turn(angle) - self.radius * turn(self.angle) for turn in (np.cos, np.sin)]
         along = np.asarray(off.get("height", 0.0), dtype=float)[..., None]
         return np.stack(np.broadcast_arrays(*across, along), axis=-1)
 
     def slope(self, what: str, off: Mapping[str, float]) -> Array:
-        """Return the derivatives of the ends to a variable, (legs, 3)."""
+        """Return the derivatives of the ends with respect to a variable, (legs, 3)."""
         radius, angle = self.at(off)
-        none, one = np.zeros_like(radius), np.ones_like(radius)
+        none, ones = np.zeros_like(radius), np.ones_like(radius)
         if what == "height":
-            return np.stack([none, none, one], axis=-1)
+            return np.stack([none, none, ones], axis=-1)
         if what == "radius":
             return np.stack([np.cos(angle), np.sin(angle), none], axis=-1)
-        arm = radius * (self.side if what == "spread" else one)
+        arm = radius * (self.side if what == "spread" else ones)
         return np.stack([-arm * np.sin(angle), arm * np.cos(angle), none], axis=-1)
 
 
@@ -98,15 +98,15 @@ def ring_of(ends: Array, others: Array, legs: Sequence[str], which: str) -> Ring
     return Ring(radius, ends[:, 2], angle, side, half)
 
 
-def _pairs(angle: Array, other: Array) -> tuple[Index, Index]:
+def _pairs(angle: Array, other_end: Array) -> tuple[Index, Index]:
     """Neighbours on a ring, the nearest ones: those at the lower and those at the upper angle."""
-    towards = _turn(other - angle + np.pi)
+    towards = _turn(other_end - angle + np.pi)
     places = np.round(_turn(angle + ALIKE) / ALIKE)
-    order = np.lexsort((towards, places))  # ends at one place: sorted by where their legs lead to
+    order = np.lexsort((towards, places))  # coinciding ends are sorted by the other ends of their legs
     gaps = _turn(np.diff(angle[order], append=angle[order[0]]) + ALIKE) - ALIKE
-    one, two = gaps[0::2].sum(), gaps[1::2].sum()
+    even_gaps, odd_gaps = gaps[0::2].sum(), gaps[1::2].sum()
     first = int(np.flatnonzero(order == 0)[0])
-    if two < one - ALIKE or (abs(two - one) <= ALIKE and first % 2):
+    if odd_gaps < even_gaps - ALIKE or (abs(odd_gaps - even_gaps) <= ALIKE and first % 2):
         order = np.roll(order, -1)
     return order[0::2], order[1::2]
 

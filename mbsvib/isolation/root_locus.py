@@ -96,15 +96,15 @@ class RootLocus:
             The least damping with open loops and at the best gain; this gain, and what it hardly moves.
         """
         gain, ratio = self.best()
-        stays, kept = self.modes[~self.moved], ""
+        stays, unmoved = self.modes[~self.moved], ""
         if len(stays):
             change = _change(*(float(ratios(poles[stays]).min()) for poles in (self.poles[0], self.best_poles)))
-            kept = f"{len(stays)} of {len(self.modes)} modes hardly move: {change}"
+            unmoved = f"{len(stays)} of {len(self.modes)} modes hardly move: {change}"
         if not moved(self.poles).any() or not np.isfinite(ratio):
-            return "no pole moves" if np.isfinite(ratio) else "not stable at any gain", kept
+            return "no pole moves" if np.isfinite(ratio) else "not stable at any gain", unmoved
         before = float(least_damping(self.poles[:1], moved(self.poles))[0])
         where = f"at gain {scale * gain:.4g}" + (", the largest gain given" if gain == self.gains[-1] else "")
-        return f"least damping {_change(before, ratio)}", "; ".join(filter(None, (where, kept)))
+        return f"least damping {_change(before, ratio)}", "; ".join(filter(None, (where, unmoved)))
 
     def table(self) -> dict[str, Any]:
         """Return what each mode reaches, and what closed forms promise a mode that keeps its shape.
@@ -135,8 +135,8 @@ class RootLocus:
                 "notes": [f"{words[0].upper()}{words[1:]}."]}  # fmt: skip
 
     def _zeros(self) -> dict[int, float]:
-        """The zero [rad/s] of each mode, where there are as many: modes that do not move lie on theirs, the others
-        interlace with the rest one by one.
+        """The zero [rad/s] of each mode, if there are as many: modes that do not move coincide with theirs, the others
+        interlace with the remaining zeros.
         """
         left = np.sort(self.zeros.imag[self.zeros.imag > 0.0])
         if len(left) != len(self.modes):

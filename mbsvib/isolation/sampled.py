@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-TURN = 2.0  # angle [rad] by which delay and hold go round in a panel: twelve nodes of a panel leave nothing of that
+TURN = 2.0  # maximum phase change [rad] of delay and hold in a panel, which its twelve nodes resolve
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -45,17 +45,15 @@ class SampledLoop(FeedbackLoop):
 
     @cached_property
     def _mechanism(self) -> tuple[Array, Array, Array]:
-        """A, B, C from forces of the controller to sensors, from sample to sample; the last states are forces on their
-        way.
-        """
+        """A, B, C from forces of the controller to sensors, from sample to sample; the last are delayed forces."""
         from scipy.linalg import expm
 
         space = self.plant.space
         y, u = self.ports
         n, m = len(space.A), len(u)
         period = 1.0 / self.rate
-        whole = int(np.floor(self.delay / period + 1e-9))
-        late = max(self.delay - whole * period, 0.0)
+        periods = int(np.floor(self.delay / period + 1e-9))
+        late = max(self.delay - periods * period, 0.0)
 
         def held(time: float) -> tuple[Array, Array]:
             block = np.zeros((n + m, n + m))
@@ -65,11 +63,11 @@ class SampledLoop(FeedbackLoop):
 
         first, old = held(late)
         step, new = held(period - late)
-        # the newest force waits in front; what acts when a sample is taken is the one at the end
-        size = n + m * (whole + 1)
+        # the newest force is the first of the delayed forces; the last one acts when a sample is taken
+        size = n + m * (periods + 1)
         a, b, c = np.zeros((size, size)), np.zeros((size, m)), np.zeros((len(y), size))
         a[:n, :n], a[:n, size - m :] = step @ first, step @ old
-        if whole:
+        if periods:
             a[:n, size - 2 * m : size - m] += new
         else:
             b[:n] = new
@@ -102,12 +100,12 @@ class SampledLoop(FeedbackLoop):
 
     @property
     def resolution(self) -> Resolution:
-        """What responses are made of: sampling repeats poles, and what is late goes round without any."""
+        """Poles and panels of the responses: sampling repeats poles; a delay has none but rotates the phase."""
         return Resolution(self.poles(), TURN / (2.0 * np.pi * (self.delay + 2.0 / self.rate)), self.rate)
 
     @property
     def far(self) -> System:
-        """The mechanism: a hold lets no high frequency through."""
+        """The mechanism: a hold blocks high frequencies."""
         return self.plant.system
 
     def state_space(self, realization: str = "modal") -> NoReturn:

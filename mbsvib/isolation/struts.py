@@ -82,9 +82,9 @@ def struts(model: Model, body: str, legs: Sequence[str] | None = None, point: Ar
                          f"{nearest(str(body), model.bodies)}", element=str(body), field="body")  # fmt: skip
     part = model.bodies[body]
     origin = np.array(part.position if point is None else check.vector(point, "struts", "point"))
-    chosen = _lines(model, legs)
+    leg_names = _lines(model, legs)
     rows, k = [], []
-    for name in chosen:
+    for name in leg_names:
         leg = model.springs[name]
         assert isinstance(leg, Spring | Maxwell)
         line = np.array(leg.line)
@@ -92,7 +92,7 @@ def struts(model: Model, body: str, legs: Sequence[str] | None = None, point: Ar
         k.append(leg.static_stiffness if isinstance(leg, Maxwell) else leg.stiffness)
     jacobian = np.array(rows)
     length = float(np.sqrt(0.5 * sum(part.inertia[:3]) / part.mass)) if part.mass > 0.0 else 1.0
-    return Struts(chosen, jacobian, jacobian.T @ (np.array(k)[:, None] * jacobian), length or 1.0)
+    return Struts(leg_names, jacobian, jacobian.T @ (np.array(k)[:, None] * jacobian), length or 1.0)
 
 
 def ring(
@@ -127,15 +127,15 @@ def ring(
     """
     if end not in ENDS:
         raise check.refuse("ring", "end", end, "'start' or 'end'")
-    chosen = list(_lines(model, legs))
+    leg_names = list(_lines(model, legs))
     middle = np.asarray(centre, dtype=float)
     if middle.shape != (2,) or not np.isfinite(middle).all():
         raise check.refuse("ring", "centre", centre, "x and y of the axis [m]")
-    away = {name: np.array(getattr(model.springs[name], end))[:2] - middle for name in chosen}
+    away = {name: np.array(getattr(model.springs[name], end))[:2] - middle for name in leg_names}
     if legs is None:
-        chosen.sort(key=lambda name: float(np.arctan2(*away[name][::-1])))
+        leg_names.sort(key=lambda name: float(np.arctan2(*away[name][::-1])))
     result: dict[str, dict[str, float]] = {f"{end}.{what}": {} for what in ("radius", "height", "spread")}
-    for i, name in enumerate(chosen):
+    for i, name in enumerate(leg_names):
         radius = float(np.linalg.norm(away[name]))
         if radius == 0.0:
             raise ModelError(f"ring: {end} of leg '{name}' is on the axis, and has no direction to move in; give "
@@ -151,11 +151,11 @@ def ring(
 
 def _lines(model: Model, legs: Sequence[str] | None) -> tuple[str, ...]:
     lines = [name for name, part in model.springs.items() if isinstance(part, Spring | Maxwell)]
-    chosen = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
-    for name in chosen:
+    selected = tuple(lines if legs is None else [legs] if isinstance(legs, str) else legs)
+    for name in selected:
         if name not in lines:
             raise ModelError(f"struts: leg '{name}' is no line spring and no Maxwell element of model '{model.name}'."
                              f"{nearest(str(name), lines)}", element=str(name), field="legs")  # fmt: skip
-    if not chosen:
+    if not selected:
         raise ModelError(f"struts: model '{model.name}' has no line springs.", field="legs")
-    return chosen
+    return selected

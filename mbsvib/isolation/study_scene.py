@@ -1,4 +1,4 @@
-"""The scene of an isolation study: a mechanism with its base shaken, its payload loaded, and its legs measured."""
+"""The scene of an isolation study: a mechanism with base motion, loads on the payload and outputs of the legs."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ REFERENCES = ("first", "second", "body", "a", "b")
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """What is measured of a spring-damper: the outputs ``stroke`` [m] and ``force`` [N]. The stroke is measured along
-    its line in the given pose; where that moves, the force tells it by the ``law``, the parameters k and c in k + c s.
+    """Outputs of a spring-damper: ``stroke`` [m] and ``force`` [N]. The stroke is measured along its line in the given
+    pose; if that line moves, the stroke follows from the force by the ``law``, the parameters k and c in k + c s.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Scene:
         return tuple([f"base.{direction}" for direction in self.moved])
 
     def scale(self, directions: Sequence[str] = DIRECTIONS) -> Array:
-        """Return what makes motions along the directions comparable: 1 for translations, the length for rotations."""
+        """Return the factors that make motions comparable: 1 for translations, the length for rotations."""
         return np.array([self.length if direction.startswith("r") else 1.0 for direction in directions])
 
 
@@ -188,9 +188,9 @@ def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, .
 
 
 def _law(name: str, both: Array, i: int) -> tuple[str, str] | None:
-    """Parameters of a bushing's one direction, if nothing couples it with others."""
-    alone = both.ndim == 1 or np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
-    return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if alone else None
+    """Stiffness and damping parameters of one direction of a bushing, if it is not coupled with others."""
+    uncoupled = both.ndim == 1 or np.count_nonzero(both[i]) == np.count_nonzero(both[i, i])
+    return (f"{name}.stiffness.{DIRECTIONS[i]}", f"{name}.damping.{DIRECTIONS[i]}") if uncoupled else None
 
 
 def _measured(model: Model) -> tuple[Leg, ...]:
@@ -206,8 +206,8 @@ def _measured(model: Model) -> tuple[Leg, ...]:
                     model.add_force_output(legs[-1].force, name, direction)
             continue
         law = (f"{name}.stiffness", f"{name}.damping")
-        alone = isinstance(spring, Spring) and bool(spring.stiffness or spring.damping)
-        legs.append(Leg(name, f"{name}.stroke", f"{name}.force", law if alone else None))
+        uncoupled = isinstance(spring, Spring) and bool(spring.stiffness or spring.damping)
+        legs.append(Leg(name, f"{name}.stroke", f"{name}.force", law if uncoupled else None))
         model.add_output(legs[-1].stroke, spring.second, spring.line, spring.start, spring.first)
         model.add_force_output(legs[-1].force, name)
     return tuple(legs)

@@ -110,13 +110,13 @@ def hinf(
     a, b, bw, c, d, dw, z, zd, scale = _weighed(plant, sensors, performance)
     zw = _through(plant, performance)
     m, n, k = b.shape[1], len(c), bw.shape[1]
-    whole = control.ss(
+    generalized_plant = control.ss(
         a, np.hstack((bw, np.zeros((len(a), n)), b)), np.vstack((z, np.zeros((m, len(a))), c)),
         np.block([[zw, np.zeros((len(z), n)), zd], [np.zeros((m, k + n)), effort * np.eye(m)],
                   [dw, noise * np.eye(n), d]]),
     )  # fmt: skip
     try:
-        law, _, norm, _ = control.hinfsyn(whole, n, m)
+        law, _, norm, _ = control.hinfsyn(generalized_plant, n, m)
     except (control.ControlArgument, ValueError, ArithmeticError) as error:
         raise ResponseError(f"hinf: no controller was found: {error}") from error
     return Controller("Hinf", law.A * scale, law.B * scale, law.C, law.D, tuple(sensors),
@@ -148,7 +148,7 @@ def _feedback(a: Array, b: Array, state: Array, effort: Array, both: Array) -> A
         raise none from error
     gain = drive @ (0.5 * (cost + cost.T)) + direct
     poles = np.linalg.eigvals(a - b @ gain)
-    # rounding moves poles that no gain moves to either side of the imaginary axis
+    # rounding moves uncontrollable poles to either side of the imaginary axis
     if count != n or not (poles.real < -UNDAMPED * np.abs(poles).max()).all():
         raise none
     return np.asarray(gain)
@@ -170,7 +170,7 @@ def _weighed(plant: Plant, sensors: Sequence[str], performance: Sequence[str]) -
     shaken = 1.0 / scene.scale(scene.moved)
     c = space.C * states
     d = space.D
-    # noise and cost are densities over time as well: changing its unit scales all of them alike
+    # noise and cost are densities over time too: a change of its unit scales all of them equally
     return (a, b[:, u], b[:, w] * shaken, c[y], d[np.ix_(y, u)], d[np.ix_(y, w)] * shaken, size[:, None] * c[z],
             size[:, None] * d[np.ix_(z, u)], np.array(scale))  # fmt: skip
 

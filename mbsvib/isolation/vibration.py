@@ -147,9 +147,9 @@ class Vibration:
         notes = [f"Base motion along {' '.join(self.noise.directions)}, {band}."]
         if np.isinf(self.acceleration).any():
             notes.append("Infinite: noise without upper frequency limit passes through the masses; give a band.")
-        (low, high), kept = self.judged, self.criterion
+        (low, high), criterion = self.judged, self.criterion
         if low < high:
-            words = f"Meets {kept}" if kept else f"Meets no vibration criterion, not even {min(octaves.VC)},"
+            words = f"Meets {criterion}" if criterion else f"Meets no vibration criterion, not even {min(octaves.VC)},"
             notes.append(f"{words} from {low:g} to {high:g} Hz.")
         else:
             notes.append("Vibration criteria are for 1 to 80 Hz, which is not in the band.")
@@ -228,9 +228,9 @@ def _squares(
                                 "(first, last) [Hz], over which it is integrated.")  # fmt: skip
         total = np.zeros(len(outputs))
         for i, spectrum in enumerate(noise.spectra):
-            one = replace(noise, directions=noise.directions[i : i + 1], spectra=(spectrum,),
-                          correlation=np.eye(1, dtype=complex))  # fmt: skip
-            total += _squares(study, inputs[i : i + 1], outputs, one, None)[0]
+            single = replace(noise, directions=noise.directions[i : i + 1], spectra=(spectrum,),
+                             correlation=np.eye(1, dtype=complex))  # fmt: skip
+            total += _squares(study, inputs[i : i + 1], outputs, single, None)[0]
         return total, False
     ends = panels(linear, noise, _span(noise, band, 0.0))
     return integrals(linear, inputs, outputs, noise, ends).sum(axis=1), False

@@ -88,7 +88,7 @@ def _with_slopes(
 def _by_laws(
     point: DesignPoint, w: Array, outputs: Sequence[str], inputs: Sequence[str], laws: Mapping[str, Law]
 ) -> tuple[Complex, Complex]:
-    """Responses and derivatives, some of the outputs by their laws."""
+    """Responses and derivatives, with some of the outputs computed by their laws."""
     asked = [laws[name][0] if name in laws else name for name in outputs]
     unique = list(dict.fromkeys(asked))
     rows = [unique.index(name) for name in asked]
@@ -106,7 +106,7 @@ def _by_laws(
 
 
 def _rates(point: DesignPoint, parameters: Sequence[str]) -> dict[str, Array]:
-    """How fast each variable moves some parameters."""
+    """Derivatives of some parameters with respect to each variable."""
     result = {name: np.array([rates.get(name, 0.0) for rates in point.rates.values()]) for name in parameters}
     for i, rates in enumerate(point.rates.values()):
         for pattern, rate in rates.items():
@@ -117,12 +117,12 @@ def _rates(point: DesignPoint, parameters: Sequence[str]) -> dict[str, Array]:
 
 
 def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> MatrixDerivatives:
-    """Derivatives of the matrices, kept as long as the system."""
-    found = _KNOWN.get(system)
-    if found is None or found[0] is not rates:
-        found = rates, system.matrix_derivatives(rates)
-        _KNOWN[system] = found
-    return found[1]
+    """Derivatives of the matrices, cached as long as the system exists."""
+    cached = _KNOWN.get(system)
+    if cached is None or cached[0] is not rates:
+        cached = rates, system.matrix_derivatives(rates)
+        _KNOWN[system] = cached
+    return cached[1]
 
 
 class MeanSquares:
@@ -156,11 +156,11 @@ class MeanSquares:
         self._last = None
         return self
 
-    def at(self, point: DesignPoint, chosen: Sequence[str]) -> Dual:
+    def at(self, point: DesignPoint, outputs: Sequence[str]) -> Dual:
         """Return the mean squares of some of the outputs, with derivatives."""
         if self._last is None or self._last[0] is not point.system or self._last[1] is not point.rates:
             self._last = (point.system, point.rates, *self._computed(point))
-        rows = [self.outputs.index(name) for name in chosen]
+        rows = [self.outputs.index(name) for name in outputs]
         return point.dual(self._last[2][rows], self._last[3][rows])
 
     def _computed(self, point: DesignPoint) -> tuple[Array, Array]:

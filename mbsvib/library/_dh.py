@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 JOINTS = {"revolute": "revolute", "prismatic": "prismatic", "R": "revolute", "P": "prismatic"}
 ABOUT = ("cm", "origin")
 WORDS = ("a", "b", "alpha", "theta", "joint", "mass", "cm", "inertia", "about", "name")
-# Angles this near to a multiple of a right angle are one: its cosine or sine is then an exact zero.
+# Angles this near to a multiple of a right angle are rounded to it: its cosine or sine is then exactly zero.
 RIGHT = 1e-15
 
 
@@ -76,8 +76,8 @@ def from_dh(
     origin = np.array(check.vector(position, "from_dh", "position"))
     axes = np.array(check.orientation(orientation, "from_dh"))
     before = "ground"
-    for i, given in enumerate(rows, 1):
-        row = _checked(given, i)
+    for i, description in enumerate(rows, 1):
+        row = _checked(description, i)
         link, joint = row["name"], f"joint{i}"
         x, z = axes @ _about_z(row["theta"])[:, 0], axes[:, 2].copy()
         own = axes @ _about_z(row["theta"]) @ _about_x(row["alpha"])
@@ -93,32 +93,32 @@ def from_dh(
     return model
 
 
-def _checked(given: Any, i: int) -> dict[str, Any]:
-    """One row with all its words, checked."""
+def _checked(description: Any, i: int) -> dict[str, Any]:
+    """One row with all its entries, checked."""
     who = f"link {i}"
-    if not isinstance(given, Mapping):
-        raise check.refuse(who, "row", given, f"a mapping with the words {', '.join(WORDS)}")
-    for word in given:
+    if not isinstance(description, Mapping):
+        raise check.refuse(who, "row", description, f"a mapping with the words {', '.join(WORDS)}")
+    for word in description:
         if word not in WORDS:
             raise ModelError(f"{who}: there is no word {word!r}.{nearest(str(word), WORDS)} A row has "
                              f"{', '.join(WORDS)}.", element=who, field=str(word))  # fmt: skip
     for word, what in (("mass", "a mass [kg]"), ("inertia", "3, 6 or 3x3 values [kg m^2]")):
-        if word not in given:
+        if word not in description:
             raise check.refuse(who, word, None, what)
-    row = {word: check.number(given.get(word, 0.0), who, word, f"a finite number [{unit}]")
+    row = {word: check.number(description.get(word, 0.0), who, word, f"a finite number [{unit}]")
            for word, unit in (("a", "m"), ("b", "m"), ("alpha", "rad"), ("theta", "rad"))}  # fmt: skip
-    joint = given.get("joint", "revolute")
+    joint = description.get("joint", "revolute")
     if not isinstance(joint, str) or joint not in JOINTS:
         raise check.refuse(who, "joint", joint, "revolute or prismatic, or R or P",
                            nearest(str(joint), JOINTS).strip() or "Joints of several freedoms are several rows, links "
                            "without mass between them.")  # fmt: skip
-    about = given.get("about", "cm")
+    about = description.get("about", "cm")
     if about not in ABOUT:
         raise check.refuse(who, "about", about, "'cm' or 'origin', the point about which the inertia is taken")
     return row | {
-        "joint": JOINTS[joint], "mass": given["mass"], "inertia": given["inertia"], "about": about,
-        "cm": np.array(check.vector(given.get("cm", (0.0, 0.0, 0.0)), who, "cm")),
-        "name": given.get("name", f"link{i}"),
+        "joint": JOINTS[joint], "mass": description["mass"], "inertia": description["inertia"], "about": about,
+        "cm": np.array(check.vector(description.get("cm", (0.0, 0.0, 0.0)), who, "cm")),
+        "name": description.get("name", f"link{i}"),
     }  # fmt: skip
 
 

@@ -54,10 +54,10 @@ def engine_on_mounts(
     stiffness = (lateral_stiffness, lateral_stiffness, vertical_stiffness, 0.0, 0.0, 0.0)
     model = Model("engine_on_mounts", gravity=None if gravity is None else (0.0, 0.0, -gravity))
     model.add_body("engine", mass, inertia)
-    carried = None if gravity is None else (0.0, 0.0, 0.25 * mass * gravity, 0.0, 0.0, 0.0)
+    mount_preload = None if gravity is None else (0.0, 0.0, 0.25 * mass * gravity, 0.0, 0.0, 0.0)
     for k, (x, y) in enumerate(product((-a, a), (-b, b)), start=1):
         model.add_bushing(f"mount{k}", "ground", "engine", (x, y, -drop), stiffness, [loss * s for s in stiffness],
-                          preload=carried)  # fmt: skip
+                          preload=mount_preload)  # fmt: skip
     model.add_input("roll", "engine", "rx")
     model.add_input("shake", "engine", "z")
     model.add_output("rx", "engine", "rx")

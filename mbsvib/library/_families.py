@@ -1,4 +1,4 @@
-"""What chain, tree and ladder share: the data of the chapter's Table 3, its joint letters, and the ports.
+"""Common parts of chain, tree and ladder: the data of the chapter's Table 3, its joint letters, and the ports.
 
 Source: Jiang, Chen and Luo (2011), section 5.1. Table 3 divides stiffness and damping by the number s of
 spring-dampers between two bodies, so that the frequencies do not depend on s.

@@ -56,7 +56,7 @@ def inclined_chain(
     points = [(s * x, s * y, s * z) for s in (step * i for i in range(number + 2))]
     model = Model("inclined_chain")
     for i in range(1, number + 1):
-        # nothing turns: any moment of inertia will do
+        # bodies do not rotate: the moment of inertia is arbitrary
         model.add_body(f"mass{i}", mass, (1.0, 1.0, 1.0), points[i])
         model.add_joint(f"rail{i}", "prismatic", "ground", f"mass{i}", points[i], axis=along)
     names = ["ground", *model.bodies, "ground"]

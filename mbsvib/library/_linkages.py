@@ -115,11 +115,11 @@ def slider_crank(
     """
     r = positive(crank, "slider_crank", "crank", "m")
     long = positive(rod, "slider_crank", "rod", "m")
-    turned = check.number(angle, "slider_crank", "angle", "an angle [rad]")
+    crank_angle = check.number(angle, "slider_crank", "angle", "an angle [rad]")
     if r >= long:
         raise check.refuse("slider_crank", "rod", rod, f"more than the crank, {r:g} m")
-    down = asin(r * sin(turned) / long)
-    a, b = (0.0, 0.0, 0.0), (r * cos(turned), 0.0, r * sin(turned))
+    down = asin(r * sin(crank_angle) / long)
+    a, b = (0.0, 0.0, 0.0), (r * cos(crank_angle), 0.0, r * sin(crank_angle))
     c = (b[0] + long * cos(down), 0.0, 0.0)
     model = Model("slider_crank", gravity=(0.0, 0.0, -gravity))
     _add_bar(model, "crank", a, b, crank_mass / r)

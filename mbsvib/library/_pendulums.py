@@ -1,4 +1,4 @@
-"""Pendulums: what hangs is held by nothing but the stiffness of the forces in its joints."""
+"""Pendulums: their only stiffness is that of the forces in their joints."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def quarter_car(
         If a value is refused by the part it is for.
     """
     model = Model("quarter_car")
-    # nothing turns: the moments of inertia are those of a plausible corner of a car and change nothing
+    # bodies do not rotate: the moments of inertia are plausible for a car but have no effect
     model.add_body("wheel", wheel_mass, (1.0, 1.7, 1.0), (0.0, 0.0, 0.3))
     model.add_body("body", body_mass, (100.0, 100.0, 100.0), (0.0, 0.0, 0.8))
     model.add_joint("hub", "prismatic", "ground", "wheel", (0.0, 0.0, 0.3))

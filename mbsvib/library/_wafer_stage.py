@@ -56,10 +56,10 @@ def wafer_stage(
     model = Model("wafer_stage")
     for name, mass, edges, centre in (BASE, METROLOGY, LONG, SHORT):
         model.add_body(name, mass, box(mass, *edges), centre)
-    chosen = (floor_frequency, isolator_frequency, servo_frequency, compensator_frequency)
-    floor, soft, held, light = ((2.0 * pi * f) ** 2 for f in chosen)
-    carried = BASE[1] + LONG[1] + SHORT[1] + METROLOGY[1]
-    _add_corners(model, "foot", "ground", BASE, 0.25 * carried * floor, 0.05, -0.2)
+    frequencies = (floor_frequency, isolator_frequency, servo_frequency, compensator_frequency)
+    floor, soft, held, light = ((2.0 * pi * f) ** 2 for f in frequencies)
+    total_mass = BASE[1] + LONG[1] + SHORT[1] + METROLOGY[1]
+    _add_corners(model, "foot", "ground", BASE, 0.25 * total_mass * floor, 0.05, -0.2)
     _add_corners(model, "isolator", "base", METROLOGY, 0.25 * METROLOGY[1] * soft, 0.3, 0.0)
     model.add_joint("granite", "planar", "base", "long_stroke", (0.0, 0.0, 0.25))
     sled = LONG[1] + SHORT[1]

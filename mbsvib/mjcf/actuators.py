@@ -73,9 +73,9 @@ def _linear(scene: Scene, i: int) -> tuple[float, float, float, float]:
     if m.actuator_biastype[i] == file.api.mjtBias.mjBIAS_NONE:
         b[:] = 0.0
     gain = float(g[0] + g[1] * length)
-    force, found = gain * u + float(b[0] + b[1] * length), float(d.actuator_force[row])
-    if abs(force - found) > SAME * max(abs(gain * u), abs(b[0]), abs(b[1] * length)):
-        raise file.refuse("actuator", i, f"its force in this pose is {found:.6g} in MuJoCo and {force:.6g} by its "
+    force, actual = gain * u + float(b[0] + b[1] * length), float(d.actuator_force[row])
+    if abs(force - actual) > SAME * max(abs(gain * u), abs(b[0]), abs(b[1] * length)):
+        raise file.refuse("actuator", i, f"its force in this pose is {actual:.6g} in MuJoCo and {force:.6g} by its "
                           f"gains: it is limited, or set by a turn more or less. Give a pose and a control where it "
                           f"is free.", "control")  # fmt: skip
     if a >= 0:
@@ -90,7 +90,7 @@ def _refuse_kinds(scene: Scene, i: int) -> None:
     for value, allowed, enum, what in ((m.actuator_gaintype[i], FORMULAS[0], api.mjtGain, "gain"),
                                        (m.actuator_biastype[i], FORMULAS[1], api.mjtBias, "bias"),
                                        (m.actuator_dyntype[i], STATES, api.mjtDyn, "dynamics")):  # fmt: skip
-        if int(value) not in [int(getattr(enum, one)) for one in allowed]:
+        if int(value) not in [int(getattr(enum, constant)) for constant in allowed]:
             kind = str(enum(int(value))).rpartition("_")[2].lower()
             raise file.refuse("actuator", i, f"{what} of kind {kind}; motors, servos and dampers (fixed and affine "
                               f"gain and bias, no state, integrator or filter) are known here.")  # fmt: skip
@@ -99,7 +99,7 @@ def _refuse_kinds(scene: Scene, i: int) -> None:
 
 
 def _row(scene: Scene, i: int) -> int:
-    """Where the actuator's force and length are among those of all."""
+    """Index of the actuator's force and length among those of all."""
     m = scene.file.m
     return int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
 
@@ -109,7 +109,7 @@ def _gear(scene: Scene, i: int) -> Array:
 
 
 def _path(scene: Scene, i: int, tendons: Mapping[int, Path | None]) -> Path | None:
-    """What the actuator makes longer; None where it pushes at a site, or a ball or free joint."""
+    """The path that the actuator extends; None if it acts on a site, or on a ball or free joint."""
     file, m, api = scene.file, scene.file.m, scene.file.api.mjtTrn
     kind, target = int(m.actuator_trntype[i]), int(m.actuator_trnid[i][0])
     if kind == api.mjTRN_TENDON:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 GROUND = "ground"
 KINDS = {FREE: "free", BALL: "spherical", SLIDE: "prismatic", HINGE: "revolute"}
-# Place of the joint's own direction among x y z rx ry rz.
+# Index of the joint's own direction among x y z rx ry rz.
 OWN = {FREE: None, BALL: None, SLIDE: 2, HINGE: 5}
 EFFORTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 # Rotations smaller than this are rounding of quaternions.
@@ -81,8 +81,8 @@ def add_springs(scene: Scene, stiffness: Any, damping: Any) -> None:
     """Add joints with their springs and dampers: the file's, or those that the user gives."""
     file, m = scene.file, scene.file.m
     scalar = {file.name("joint", i): i for i in range(m.njnt) if OWN[int(m.jnt_type[i])] is not None}
-    for what, given in (("stiffness", stiffness), ("damping", damping)):
-        for name in given if isinstance(given, Mapping) else ():
+    for what, argument in (("stiffness", stiffness), ("damping", damping)):
+        for name in argument if isinstance(argument, Mapping) else ():
             if name not in scalar and name in file.names("joint"):
                 raise ModelError(f"{what}: joint '{name}' is a ball or free joint; give hinges and slides only, and "
                                  f"model.add_bushing() afterwards.", element=name, field=what)  # fmt: skip
@@ -96,7 +96,7 @@ def add_springs(scene: Scene, stiffness: Any, damping: Any) -> None:
         if link.own is None:
             _add_wide(scene, i, k, c, force)
             continue
-        own_k, own_c = _given(stiffness, name, "stiffness"), _given(damping, name, "damping")
+        own_k, own_c = _option(stiffness, name, "stiffness"), _option(damping, name, "damping")
         _add_scalar(scene, link, k if own_k is None else own_k, c if own_c is None else own_c,
                     float(force[0]) if own_k is None else 0.0)  # fmt: skip
 
@@ -123,7 +123,7 @@ def _file_stiffness(scene: Scene, i: int) -> tuple[float, Array]:
     return k, force
 
 
-def _turned(k: float, turn: Array) -> Array:
+def _rotated_stiffness(k: float, turn: Array) -> Array:
     """Hessian (3, 3) of k/2 times the square of the angle of rotation that R exp(turn) is from R, in its own axes.
 
     k (n n^T + (angle / 2) cot(angle / 2) (1 - n n^T)), n the axis of ``turn``.
@@ -143,12 +143,12 @@ def _add_wide(scene: Scene, i: int, k: float, c: float, force: Array) -> None:
     scene.model.add_joint(link.name, KINDS[kind], link.first, link.second, link.at, axes)
     if not (k or c or force.any()):
         return
-    turned = np.array(d.xmat[body]).reshape(3, 3) @ force[-3:]  # MuJoCo has it in the body's axes
+    moment = np.array(d.xmat[body]).reshape(3, 3) @ force[-3:]  # MuJoCo has it in the body's axes
     straight = float(kind == FREE)
-    preload = np.concatenate((straight * force[:3], axes.T @ turned))
+    preload = np.concatenate((straight * force[:3], axes.T @ moment))
     matrix = np.zeros((6, 6))
     matrix[:3, :3] = straight * k * np.eye(3)
-    matrix[3:, 3:] = _turned(k, preload[3:] / k if k else np.zeros(3))
+    matrix[3:, 3:] = _rotated_stiffness(k, preload[3:] / k if k else np.zeros(3))
     scene.model.add_bushing(scene.fresh(f"{link.name}.k", "spring"), link.first, link.second, link.at, matrix,
                             c * np.array((*[straight] * 3, 1.0, 1.0, 1.0)), axes,
                             preload if force.any() else None)  # fmt: skip
@@ -182,16 +182,16 @@ def _six(values: Array, own: int) -> Array:
     return result
 
 
-def _given(given: Any, name: str, what: str) -> Any:
-    if isinstance(given, Mapping):
-        given = given.get(name)
-    if given is None:
+def _option(value: Any, name: str, what: str) -> Any:
+    if isinstance(value, Mapping):
+        value = value.get(name)
+    if value is None:
         return None
-    return check.numbers(np.ravel(given).tolist(), (1, 6), f"joint '{name}'", what, "one number, or six")
+    return check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{name}'", what, "one number, or six")
 
 
 def added(file: Compiled, target: str, i: int, what: str) -> float:
-    """Return what actuators add to damping or armature of a joint or tendon: theirs, by the square of their gear."""
+    """Return the damping or armature that actuators add to a joint or tendon: theirs times the square of the gear."""
     m, total = file.m, 0.0
     if not hasattr(m, f"actuator_{what}"):
         return total
@@ -205,7 +205,7 @@ def added(file: Compiled, target: str, i: int, what: str) -> float:
 
 
 def add_armature(scene: Scene) -> None:
-    """Add the reflected inertia of joints, which moves with the joint alone."""
+    """Add the reflected inertia of joints, which moves only with the joint."""
     m = scene.file.m
     for i, link in scene.links.items():
         inertia = float(m.dof_armature[int(m.jnt_dofadr[i])]) + added(scene.file, "joint", i, "armature")
@@ -213,7 +213,7 @@ def add_armature(scene: Scene) -> None:
             continue
         own = None if link.own is None else link.coordinate
         wide = ("x", "y", "z", "rx", "ry", "rz") if m.jnt_type[i] == FREE else ("rx", "ry", "rz")
-        for coordinate in (f"{link.name}.{each}" for each in wide) if own is None else (own,):
+        for coordinate in (f"{link.name}.{axis}" for axis in wide) if own is None else (own,):
             name = f"{link.name}.armature" if own else f"{coordinate}.armature"
             add_wheel(scene, name, {coordinate: 1.0}, inertia, link)
 

@@ -1,4 +1,4 @@
-"""What a model has no place for is refused or said, and the forces in the pose are compared with MuJoCo's own."""
+"""Errors and warnings for features that a model does not support, and comparison of forces with MuJoCo's own."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from mbsvib.errors import ModelError
 from mbsvib.mjcf.compiled import HINGE, SLIDE, Compiled
 from mbsvib.mjcf.scene import Scene
 
-# Forces that are to agree with MuJoCo's, beside the largest of them.
+# Permitted difference of forces from MuJoCo's, relative to the largest.
 SAME = 1e-9
-# As near to its limit as this [rad, m] a joint touches it.
+# A joint within this distance [rad, m] of its limit touches it.
 AT_LIMIT = 1e-9
 LIMIT = "limit that touches in this pose of"
 
 
 def refuse_unknown(file: Compiled) -> None:
-    """Refuse what has no place in a model of rigid bodies and linear springs.
+    """Refuse features that a model of rigid bodies and linear springs does not support.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def refuse_unknown(file: Compiled) -> None:
 
 
 def compare(scene: Scene) -> None:
-    """Refuse a file whose forces of springs and actuators at rest are not what was read.
+    """Refuse a file if the forces of springs and actuators at rest differ from those of the model.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ def compare(scene: Scene) -> None:
         If they differ, by the joint.
     """
     file, d = scene.file, scene.file.d
-    # either of the two has what lifts weight, which loads of the model's own gravity do
-    found = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
+    # one of the two contains gravity compensation, which loads replace in the model
+    theirs = np.array(d.qfrc_passive) + np.array(d.qfrc_actuator) - np.array(d.qfrc_gravcomp)
     ours = scene.joint_forces
-    size = max(np.abs(each).max(initial=0.0) for each in (found, ours, d.qfrc_gravcomp))
-    off = np.abs(found - ours)
+    size = max(np.abs(forces).max(initial=0.0) for forces in (theirs, ours, d.qfrc_gravcomp))
+    off = np.abs(theirs - ours)
     if off.size and off.max() > SAME * size:
         i = int(off.argmax())
-        raise file.refuse("joint", int(file.m.dof_jntid[i]), f"MuJoCo has {found[i]:.9g} N or N m of springs and "
+        raise file.refuse("joint", int(file.m.dof_jntid[i]), f"MuJoCo has {theirs[i]:.9g} N or N m of springs and "
                           f"actuators on it in this pose, and what was read makes {ours[i]:.9g}: something acts "
                           f"that has no place here: magnets, wind or a limit of actuator forces.")  # fmt: skip
 
@@ -85,7 +85,7 @@ def look_for_left(scene: Scene) -> None:
     for i in range(m.njnt) if not file.off("CONSTRAINT", "LIMIT") else ():
         low, high = m.jnt_range[i]
         scalar = int(m.jnt_type[i]) in (SLIDE, HINGE) and bool(m.jnt_limited[i])
-        # just at its limit a joint feels it in every second half of a swing, though MuJoCo counts it as free
+        # a joint exactly at its limit touches it in every half cycle, though MuJoCo counts it as free
         if scalar and min(file.position(i)[0] - low, high - file.position(i)[0]) <= AT_LIMIT:
             scene.remark(LIMIT, f"'{file.name('joint', i)}'")
     names: dict[int, tuple[str, str]] = {

@@ -1,4 +1,4 @@
-"""What MuJoCo makes of a file, in a pose: it resolves defaults, includes, frames, and inertia from shapes."""
+"""A file compiled by MuJoCo, in a pose: MuJoCo resolves defaults, includes, frames, and inertia from shapes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 # Numbers of a joint's position, by its type in MuJoCo: free, ball, slide, hinge.
 WIDTHS = (7, 4, 1, 1)
 FREE, BALL, SLIDE, HINGE = range(4)
-# What may be left out by name, and the group of actuators that is then switched off.
+# Features that may be left out by name, and the group of actuators that is then disabled.
 LEAVABLE = ("actuator", "tendon", "equality")
 OFF = 30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compiled:
-    """MuJoCo's model ``m`` and data ``d`` in the pose asked for; ``api`` is its module."""
+    """MuJoCo's model ``m`` and data ``d`` in the requested pose; ``api`` is its module."""
 
     path: str
     api: Any
@@ -40,7 +40,7 @@ class Compiled:
     d: Any
 
     def count(self, kind: str) -> int:
-        """Return how many of a kind there are: body, joint, tendon, actuator, equality, site, key, geom."""
+        """Return the number of elements of a kind: body, joint, tendon, actuator, equality, site, key, geom."""
         m = self.m
         if kind == "actuator":
             return len(m.actuator_trntype)
@@ -48,10 +48,10 @@ class Compiled:
                     "key": m.nkey, "geom": m.ngeom}[kind])  # fmt: skip
 
     def name(self, kind: str, i: int) -> str:
-        """Return the name of an element, or what stands for it: its kind and number, a joint's body with '.joint'."""
-        given = self.api.mj_id2name(self.m, getattr(self.api.mjtObj, f"mjOBJ_{kind.upper()}"), i)
-        if given:
-            return str(given)
+        """Return the name of an element; default: its kind and number, for a joint its body with '.joint'."""
+        mujoco_name = self.api.mj_id2name(self.m, getattr(self.api.mjtObj, f"mjOBJ_{kind.upper()}"), i)
+        if mujoco_name:
+            return str(mujoco_name)
         if kind == "joint":
             body = int(self.m.jnt_bodyid[i])
             several = int(self.m.body_jntnum[body]) > 1
@@ -69,7 +69,7 @@ class Compiled:
         return ModelError(f"{self.path}: {kind} '{name}': {what}{way}", element=name, field=field)
 
     def off(self, *flags: str) -> bool:
-        """Tell whether the file's options switch something off; versions differ in what the flags are called."""
+        """Tell whether the file's options disable a feature; names of the flags depend on the version."""
         bits = [int(getattr(self.api.mjtDisableBit, f"mjDSBL_{flag}", 0)) for flag in flags]
         return any(int(self.m.opt.disableflags) & bit for bit in bits)
 
@@ -133,7 +133,7 @@ def compiled(
         else:
             api.mj_resetDataKeyframe(m, made.d, key)
         made.d.qvel[:] = 0.0
-        _place(made, pose)
+        _set_pose(made, pose)
         _command(made, control)
         api.mj_forward(m, made.d)
     return made
@@ -141,7 +141,7 @@ def compiled(
 
 @contextmanager
 def _heard(api: Any, path: str | PathLike[str]) -> Iterator[None]:
-    """Hand on what MuJoCo warns of, which it would else write to a file in the current folder."""
+    """Convert warnings of MuJoCo, which it would otherwise write to a file in the current folder."""
     told: list[str] = []
     before = api.get_mju_user_warning()
     api.set_mju_user_warning(told.append)
@@ -154,7 +154,7 @@ def _heard(api: Any, path: str | PathLike[str]) -> Iterator[None]:
 
 
 def _leave(file: Compiled, leave: Iterable[str]) -> None:
-    """Switch off what the user wants to leave out, before anything is computed."""
+    """Disable the features that the user leaves out, before anything is computed."""
     m = file.m
     if isinstance(leave, str):
         leave = (leave,)
@@ -190,28 +190,28 @@ def _keyframe(file: Compiled, keyframe: str | int | None) -> int | None:
                      element=file.path, field="keyframe")  # fmt: skip
 
 
-def _place(file: Compiled, pose: Mapping[str, Any]) -> None:
+def _set_pose(file: Compiled, pose: Mapping[str, Any]) -> None:
     m, d = file.m, file.d
     numbers = {name: i for i, name in enumerate(file.names("joint"))}
-    for name, given in pose.items():
+    for name, position in pose.items():
         i = known(name, numbers, "pose", "joint")
         start, width = int(m.jnt_qposadr[i]), WIDTHS[int(m.jnt_type[i])]
         expected = ("a number", "", "", "a quaternion (w, x, y, z)", "", "",
                     "a point and a quaternion (x, y, z, qw, qx, qy, qz)")[width - 1]  # fmt: skip
-        values = [given] if width == 1 and not hasattr(given, "__len__") else given
+        values = [position] if width == 1 and not hasattr(position, "__len__") else position
         d.qpos[start : start + width] = check.numbers(values, (width,), f"joint '{name}'", "pose", expected)
         quaternion = d.qpos[start + width - 4 : start + width]
         if width > 1 and not quaternion.any():
-            raise check.refuse(f"joint '{name}'", "pose", given, expected, "This quaternion is zero.")
+            raise check.refuse(f"joint '{name}'", "pose", position, expected, "This quaternion is zero.")
     file.api.mj_normalizeQuat(m, d.qpos)
 
 
 def _command(file: Compiled, control: Mapping[str, float]) -> None:
-    """Set controls; where an actuator has a state of its own, the state is what makes its force."""
+    """Set controls; for an actuator with a state, set the state, which determines its force."""
     numbers = {name: i for i, name in enumerate(file.names("actuator"))}
-    for name, given in control.items():
+    for name, command in control.items():
         i = known(name, numbers, "control", "actuator")
-        value = check.number(given, f"actuator '{name}'", "control")
+        value = check.number(command, f"actuator '{name}'", "control")
         state = int(file.m.actuator_actadr[i])
         if state >= 0:
             file.d.act[state] = value
@@ -220,7 +220,7 @@ def _command(file: Compiled, control: Mapping[str, float]) -> None:
 
 
 def known(name: str, numbers: Mapping[str, int], field: str, what: str) -> int:
-    """Return the number of an element that an argument names.
+    """Return the number of an element by name.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What an XML file is, by its outermost element: MJCF, URDF or something else."""
+"""Type of an XML file by its root element: MJCF, URDF or another one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def root_of(path: str | PathLike[str]) -> str:
-    """Return the name of an XML file's outermost element.
+    """Return the name of an XML file's root element.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def root_of(path: str | PathLike[str]) -> str:
 
 
 def check_kind(path: str | PathLike[str]) -> None:
-    """Refuse what is no MJCF.
+    """Refuse files other than MJCF.
 
     Parameters
     ----------

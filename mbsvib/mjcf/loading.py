@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
 
-MOST_NAMES = 8  # that a warning lists of each sort
-UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model whose file gives it no name
+MOST_NAMES = 8  # maximum number of names of each kind in a warning
+UNNAMED = "MuJoCo Model"  # MuJoCo's default name of a model
 
 
 def load_mjcf(
@@ -105,13 +105,13 @@ def _listed(names: list[str]) -> str:
 
 
 def _name(file: Compiled) -> str:
-    given = str(bytes(file.m.names).split(b"\0", 1)[0].decode("utf-8", "replace")).strip()
-    return given if given and given != UNNAMED else Path(file.path).stem
+    model_name = str(bytes(file.m.names).split(b"\0", 1)[0].decode("utf-8", "replace")).strip()
+    return model_name if model_name and model_name != UNNAMED else Path(file.path).stem
 
 
-def _gravity(file: Compiled, given: ArrayLike | None) -> Array | None:
-    if given is not None:
-        value = np.array(check.vector(given, "model", "gravity"))
+def _gravity(file: Compiled, gravity: ArrayLike | None) -> Array | None:
+    if gravity is not None:
+        value = np.array(check.vector(gravity, "model", "gravity"))
     else:
         value = np.zeros(3) if file.off("GRAVITY") else np.array(file.m.opt.gravity)
     return value if value.any() else None

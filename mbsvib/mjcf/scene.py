@@ -1,4 +1,4 @@
-"""What is built from a MuJoCo file: the model so far, and what the file's bodies and joints are called in it."""
+"""State of the conversion of a MuJoCo file: the model so far, and its names of the file's bodies and joints."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Link:
 
 @dataclass(slots=True, eq=False)
 class Scene:
-    """The file, the model as far as it is built, and what its parts are called there.
+    """The file, the model so far, and its names of the file's elements.
 
     ``bodies`` gives the body of the model by the number of MuJoCo's, ``links`` the joint. ``joint_forces`` sums up what
     springs and actuators do along MuJoCo's coordinates, to be compared with its own. ``remarks`` tell what was left.
@@ -58,7 +58,7 @@ class Scene:
     remarks: dict[str, list[str]] = field(default_factory=dict)
 
     def fresh(self, name: str, more: str) -> str:
-        """Return a name that no part has: the name itself, or with an ending."""
+        """Return an unused name: the name itself, or with a suffix."""
         model = self.model
         groups = (model.bodies, model.joints, model.springs, model.couplers, model.loads)
         result = name
@@ -67,5 +67,5 @@ class Scene:
         return result
 
     def remark(self, what: str, name: str) -> None:
-        """Keep in mind that something of an element was left."""
+        """Record that a property of an element was left out."""
         self.remarks.setdefault(what, []).append(name)

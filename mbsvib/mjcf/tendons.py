@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 
-# A slack band's end is met where the tendon is this near to it, as a share of its length.
+# A tendon is at the end of its slack range within this share of its length.
 MET = 1e-9
 
 
@@ -190,7 +190,7 @@ def sums(scene: Scene, path: Path, factor: float = 1.0) -> dict[str, float]:
 
 
 def _wheel(scene: Scene, path: Path, inertia: float) -> tuple[str, float]:
-    """The wheel of a fixed tendon; its inertia has to be said where it is made first."""
+    """The wheel of a fixed tendon; its inertia must be given at its first use."""
     key = f"{path.what} {path.number}"
     if key not in scene.wheels:
         name = f"{scene.file.name(path.what, path.number)}.wheel"
@@ -199,7 +199,7 @@ def _wheel(scene: Scene, path: Path, inertia: float) -> tuple[str, float]:
 
 
 def _line_rates(scene: Scene, path: Path) -> Array:
-    """How the length of a line grows with MuJoCo's coordinates."""
+    """Derivatives of the length of a line with respect to MuJoCo's coordinates."""
     file, ((a, start), (b, end)) = scene.file, path.ends
     direction, total = (end - start) / np.linalg.norm(end - start), np.zeros(file.m.nv)
     for body, point, sign in ((b, end, 1.0), (a, start, -1.0)):

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-# Loops gape by this share of the model's size: rounding, what is said, and what is refused.
+# Gaps of loops as shares of the model's size: rounding, limit for warnings, limit for errors.
 CLOSED, OPEN = 1e-9, 1e-3
 
 
 def add_ties(scene: Scene, tendons: Mapping[int, Path | None]) -> None:
-    """Add all equality constraints that act.
+    """Add all active equality constraints.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def _close(scene: Scene, i: int, weld: bool) -> None:
         at = np.array(d.xpos[carrier]) + np.array(d.xmat[carrier]).reshape(3, 3) @ data[:3]
     first, second = (scene.bodies[body] for body in ends)
     if first != second:
-        # a weld whose torques count nothing holds a point alone
+        # a weld with zero torque scale constrains only a point
         kind = "fixed" if weld and data[10] != 0.0 else "spherical"
         scene.model.add_joint(scene.fresh(file.name("equality", i), "tie"), kind, first, second, at)
 
@@ -96,7 +96,7 @@ def _couple(scene: Scene, i: int, tendons: Mapping[int, Path | None], of_tendons
     name = scene.fresh(file.name("equality", i), "tie")
     if len(terms) > 1:
         scene.model.add_coupler(name, terms)
-    elif terms:  # one coordinate that does not move
+    elif terms:  # a single fixed coordinate
         joint = scene.model.joints[next(iter(terms)).rpartition(".")[0]]
         if joint.kind == "free":
             raise file.refuse("equality", i, f"locks '{joint.name}', whose bearings give way; give it one stiffness, "

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 RADIUS = 10.0
 
 
-def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: float, beside: Link) -> tuple[str, float]:
+def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: float, link: Link) -> tuple[str, float]:
     """Add a wheel on the ground that turns with a sum of coordinates.
 
     Parameters
@@ -31,7 +31,7 @@ def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: floa
         Coefficients of joint coordinates, "JOINT.rz".
     inertia : float
         What moves with the sum [kg m^2, kg].
-    beside : Link
+    link : Link
         The joint at which it is drawn, its axis along the joint's.
 
     Returns
@@ -46,14 +46,14 @@ def add_wheel(scene: Scene, name: str, terms: Mapping[str, float], inertia: floa
         wheels.append((scene.fresh(f"{name}.counter", "wheel"), -1.0))
     for body, sign in wheels:
         share = moment / len(wheels)
-        scene.model.add_body(body, 0.0, (0.5 * share, 0.5 * share, share), beside.at, beside.axes)
+        scene.model.add_body(body, 0.0, (0.5 * share, 0.5 * share, share), link.at, link.axes)
         axis = scene.fresh(f"{body}.axis", "joint")
-        scene.model.add_joint(axis, "revolute", "ground", body, beside.at, beside.axes)
-        turned = {coordinate: -sign * value / radius for coordinate, value in terms.items()}
-        scene.model.add_coupler(scene.fresh(f"{body}.turns", "coupler"), {f"{axis}.rz": 1.0, **turned})
+        scene.model.add_joint(axis, "revolute", "ground", body, link.at, link.axes)
+        ratios = {coordinate: -sign * value / radius for coordinate, value in terms.items()}
+        scene.model.add_coupler(scene.fresh(f"{body}.turns", "coupler"), {f"{axis}.rz": 1.0, **ratios})
     return wheels[0][0], radius
 
 
 def _size(scene: Scene, coordinate: str) -> float:
-    """What makes travel comparable with turning."""
+    """Scale of a coordinate: 1 for rotations, the size of the model [m] for translations."""
     return 1.0 if coordinate.rpartition(".")[2].startswith("r") else float(scene.file.m.stat.extent)

@@ -1,8 +1,8 @@
-"""Modes: eigenvalues, frequencies, damping ratios and shapes, to the accuracy that is asked for.
+"""Modes: eigenvalues, frequencies, damping ratios and shapes, to a requested accuracy.
 
-``result``    what the modes of a system are, and which solver it needs
-``undamped``  K phi = omega^2 M phi from the factors, by a ladder of solvers
-``damped``    modes that dampers couple, in energy coordinates; ``strong_damping`` far beyond critical
+``result``    the modes of a system, and the choice of the solver
+``undamped``  K phi = omega^2 M phi from the factors, by solvers of increasing accuracy
+``damped``    modes that dampers couple, in energy coordinates; ``strong_damping``: far beyond critical damping
 ``general``   systems without symmetry or with massless motions: spin, follower loads, Maxwell elements
 """
 

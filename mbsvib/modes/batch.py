@@ -29,12 +29,12 @@ PIECE_BYTES = 2**20
 
 @dataclass(frozen=True, repr=False, eq=False)
 class BatchModes:
-    """The modes of n variants, in each in ascending natural frequency; ``modes[i]`` are those of variant i.
+    """The modes of n variants, sorted by natural frequency in each variant; ``modes[i]`` are those of variant i.
 
     ``pairs`` and ``pair_errors`` (n, m, 2), ``shapes`` (n, m, m), ``classical`` (n,), ``rigid`` (n,) and
     ``first_order`` (n, m), None where no variant has such modes, are those of ``Modes`` with an axis of variants in
-    front. The modes of a number are not followed from variant to variant: where two frequencies cross, they change
-    places. ``damped`` are the modes that were computed for all variants together, None where each was solved by itself.
+    front. Mode numbers do not track modes from variant to variant: where two frequencies cross, the modes swap
+    numbers. ``damped`` are the modes computed for all variants together, None where each variant was solved separately.
     """
 
     batch: BatchEquations = field(repr=False)
@@ -44,7 +44,7 @@ class BatchModes:
     classical: tuple[str, ...]
     rigid: NDArray[np.intp]
     damped: DampedBatch | None = field(repr=False)
-    _alone: Mapping[int, Modes] = field(repr=False)
+    _separate_modes: Mapping[int, Modes] = field(repr=False)
     form: type[Modes] = field(default=Modes, repr=False)
     first_order: NDArray[np.bool_] | None = None
 
@@ -59,7 +59,7 @@ class BatchModes:
         return np.asarray(self._single(self.pair_errors))
 
     def _single(self, pairs: Any) -> Any:
-        """Values (n, m, 2) one behind the other; those of modes of first order once."""
+        """Values (n, m, 2) as rows (n, values); one value for a mode of first order."""
         if self.first_order is None:
             return pairs.reshape(len(pairs), -1)
         keep = np.stack((np.ones_like(self.first_order), ~self.first_order), axis=2)
@@ -77,7 +77,7 @@ class BatchModes:
 
     @cached_property
     def damped_frequencies(self) -> Array:
-        """Frequencies of the decaying oscillation [Hz], shape (n, m), 0 where nothing oscillates."""
+        """Damped frequencies [Hz], shape (n, m), 0 for modes that do not oscillate."""
         return np.abs(self.pairs[..., 0].imag) / (2.0 * np.pi)
 
     @cached_property
@@ -107,10 +107,10 @@ class BatchModes:
 
     def __getitem__(self, i: int) -> Modes:
         k = range(len(self))[i]
-        if k in self._alone:
-            return self._alone[k]
+        if k in self._separate_modes:
+            return self._separate_modes[k]
         batch = self.batch
-        assert self.damped is not None  # variants that were not solved together are all solved alone
+        assert self.damped is not None  # it is None only if every variant was solved separately
         shapes = self.shapes[k].real if self.classical[k] else self.shapes[k]
         return self.form(batch.name, batch.coordinates, batch.bodies, self.eigenvalues[k], self.errors[k], shapes,
                          self.classical[k], int(self.rigid[k]), batch.body_motion[k], batch.inertia_factor[k],
@@ -129,8 +129,8 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
     batch : BatchEquations
         The variants.
     rtol : float
-        Relative accuracy asked of every eigenvalue; variants that the common pass leaves short of it are solved one
-        by one.
+        Required relative accuracy of every eigenvalue; variants that the common solution does not solve to it are
+        solved separately.
     form : type
         The class of the modes of single variants.
 
@@ -140,7 +140,7 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
         Eigenvalues, shapes and error estimates.
     """
     if not batch.symmetric:
-        return _one_by_one(batch, rtol, form)
+        return _solved_separately(batch, rtol, form)
     size = max(1, PIECE_BYTES // (64 * max(1, batch.dof) ** 2))
     pieces = [batch.piece(start, min(start + size, len(batch))) for start in range(0, len(batch), size)]
     result = joined([damped_batch(piece, undamped_batch(piece, rtol), rtol) for piece in pieces])
@@ -149,32 +149,36 @@ def batch_modes(batch: BatchEquations, rtol: float = RTOL, form: type[Modes] = M
     if not classical.all():
         together = result.shapes @ result.vectors[..., 0]
         largest = np.take_along_axis(together, np.abs(together).argmax(axis=1)[:, None], 1)
-        turned = together * np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
-        shapes = np.where(classical[:, None, None], result.shapes, turned)
+        aligned_shapes = together * np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
+        shapes = np.where(classical[:, None, None], result.shapes, aligned_shapes)
     reasons, rigid = list(result.classical), np.zeros(len(batch), dtype=np.intp)
-    alone: dict[int, Modes] = {}
-    for i in np.flatnonzero(~result.settled).tolist():
-        one = modes(batch[i], rtol, True, form)
-        alone[i] = one
-        result.pairs[i], result.errors[i], reasons[i], rigid[i] = one.pairs, one.pair_errors, one.classical, one.rigid
-        if np.iscomplexobj(one.shapes) and not np.iscomplexobj(shapes):
+    separate_modes: dict[int, Modes] = {}
+    for i in np.flatnonzero(~result.accurate).tolist():
+        variant = modes(batch[i], rtol, True, form)
+        separate_modes[i] = variant
+        result.pairs[i], result.errors[i] = variant.pairs, variant.pair_errors
+        reasons[i], rigid[i] = variant.classical, variant.rigid
+        if np.iscomplexobj(variant.shapes) and not np.iscomplexobj(shapes):
             shapes = shapes.astype(complex)
-        shapes[i] = one.shapes
-        modal = one.damped
+        shapes[i] = variant.shapes
+        modal = variant.damped
         assert isinstance(modal, Damped)  # these variants are symmetric
         result.shapes[i], result.square[i] = modal.shapes, modal.square
         result.gamma[i] = np.diag(modal.gamma) if modal.gamma.ndim == 1 else modal.gamma
-    return BatchModes(batch, result.pairs, result.errors, shapes, tuple(reasons), rigid, result, alone, form)
+    return BatchModes(batch, result.pairs, result.errors, shapes, tuple(reasons), rigid, result, separate_modes, form)
 
 
-def _one_by_one(batch: BatchEquations, rtol: float, form: type[Modes]) -> BatchModes:
-    """Modes of variants without symmetry, or with massless motions, each solved by itself."""
-    alone = [modes(system, rtol, True, form) for system in batch]
-    first_order = np.array([np.zeros(len(one), dtype=bool) if one.first_order is None else one.first_order
-                            for one in alone])  # fmt: skip
+def _solved_separately(batch: BatchEquations, rtol: float, form: type[Modes]) -> BatchModes:
+    """Modes of variants with unsymmetric matrices or massless motions, each variant solved separately."""
+    separate_modes = [modes(system, rtol, True, form) for system in batch]
+    first_order = np.array([np.zeros(len(variant), dtype=bool) if variant.first_order is None else variant.first_order
+                            for variant in separate_modes])  # fmt: skip
     return BatchModes(
-        batch, np.array([one.pairs for one in alone]), np.array([one.pair_errors for one in alone]),
-        np.array([one.shapes for one in alone]), tuple(one.classical for one in alone),
-        np.array([one.rigid for one in alone], dtype=np.intp), None, dict(enumerate(alone)), form,
+        batch, np.array([variant.pairs for variant in separate_modes]),
+        np.array([variant.pair_errors for variant in separate_modes]),
+        np.array([variant.shapes for variant in separate_modes]),
+        tuple(variant.classical for variant in separate_modes),
+        np.array([variant.rigid for variant in separate_modes], dtype=np.intp), None, dict(enumerate(separate_modes)),
+        form,
         first_order if first_order.any() else None,
     )  # fmt: skip

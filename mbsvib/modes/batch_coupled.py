@@ -1,10 +1,10 @@
 """Modes that dampers couple, of all variants at once.
 
-In the basis of the undamped modes (lambda^2 + lambda Gamma + Omega^2) y = 0, and conjugates are solutions too. Light
-damping leaves every y near a unit vector: from there, corrections through the resolvent, the sum of y y^T / (slope (s -
-lambda)) over all eigenvalues, square the error each time. Where they do not converge at once, or modes creep, the
-eigenvalues of the state matrix in energy coordinates are the start. A last correction uses the factors of M, C and K
-and bounds what is left.
+In the basis of the undamped modes (lambda^2 + lambda Gamma + Omega^2) y = 0, and conjugates are solutions too. With
+light damping every y is near a unit vector, which is the initial guess. Corrections through the resolvent, the sum of
+y y^T / (slope (s - lambda)) over all eigenvalues, converge quadratically. If they do not converge quickly, or if modes
+are overdamped, the eigenvalues of the state matrix in energy coordinates are the initial guess. A last correction uses
+the factors of M, C and K and bounds the remaining error.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-# So many corrections from unit vectors take less time than an eigensolver does.
+# Maximum number of corrections from unit vectors; they take less time than an eigensolver.
 STEPS = 5
-# Corrections by more than this lead nowhere.
+# Larger corrections do not converge.
 START = 2.0
 # Vectors that differ by less from unit vectors are independent.
 INDEPENDENT = 0.95
@@ -38,7 +38,7 @@ CONVERGED = 1e-7
 @dataclass(frozen=True, slots=True)
 class Forms:
     """M, C and K in the basis of undamped modes, (variants, m, m): ``mass``, ``damping`` and ``stiffness``; ``spread``
-    is the sum of the absolute values of what C is the sum of.
+    is the sum of the absolute values of the terms of C.
     """
 
     mass: Array
@@ -50,7 +50,7 @@ class Forms:
 @dataclass(frozen=True, slots=True)
 class Start:
     """Eigenvalues ``values`` (k, h) and vectors ``y`` (k, m, h) of the variants ``which`` (k,): first ``turning`` with
-    positive imaginary parts, which stand for their conjugates too, then real ones.
+    positive imaginary parts, which also represent their conjugates, then real ones.
     """
 
     which: Index
@@ -72,27 +72,27 @@ def starts(gamma: Array, square: Array) -> list[Start]:
     Returns
     -------
     list of Start
-        Variants by how many modes oscillate.
+        Variants, grouped by the number of oscillating modes.
     """
     m = square.shape[1]
     values, y, converged = _from_unit_vectors(gamma, square)
     rest = np.flatnonzero(~converged)
     if not len(rest):
         return [Start(np.arange(len(gamma)), values, y, m)]
-    found, vectors, turning = _by_eigensolver(gamma[rest], square[rest])
+    eigenvalues, vectors, turning = _by_eigensolver(gamma[rest], square[rest])
     oscillates = turning == m
-    values[rest[oscillates]], y[rest[oscillates]] = found[oscillates, :m], vectors[oscillates, :, :m]
+    values[rest[oscillates]], y[rest[oscillates]] = eigenvalues[oscillates, :m], vectors[oscillates, :, :m]
     converged[rest[oscillates]] = True
     which = np.flatnonzero(converged)
     result = [Start(which, some(values, which), some(y, which), m)] if len(which) else []
     for count in np.unique(turning[~oscillates]).tolist():
         own = turning == count
-        result.append(Start(rest[own], found[own, : 2 * m - count], vectors[own][..., : 2 * m - count], count))
+        result.append(Start(rest[own], eigenvalues[own, : 2 * m - count], vectors[own][..., : 2 * m - count], count))
     return result
 
 
 def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, Mask]:
-    """Corrections of undamped modes; where they converge the vectors are independent, and so no mode is missing."""
+    """Corrections of undamped modes; if they converge, the vectors are independent and no mode is missing."""
     n, m = square.shape
     at = np.arange(m)
     own = gamma[:, at, at]
@@ -117,28 +117,28 @@ def _from_unit_vectors(gamma: Array, square: Array) -> tuple[Complex, Complex, M
 
 
 def _off_diagonal(y: Complex) -> Array:
-    """The largest sum of a column of unit vectors over all entries but its own."""
+    """The largest sum of the absolute off-diagonal entries of a column."""
     size = np.abs(y).sum(axis=1) - np.abs(np.einsum("vii->vi", y))
     return np.asarray(size.max(axis=1, initial=0.0))
 
 
 def _corrected(gamma: Array, square: Array, values: Complex, y: Complex) -> tuple[Complex, Complex, Array]:
-    """Values and vectors with an error that is the square of what it was, and the largest correction."""
+    """Values and vectors after one correction, which squares their error, and the largest correction."""
     at = np.arange(y.shape[2])
     braked = _times(gamma, y)
     slope = np.einsum("vij,vij->vj", y, 2.0 * values[:, None] * y + braked)
     residual = values[:, None] * (values[:, None] * y + braked) + square[:, :, None] * y
-    parts, (own, other) = _seen(y, residual)
+    parts, (mixing, conjugate_mixing) = _seen(y, residual)
     distance = _away(slope, values, values)
     distance[:, at, at] = slope
-    together = distance == 0.0  # eigenvalues that are one: none of these corrections tells their vectors apart
+    together = distance == 0.0  # repeated eigenvalues: these corrections cannot separate their vectors
     distance[together] = 1.0
-    step = own[:, at, at] / distance[:, at, at]
-    own[:, at, at] = 0.0
-    own /= distance
-    other /= _away(slope.conj(), values.conj(), values)
-    change = np.maximum(np.abs(own).max(axis=(1, 2)), np.abs(other).max(axis=(1, 2)))
-    result = y - _combined(parts, own, other)
+    step = mixing[:, at, at] / distance[:, at, at]
+    mixing[:, at, at] = 0.0
+    mixing /= distance
+    conjugate_mixing /= _away(slope.conj(), values.conj(), values)
+    change = np.maximum(np.abs(mixing).max(axis=(1, 2)), np.abs(conjugate_mixing).max(axis=(1, 2)))
+    result = y - _combined(parts, mixing, conjugate_mixing)
     result /= result[:, at, at][:, None]
     return values - step, result, np.where(together.any(axis=(1, 2)), np.inf, change)
 
@@ -163,7 +163,7 @@ def _by_eigensolver(gamma: Array, square: Array) -> tuple[Complex, Complex, Inde
 def refined(
     forms: Forms, values: Complex, y: Complex, square: Array, errors: Array, turning: int
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
-    """Improve eigenvalues by their two-sided Rayleigh quadratics and vectors by what the others see of the residual.
+    """Improve eigenvalues by their two-sided Rayleigh quadratics, and vectors by the projections of the residual.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def refined(
     square, errors : array, shape (n, m)
         Undamped modes and the relative errors of their frequencies.
     turning : int
-        How many eigenvalues stand for their conjugates too.
+        Number of eigenvalues that also represent their conjugates.
 
     Returns
     -------
@@ -183,7 +183,7 @@ def refined(
     bound : array, shape (n, h)
         Relative errors of the eigenvalues.
     mendable : array, shape (n,)
-        The largest of them, without what errors of the undamped modes add.
+        The largest of them, without the contribution of the errors of the undamped modes.
     """
     y = y / _lengths(y)
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)
@@ -240,21 +240,21 @@ def _times(matrix: Array, y: Complex) -> Complex:
 
 
 def _seen(y: Complex, residual: Complex) -> tuple[tuple[Array, Array], tuple[Complex, Complex]]:
-    """Real and imaginary parts of y, and what y and its conjugate see of residuals: y^T r and y^H r."""
+    """Real and imaginary parts of y, and the projections y^T r and y^H r of residuals."""
     real, imaginary = np.ascontiguousarray(y.real), np.ascontiguousarray(y.imag)
-    one, other = _times(real.swapaxes(1, 2), residual), _times(imaginary.swapaxes(1, 2), residual)
-    other *= 1j
-    return (real, imaginary), (one + other, one - other)
+    real_product, imaginary_product = _times(real.swapaxes(1, 2), residual), _times(imaginary.swapaxes(1, 2), residual)
+    imaginary_product *= 1j
+    return (real, imaginary), (real_product + imaginary_product, real_product - imaginary_product)
 
 
-def _combined(parts: tuple[Array, Array], own: Complex, other: Complex) -> Complex:
-    """Y own + conj(Y) other."""
-    return _times(parts[0], own + other) + 1j * _times(parts[1], own - other)
+def _combined(parts: tuple[Array, Array], mixing: Complex, conjugate_mixing: Complex) -> Complex:
+    """Y mixing + conj(Y) conjugate_mixing."""
+    return _times(parts[0], mixing + conjugate_mixing) + 1j * _times(parts[1], mixing - conjugate_mixing)
 
 
-def _away(slope: Complex, values: Complex, other: Complex) -> Complex:
-    """Slopes of the rows times how far their eigenvalues are from those of the columns."""
-    result: Complex = slope[:, :, None] * (other[:, None] - values[:, :, None])
+def _away(slope: Complex, values: Complex, column_values: Complex) -> Complex:
+    """Slopes of the rows times the distances of their eigenvalues from those of the columns."""
+    result: Complex = slope[:, :, None] * (column_values[:, None] - values[:, :, None])
     return result
 
 

@@ -1,8 +1,8 @@
 """Damped modes of all variants at once: the formulas of ``mbsvib.modes.damped`` over arrays with an axis of variants.
 
-Classical damping is told variant by variant. Where damping couples the modes the common case is solved here, modes
-that are accurate as they come; variants in which strong dampers leave errors that can be mended are told apart, so that
-they can be solved one by one.
+Classical damping is detected variant by variant. Where damping couples the modes, the common case is solved here: modes
+that are accurate without refinement. Variants in which strong dampers leave reducible errors are marked, and the caller
+solves them separately.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class DampedBatch:
     """Damped modes: ``pairs`` and ``errors`` (n, m, 2), ``gamma`` (n, m, m), ``vectors`` (n, m, m, 2) and ``slopes``
     (n, m, 2) as of a single system, in the basis ``shapes`` (n, m, m) with ``square`` (n, m).
 
-    ``classical`` (n,) says why damping is; vectors and slopes are not used there. ``settled`` (n,) tells the variants
-    that need not be solved by themselves.
+    ``classical`` (n,) is the reason why damping is classical; vectors and slopes are not used there. ``accurate`` (n,)
+    marks the variants that need not be solved separately.
     """
 
     pairs: Complex
@@ -45,10 +45,10 @@ class DampedBatch:
     classical: tuple[str, ...]
     vectors: Complex
     slopes: Complex
-    settled: Mask
+    accurate: Mask
 
     def single(self, i: int) -> Damped:
-        """Return the modes of variant ``i`` as a single system has them."""
+        """Return the modes of variant ``i`` in the form of a single system."""
         reason = self.classical[i]
         gamma = self.gamma[i].diagonal().copy() if reason else self.gamma[i]
         return Damped(self.pairs[i], self.errors[i], self.shapes[i], self.square[i], gamma, reason,
@@ -59,11 +59,11 @@ def joined(pieces: list[DampedBatch]) -> DampedBatch:
     """Return the modes of several pieces of a batch as one."""
     if len(pieces) == 1:
         return pieces[0]
-    whole: dict[str, Any] = {
+    arrays: dict[str, Any] = {
         key: np.concatenate([getattr(piece, key) for piece in pieces])
         for key in DampedBatch.__slots__ if key != "classical"
     }  # fmt: skip
-    return DampedBatch(classical=tuple(reason for piece in pieces for reason in piece.classical), **whole)
+    return DampedBatch(classical=tuple(reason for piece in pieces for reason in piece.classical), **arrays)
 
 
 def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> DampedBatch:
@@ -76,7 +76,7 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     basis : UndampedBatch
         Their undamped modes.
     rtol : float
-        Relative accuracy asked of every eigenvalue.
+        Required relative accuracy of every eigenvalue.
 
     Returns
     -------
@@ -88,26 +88,27 @@ def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> Da
     pairs = np.empty((n, m, 2), dtype=complex)
     errors = np.empty((n, m, 2))
     vectors, slopes = np.zeros((n, m, m, 2), dtype=complex), np.zeros((n, m, 2), dtype=complex)
-    settled = basis.settled.copy()
+    accurate = basis.accurate.copy()
     simple = np.array([bool(reason) for reason in classical])
-    alone = np.flatnonzero(simple)
-    diagonal = np.einsum("vii->vi", gamma)[alone].reshape(-1)
-    square = basis.square[alone].reshape(-1)
+    classical_variants = np.flatnonzero(simple)
+    diagonal = np.einsum("vii->vi", gamma)[classical_variants].reshape(-1)
+    square = basis.square[classical_variants].reshape(-1)
     roots = quadratic_roots(square, diagonal)
-    pairs[alone] = roots.reshape(len(alone), m, 2)
-    each = Undamped(square, basis.shapes[:0], basis.errors[alone].reshape(-1), 0, "", 0.0)  # one mode knows no other
+    pairs[classical_variants] = roots.reshape(len(classical_variants), m, 2)
+    flat_basis = Undamped(square, basis.shapes[:0], basis.errors[classical_variants].reshape(-1), 0, "", 0.0)
     own, summed = [i for i, reason in enumerate(classical) if reason == COMMUTES], np.zeros((n, m))
     summed[own] = rounding_of_sums(batch.elastic_rows[own], batch.damping[own], basis.shapes[own])
-    errors[alone] = classical_errors(roots, each, diagonal, summed[alone].reshape(-1)).reshape(len(alone), m, 2)
-    together = np.flatnonzero(~simple & settled)
+    flat_errors = classical_errors(roots, flat_basis, diagonal, summed[classical_variants].reshape(-1))
+    errors[classical_variants] = flat_errors.reshape(len(classical_variants), m, 2)
+    together = np.flatnonzero(~simple & accurate)
     if len(together):
         for start in starts(some(gamma, together), np.abs(some(basis.square, together))):
             which = together[start.which]
-            mendable, *found = _coupled(batch, basis, gamma, start, which)
-            for array, value in zip((pairs, vectors, slopes, errors), found, strict=True):
+            mendable, *eigensolution = _coupled(batch, basis, gamma, start, which)
+            for array, value in zip((pairs, vectors, slopes, errors), eigensolution, strict=True):
                 array[which] = value
-            settled[which] = mendable <= MARGIN * rtol  # as a single system: what is in doubt is solved by itself
-    return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, settled)
+            accurate[which] = mendable <= MARGIN * rtol  # as in a single system; the others are solved separately
+    return DampedBatch(pairs, errors, basis.shapes, basis.square, gamma, classical, vectors, slopes, accurate)
 
 
 def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, ...], Array]:
@@ -130,8 +131,8 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
     gamma[np.flatnonzero(proportional)[:, None], at, at] = mean[:, None] * basis.square[proportional]
     half = (batch.elastic_rows[rest] @ basis.shapes[rest]) * np.sqrt(np.abs(c[rest]))[:, :, None]
     size = np.einsum("vij,vij->vj", half, half)
-    whole = half.swapaxes(1, 2) @ (half * np.sign(c[rest])[:, :, None])
-    gamma[rest] = 0.5 * (whole + whole.swapaxes(1, 2))
+    damping_product = half.swapaxes(1, 2) @ (half * np.sign(c[rest])[:, :, None])
+    gamma[rest] = 0.5 * (damping_product + damping_product.swapaxes(1, 2))
     apart = np.abs(gamma[rest]) <= CLASSICAL * np.sqrt(size[:, :, None] * size[:, None])
     apart[:, at, at] = True
     commutes = dict(zip(rest.tolist(), apart.all(axis=(1, 2)).tolist(), strict=True))
@@ -144,7 +145,7 @@ def _classical(batch: BatchEquations, basis: UndampedBatch) -> tuple[tuple[str, 
 def _coupled(
     batch: BatchEquations, basis: UndampedBatch, gamma: Array, start: Start, which: Index
 ) -> tuple[Array, Any, Complex, Any, Array]:
-    """The largest error that can be mended; pairs, vectors, slopes, errors of variants of which as many modes turn."""
+    """The largest reducible error; pairs, vectors, slopes, errors of variants with equally many oscillating modes."""
     shapes, rows, factor = (some(array, which) for array in (basis.shapes, batch.elastic_rows, batch.inertia_factor))
     h, e, cancel = factor @ shapes, rows @ shapes, np.abs(rows) @ np.abs(shapes)
     forms = Forms(
@@ -155,16 +156,16 @@ def _coupled(
                                                 some(basis.errors, which), start.turning)  # fmt: skip
     m, turning = y.shape[1], np.arange(start.turning).repeat(2).reshape(1, -1, 2)
     if start.turning == m:
-        chosen = np.broadcast_to(turning, (len(values), m, 2))
+        pair_indices = np.broadcast_to(turning, (len(values), m, 2))
     else:  # real ones in pairs by shape
-        chosen = np.array([pair_numbers(*one, 0, 0) for one in zip(values, y, strict=True)])
+        pair_indices = np.array([pair_numbers(*variant, 0, 0) for variant in zip(values, y, strict=True)])
     size = np.abs(values)
-    natural = np.take_along_axis(size, chosen[..., 0], 1) * np.take_along_axis(size, chosen[..., 1], 1)
-    chosen = np.take_along_axis(chosen, np.argsort(natural, axis=1, kind="stable")[..., None], 1)
-    flat = chosen.reshape(len(values), -1)
+    natural = np.take_along_axis(size, pair_indices[..., 0], 1) * np.take_along_axis(size, pair_indices[..., 1], 1)
+    pair_indices = np.take_along_axis(pair_indices, np.argsort(natural, axis=1, kind="stable")[..., None], 1)
+    flat = pair_indices.reshape(len(values), -1)
     pairs, slopes = (np.take_along_axis(part, flat, 1).reshape(-1, m, 2) for part in (values, slope))
     vectors = np.take_along_axis(y, flat[:, None], 2).reshape(-1, m, m, 2)
-    upper = chosen[..., 0] < start.turning
+    upper = pair_indices[..., 0] < start.turning
     for part, oscillates in ((pairs, upper), (slopes, upper), (vectors, upper[:, None])):
         np.conjugate(part[..., 1], out=part[..., 1], where=oscillates)
     return mendable, pairs, vectors, slopes, np.take_along_axis(bound, flat, 1).reshape(-1, m, 2)

@@ -1,8 +1,8 @@
-"""Undamped modes of all variants at once: the first rung of ``mbsvib.modes.undamped``, and its look at the factors.
+"""Undamped modes of all variants at once: the first solver of ``mbsvib.modes.undamped``, refined on the factors.
 
-The formulas are those of single systems, over arrays with an axis of variants, for the common case: nothing rigid,
-no stiffness negative, shapes that one rotation cleans. The variants that this does not settle to the accuracy
-asked for are told apart, so that they can be solved one by one.
+The formulas are those of single systems, over arrays with an axis of variants, for the common case: no rigid-body
+mode, no negative stiffness, shapes that one rotation orthonormalizes. Variants that are not solved to the required
+accuracy are marked, and the caller solves them separately.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-# A mass matrix of unit diagonal with a smaller pivot than this has an inverse factor that costs digits of its own.
+# If a mass matrix of unit diagonal has a smaller pivot, its inverse factor loses digits.
 PIVOT = 1e-8
-# Rounding of |H|^2 counts half in |H|.
+# The relative rounding error of |H| is half that of |H|^2.
 ROUNDING = 0.5
-# Of the accuracy asked for, undamped modes may take this share as they are: what damping adds to it needs the rest.
+# Share of the required accuracy that errors of undamped modes may use; the rest is left for damping.
 SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class UndampedBatch:
     """Undamped modes: ``square`` (n, m), ``shapes`` (n, m, m) and ``errors`` (n, m) as of a single system;
-    ``settled`` (n,) tells the variants of which they are as accurate as was asked.
+    ``accurate`` (n,) marks the variants in which they have the required accuracy.
     """
 
     square: Array
     shapes: Array
     errors: Array
-    settled: Mask
+    accurate: Mask
 
 
 def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
@@ -51,25 +51,25 @@ def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     batch : BatchEquations
         The variants.
     rtol : float
-        Relative accuracy asked of every frequency.
+        Required relative accuracy of every frequency.
 
     Returns
     -------
     UndampedBatch
-        Modes of all variants; those that are not settled are to be solved by themselves.
+        Modes of all variants; those that are not ``accurate`` have to be solved separately.
     """
-    square, shapes, settled = _by_products(batch)
+    square, shapes, accurate = _by_products(batch)
     largest = np.abs(square).max(axis=1, initial=0.0)
-    # rigid-body modes are a question of rank, negative stiffness of sign: both are answered for single systems
-    settled &= (square > SUSPECT**2 * largest[:, None]).all(axis=1) & (batch.stiffness >= 0.0).all(axis=1)
-    square[~settled] = 1.0
+    # variants with rigid-body modes or negative stiffness are solved separately
+    accurate &= (square > SUSPECT**2 * largest[:, None]).all(axis=1) & (batch.stiffness >= 0.0).all(axis=1)
+    square[~accurate] = 1.0
     growth = _growth(batch, shapes) ** 2
     errors = 4.0 * EPS * growth.max(axis=1, initial=0.0)[:, None] * square.max(axis=1, initial=0.0)[:, None] / square
-    late = np.flatnonzero(settled & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
+    late = np.flatnonzero(accurate & (errors.max(axis=1, initial=0.0) > SHARE * rtol))
     if len(late):
         square[late], shapes[late], errors[late], left = _refined(batch, late, shapes[late])
-        settled[late] = left <= rtol
-    return UndampedBatch(square, shapes, errors, settled)
+        accurate[late] = left <= rtol
+    return UndampedBatch(square, shapes, errors, accurate)
 
 
 def _by_products(batch: BatchEquations) -> tuple[Array, Array, Mask]:
@@ -77,10 +77,10 @@ def _by_products(batch: BatchEquations) -> tuple[Array, Array, Mask]:
     diagonal = np.einsum("vii->vi", batch.M)
     scale = 1.0 / np.sqrt(diagonal)
     root = np.linalg.cholesky(batch.M * scale[:, :, None] * scale[:, None])
-    settled = np.einsum("vii->vi", root).min(axis=1, initial=1.0) ** 2 > PIVOT
+    accurate = np.einsum("vii->vi", root).min(axis=1, initial=1.0) ** 2 > PIVOT
     inverse = np.linalg.inv(root) * scale[:, None]
     square, vectors = np.linalg.eigh(inverse @ batch.K @ inverse.swapaxes(1, 2))
-    return square, inverse.swapaxes(1, 2) @ vectors, settled
+    return square, inverse.swapaxes(1, 2) @ vectors, accurate
 
 
 def _growth(batch: BatchEquations, shapes: Array) -> Array:
@@ -88,7 +88,7 @@ def _growth(batch: BatchEquations, shapes: Array) -> Array:
 
 
 def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array, Array, Array, Array]:
-    """Frequencies from the factors, cleaned shapes, errors, and the largest error that other solvers could mend."""
+    """Frequencies from the factors, orthonormalized shapes, errors, and the largest error that other solvers reduce."""
     rows = batch.elastic_rows[which] * np.sqrt(batch.stiffness[which])[:, :, None]
     h = batch.inertia_factor[which] @ shapes
     length = np.sqrt(np.einsum("vij,vij->vj", h, h))[:, None]
@@ -113,7 +113,7 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
     errors += EPS * (2.0 + ROUNDING * growth)
     angle = 0.5 * (mixing - mixing.swapaxes(1, 2))
     inertia[:, at, at] = 0.0
-    phi = _turned(phi, inertia, angle)
+    phi = _orthonormalized(phi, inertia, angle)
     order = np.argsort(value, axis=1, kind="stable")
     if (order == at).all():
         return value, phi, errors, left
@@ -121,12 +121,12 @@ def _refined(batch: BatchEquations, which: Index, shapes: Array) -> tuple[Array,
             np.take_along_axis(errors, order, 1), left)  # fmt: skip
 
 
-def _turned(phi: Array, lack: Array, angle: Array) -> Array:
-    """Shapes less half of what their M-norms lack, turned by angles: to second order, or as a rotation where large."""
-    one = np.eye(phi.shape[2])
-    result: Array = phi @ (one + angle + 0.5 * (angle @ angle) - 0.5 * lack)
-    large = np.flatnonzero(np.abs(angle).max(axis=(1, 2), initial=0.0) * len(one) >= SMALL_ANGLE)
+def _orthonormalized(phi: Array, lack: Array, angle: Array) -> Array:
+    """Shapes with corrected M-norms, rotated by small angles: to second order, or by Cayley's rotation if large."""
+    identity = np.eye(phi.shape[2])
+    result: Array = phi @ (identity + angle + 0.5 * (angle @ angle) - 0.5 * lack)
+    large = np.flatnonzero(np.abs(angle).max(axis=(1, 2), initial=0.0) * len(identity) >= SMALL_ANGLE)
     if len(large):
         straight, half = phi[large] - 0.5 * (phi[large] @ lack[large]), 0.5 * angle[large]
-        result[large] = straight @ np.linalg.solve(one - half, one + half)  # Cayley's
+        result[large] = straight @ np.linalg.solve(identity - half, identity + half)  # Cayley's
     return result

@@ -1,4 +1,4 @@
-"""Classical damping: does it leave the undamped modes as they are, and their damped eigenvalues if so."""
+"""Classical damping: the test whether damping couples the undamped modes, and the eigenvalues if it does not."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
     from mbsvib.modes.undamped import Undamped
 
-# Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); what is left out is that small.
+# Damping couples two modes if |Gamma_ij| exceeds this share of sqrt(Gamma_ii Gamma_jj); smaller entries are neglected.
 CLASSICAL = 1e-13
-# Shapes that mix leave that much times it of what commutes.
+# Off-diagonal entries of commuting damping are at most this factor times the mixing of the shapes.
 PLAIN = 1e3
 NO_DAMPER = "no damper"
 IN_DOUBT = "in doubt"
@@ -24,8 +24,8 @@ COMMUTES = "damping commutes with mass and stiffness"
 
 
 def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
-    """Return why damping is classical ("" if it is not, ``IN_DOUBT`` if the basis mixes too much to tell) and Gamma, as
-    its diagonal (m,) or whole (m, m).
+    """Return why damping is classical ("" if it is not, ``IN_DOUBT`` if the basis mixes too much to decide), and Gamma
+    as its diagonal (m,) or the full matrix (m, m).
     """
     c, k = system.damping, system.stiffness
     if not np.count_nonzero(c):
@@ -48,7 +48,7 @@ def classical_damping(system: Equations, basis: Undamped) -> tuple[str, Array]:
 
 
 def proportional(system: Equations) -> bool:
-    """Return whether every damping is the same multiple of its stiffness, none included: known without the modes."""
+    """Return whether every damping is the same multiple of its stiffness (or all zero); this needs no modes."""
     c, k = system.damping, system.stiffness
     if not np.count_nonzero(c):
         return True
@@ -80,7 +80,7 @@ def quadratic_roots(square: Array, gamma: Array) -> Complex:
 
 
 def rounding_of_sums(rows: Array, damping: Array, shapes: Array) -> Array:
-    """Return the rounding of the diagonal of Phi^T D^T diag(c) D Phi, (..., m): dampers may push, rows may cancel."""
+    """Return the rounding of the diagonal of Phi^T D^T diag(c) D Phi, (..., m): dampers of both signs may cancel."""
     terms = np.abs(rows @ shapes) * (np.abs(rows) @ np.abs(shapes))
     return np.asarray(4.0 * EPS * np.einsum("...s,...sm->...m", np.abs(damping), terms))
 

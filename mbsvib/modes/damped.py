@@ -1,11 +1,11 @@
 """Damped modes in energy coordinates.
 
 In the undamped modes' coordinates the damping matrix is Gamma = Phi^T C Phi. Where it is diagonal (classical damping)
-every mode is a quadratic of its own. Elsewhere the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]], whose
-norm is the largest frequency and not its square, each improved by Newton steps on its own two-sided Rayleigh
-quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0. Where strong dampers leave that in doubt, the
-factors themselves improve right and left vectors (``general_refinement``), and if need be the dampers' forces are made
-unknowns (``strong_damping``).
+every mode has its own quadratic equation. Otherwise the eigenvalues are those of A = [[0, Omega], [-Omega, -Gamma]],
+whose norm is the largest frequency and not its square. Each is improved by Newton steps on its own two-sided Rayleigh
+quadratic lambda^2 (y^T y) + lambda (y^T Gamma y) + y^T Omega^2 y = 0. If strong dampers make the result inaccurate,
+right and left vectors are refined on the factors (``general_refinement``), and if this is not enough, the dampers'
+forces become unknowns (``strong_damping``).
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.equations.equations import Equations
 
-# A Newton step larger than this share of the eigenvalue is no correction of rounding errors: a nearly defective pair.
+# A Newton step larger than this share of the eigenvalue does not correct rounding errors: the pair is nearly defective.
 CORRECTION = 1e-4
 # The square of a step this small is less than rounding.
 SQUARED = 1e-9
-# Less than any number that is not 0 but for underflow: what divides by it becomes large, not infinite.
+# A tiny divisor in place of 0, so that quotients become large and not infinite.
 TINY = 1e-290
 # Columns of work space with which LAPACK's eigenvalues go block by block.
 WORK = 64
-# Of the accuracy asked for, this share may be in doubt; errors of the undamped modes need some of it too.
+# Share of the required accuracy that the doubt may use; errors of the undamped modes need the rest.
 MARGIN = 0.25
 
 
 # Eigenvalues, vectors, slopes and bounds of their errors.
-_Found = tuple["Complex", "Complex", "Complex", "Array"]
+_Eigensolution = tuple["Complex", "Complex", "Complex", "Array"]
 
 
 @dataclass(frozen=True, slots=True)
 class _Forms:
-    """Mass, damping and stiffness in the basis, ``matrices`` (3, m, m) from the factors: 1, Gamma and Omega^2 but for
-    rounding and for what shapes mix, which count where an eigenvalue is asked for to the last digit. ``spread`` (m, m)
+    """Mass, damping and stiffness in the basis, ``matrices`` (3, m, m) from the factors: 1, Gamma and Omega^2 up to
+    rounding and mixing of the shapes, which matter if an eigenvalue is required to the last digit. ``spread`` (m, m)
     bounds Gamma's rounding.
     """
 
@@ -97,13 +97,13 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
     basis : Undamped
         Its undamped modes.
     rtol : float
-        Relative accuracy asked of every eigenvalue.
+        Required relative accuracy of every eigenvalue.
 
     Returns
     -------
     Damped or None
-        Pairs of eigenvalues, in ascending order of their natural frequency; None where undamped modes that mix leave in
-        doubt whether damping couples them, or how accurate the eigenvalues are: clean ones will tell.
+        Pairs of eigenvalues, in ascending order of their natural frequency. None if the undamped modes are too
+        inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
     """
     reason, gamma = classical_damping(system, basis)
     if reason == IN_DOUBT:
@@ -115,22 +115,22 @@ def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
         return Damped(pairs, errors, basis.shapes, basis.square, gamma, reason, None, None)
     shapes, gamma, free = _split_rigid(system, basis, gamma)
     forms = _forms(system, shapes, gamma, basis.rigid)
-    found = _coupled(system, shapes, (basis, forms, free), rtol)
-    if found is None:
+    eigensolution = _coupled(system, shapes, (basis, forms, free), rtol)
+    if eigensolution is None:
         return None
-    pairs, vectors, slopes, errors = found
+    pairs, vectors, slopes, errors = eigensolution
     return Damped(pairs, errors, shapes, basis.square, gamma, "", vectors, slopes)
 
 
 def _split_rigid(system: Equations, basis: Undamped, gamma: Array) -> tuple[Array, Array, int]:
-    """Turn the rigid-body modes so that those which no damper touches come first; return their number too."""
+    """Rotate the rigid-body modes so that the undamped ones come first; return their number too."""
     r, w = basis.rigid, system.inertia_factor
     if r == 0:
         return basis.shapes, gamma, 0
     shapes = basis.shapes.copy()
     free = unbraked(system, shapes[:, :r])
     shapes[:, :r], count = completed(w, free, shapes[:, :r]), free.shape[1]
-    # each of the others by dampers of its own, the strongest last
+    # diagonalize the damping of the others; the most strongly damped comes last
     moved = product(system.elastic_rows, shapes[:, :r])
     _, turn = np.linalg.eigh(weighted(moved, system.damping)[count:, count:])
     shapes[:, count:r] = shapes[:, count:r] @ turn
@@ -150,7 +150,7 @@ def _forms(system: Equations, shapes: Array, gamma: Array, rigid: int) -> _Forms
 
 
 def _dampers(system: Equations, shapes: Array) -> Array | None:
-    """Rows L with L^T L = Gamma; None where a damper pushes."""
+    """Rows L with L^T L = Gamma; None if a damper is negative."""
     used = system.damping != 0.0
     if (system.damping < 0.0).any():
         return None
@@ -160,11 +160,11 @@ def _dampers(system: Equations, shapes: Array) -> Array | None:
 
 def _coupled(
     system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], rtol: float
-) -> _Found | None:
+) -> _Eigensolution | None:
     """Eigenvalues of the modes that damping couples: pairs (m, 2), vectors (m, m, 2), slopes (m, 2), errors (m, 2);
-    None where they are in doubt in a basis that mixes.
+    None if the basis is too inaccurate for them.
 
-    Until they are paired, eigenvalues with Im > 0 come first, and stand for their conjugates too.
+    Until they are paired, eigenvalues with Im > 0 come first, and also represent their conjugates.
     """
     basis, forms, free = parts
     r = basis.rigid
@@ -174,24 +174,22 @@ def _coupled(
     if basis.mixed > CLEAN and (doubtful or float(bound.max(initial=0.0)) > rtol):
         return None
     if doubtful:
-        found = values, y, slope, bound
-        values, y, slope, bound = _doubtful(system, shapes, parts, (found, doubt), MARGIN * rtol)
+        eigensolution = values, y, slope, bound
+        values, y, slope, bound = _doubtful(system, shapes, parts, (eigensolution, doubt), MARGIN * rtol)
     which = pair_numbers(values, y, free, r)
     pairs = np.where(which < 0, 0.0, values.take(which))
     order = np.abs(pairs[:, 0] * pairs[:, 1]).argsort(kind="stable")
     which, pairs = which.take(order, axis=0), pairs.take(order, axis=0)
-    found = pairs, y.take(which, axis=1), slope.take(which), bound.take(which)
+    eigensolution = pairs, y.take(which, axis=1), slope.take(which), bound.take(which)
     turns = np.where(which[:, 0] == which[:, 1], -1.0, 1.0)
-    for part in found[:3]:
+    for part in eigensolution[:3]:
         part.imag[..., 1] *= turns
-    return _with_rigid(found, forms.matrices[1], free, r) if r else found
+    return _with_rigid(eigensolution, forms.matrices[1], free, r) if r else eigensolution
 
 
-def _with_rigid(found: _Found, gamma: Array, free: int, rigid: int) -> _Found:
-    """Put the rigid-body modes that no damper touches in front, and shapes of those that dampers brake where they come
-    to rest: at an eigenvalue 0.
-    """
-    pairs, vectors, slopes, errors = found
+def _with_rigid(eigensolution: _Eigensolution, gamma: Array, free: int, rigid: int) -> _Eigensolution:
+    """Put the undamped rigid-body modes in front, and the shapes of the damped ones at their eigenvalue 0."""
+    pairs, vectors, slopes, errors = eigensolution
     at = np.arange(free, rigid)
     rest = at - free  # they come first
     vectors[:, rest, 0], errors[rest, 0] = 0.0, 0.0
@@ -204,12 +202,12 @@ def _with_rigid(found: _Found, gamma: Array, free: int, rigid: int) -> _Found:
 
 
 def _turning(values: Complex) -> int:
-    """Return how many of the eigenvalues stand for their conjugates too."""
+    """Return how many of the eigenvalues also represent their conjugates."""
     return int(np.count_nonzero(values.imag))
 
 
 def _both(half: Any, turning: int) -> Any:
-    """Put the conjugates of the first ones (..., n) behind all."""
+    """Append the conjugates of the first ``turning`` values along the last axis."""
     return np.concatenate((half, half[..., :turning].conj()), axis=-1)
 
 
@@ -232,7 +230,7 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
     order = np.concatenate((upper, creeping))
     values, y = np.empty(len(order), dtype=complex), np.zeros((m, len(order)), dtype=complex)
     values.real, values.imag = real.take(order), imag.take(order)
-    if np.count_nonzero(values) < len(values):  # none is 0: rounding left nothing of a slow motion
+    if np.count_nonzero(values) < len(values):  # no eigenvalue is exactly 0 here: that of a slow motion was rounded off
         values[values == 0.0] = -EPS * np.abs(values).max()
     parts = vectors[flexible:]
     y.real[free:], y.imag[free:, :turning] = parts.take(order, axis=1), parts.take(upper + 1, axis=1)
@@ -243,8 +241,9 @@ def _energy_eigenvalues(basis: Undamped, gamma: Array, free: int) -> tuple[Compl
 def _rayleigh(
     values: Complex, y: Complex, forms: _Forms, basis: Undamped
 ) -> tuple[Complex, Complex, Complex, Array, Array]:
-    """Improve every eigenvalue by its two-sided Rayleigh quadratic and every vector by what the others see of its
-    residual; return both with the slopes, a bound of the eigenvalues' relative errors, and what of it can be mended.
+    """Improve every eigenvalue by its two-sided Rayleigh quadratic, and every vector by the projections of its residual
+    on the other vectors; return both with the slopes, a bound of the eigenvalues' relative errors, and its reducible
+    part.
     """
     turning = _turning(values)
     inertia, damping, elastic = moved = forms.of(y)
@@ -269,7 +268,7 @@ def _rayleigh(
     distance.reshape(-1)[: distance.shape[1] ** 2 : distance.shape[1] + 1] = np.inf
     seen, apart, size, speed = np.abs(share), np.abs(distance), np.abs(y), np.abs(improved)
     doubt = np.add.reduce(seen * (seen / np.maximum(np.maximum(apart, seen), TINY)))
-    # rounding of the three quadratic forms; errors of the frequencies tell how far the factors can be trusted
+    # rounding of the three quadratic forms; errors of the frequencies measure those of the factors
     doubt += 4.0 * EPS * speed * np.einsum("ij,ij->j", size, forms.spread.dot(size))
     weight = np.maximum(np.abs(exact_slope) * speed, TINY)
     mendable, bound = np.minimum(np.array((doubt, doubt + _trust(speed, size, basis))) / weight, 1.0)
@@ -292,50 +291,51 @@ def _lengths(y: Complex) -> Array:
 
 
 def _trust(speed: Array, size: Array, basis: Undamped) -> Array:
-    """What errors of the undamped modes do to the quadratics of |values| (n,) and |vectors| (m, n)."""
+    """Errors of the quadratics of |values| (n,) and |vectors| (m, n) due to errors of the undamped modes."""
     trust = 2.0 * (basis.errors + EPS)
     moving, held = np.array((trust, trust * np.abs(basis.square))).dot(size * size)
     return np.asarray(speed * speed * moving + held)
 
 
 def _doubtful(
-    system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], found: tuple[_Found, Array], rtol: float
-) -> _Found:
-    """Eigenvalues in doubt from the factors themselves, or with the dampers' forces, whichever is better."""
+    system: Equations, shapes: Array, parts: tuple[Undamped, _Forms, int], estimate: tuple[_Eigensolution, Array],
+    rtol: float,
+) -> _Eigensolution:  # fmt: skip
+    """Inaccurate eigenvalues from the factors, or with the dampers' forces as unknowns, whichever is more accurate."""
     basis, _, free = parts
-    count = len(found[0][0]) + _turning(found[0][0])
-    best = min(found[0], _from_factors(system, shapes, count, rtol) or found[0],
-               key=lambda each: float(each[3].max()))  # fmt: skip
+    count = len(estimate[0][0]) + _turning(estimate[0][0])
+    best = min(estimate[0], _from_factors(system, shapes, count, rtol) or estimate[0],
+               key=lambda candidate: float(candidate[3].max()))  # fmt: skip
     dampers = _dampers(system, shapes)
     if dampers is None or float(best[3].max()) <= rtol:
         return best
-    other = _with_forces(found[0], dampers, found[1], basis, free, rtol)
-    return min(best, other, key=lambda each: float(each[3].max()))
+    with_forces = _with_forces(estimate[0], dampers, estimate[1], basis, free, rtol)
+    return min(best, with_forces, key=lambda candidate: float(candidate[3].max()))
 
 
-def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Found | None:
+def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Eigensolution | None:
     """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
     from mbsvib.modes.general import spectrum
 
-    _, found = spectrum(system, rtol)
-    turning = int(np.count_nonzero(found.turns))
-    order = np.argsort(~found.turns, kind="stable")
-    if turning + len(order) != count or not np.isfinite(found.errors).all():
+    _, solution = spectrum(system, rtol)
+    turning = int(np.count_nonzero(solution.turns))
+    order = np.argsort(~solution.turns, kind="stable")
+    if turning + len(order) != count or not np.isfinite(solution.errors).all():
         return None
-    inertia, felt = system.inertia_factor @ found.right, system.elastic_rows @ found.right
-    slope = 2.0 * found.values * (inertia**2).sum(axis=0) + system.damping @ felt**2
-    y = shapes.T @ (system.M @ found.right)
+    inertia, relative_motion = system.inertia_factor @ solution.right, system.elastic_rows @ solution.right
+    slope = 2.0 * solution.values * (inertia**2).sum(axis=0) + system.damping @ relative_motion**2
+    y = shapes.T @ (system.M @ solution.right)
     size = np.linalg.norm(y, axis=0)
-    return found.values[order], (y / size)[:, order], (slope / size**2)[order], found.errors[order]
+    return solution.values[order], (y / size)[:, order], (slope / size**2)[order], solution.errors[order]
 
 
 def _with_forces(
-    found: _Found, dampers: Array, doubt: Array, basis: Undamped, free: int, rtol: float
-) -> _Found:
-    """Values, vectors, slopes and bounds, with those in doubt from the dampers' forces where that is better."""
-    turning = _turning(found[0])
-    values, y, slope = (_both(part, turning) for part in found[:3])
-    bound, doubt = (np.concatenate((part, part[:turning])) for part in (found[3], doubt))
+    eigensolution: _Eigensolution, dampers: Array, doubt: Array, basis: Undamped, free: int, rtol: float
+) -> _Eigensolution:
+    """Values, vectors, slopes and bounds; inaccurate ones with the dampers' forces as unknowns if that is better."""
+    turning = _turning(eigensolution[0])
+    values, y, slope = (_both(part, turning) for part in eigensolution[:3])
+    bound, doubt = (np.concatenate((part, part[:turning])) for part in (eigensolution[3], doubt))
     equations = forces(basis.square[free:], dampers[:, free:], basis.rigid - free)
     new, shapes, slopes, errors = improved(equations, values, doubt, rtol)
     motion = np.zeros_like(y)
@@ -353,14 +353,14 @@ def _with_forces(
     nearest = np.argmin(np.abs(values.conj()[upper, None] - values), axis=1) if len(upper) else upper
     complete = 2 * len(upper) + len(real) == len(values) and len(set(nearest.tolist())) == len(upper)
     if not complete or (distance <= 2.0 * bound * np.abs(values)).any():
-        return found  # two have met, or a conjugate is missing
+        return eigensolution  # two have met, or a conjugate is missing
     order = np.concatenate((upper, real))
     return values[order], y[:, order], slope[order], bound[order]
 
 
 def pair_numbers(values: Complex, y: Complex, free: int, rigid: int) -> Index:
     """Return the numbers of paired eigenvalues, (n, 2): those with Im > 0, which come first, with themselves, as they
-    stand for their conjugates; 0 (-1) with a real one for each braked rigid mode; other real ones by shape.
+    represent their conjugates; 0 (-1) with a real one for each damped rigid-body mode; other real ones by shape.
     """
     turning = _turning(values)
     upper, real = np.arange(turning).repeat(2).reshape(-1, 2), list(range(turning, len(values)))

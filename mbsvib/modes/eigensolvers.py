@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 class Factors:
-    """What the solvers work on: ``mass`` and ``stiffness``, rows ``w`` and ``e`` = diag(sqrt |k|) D, ``sign`` of k.
+    """Data of the solvers: ``mass`` and ``stiffness``, rows ``w`` and ``e`` = diag(sqrt |k|) D, ``sign`` of k.
 
-    The rows are made when first asked for; ``rows`` of D has those with stiffness, ``w`` those that move.
+    The rows are computed on first access; ``rows`` contains those of D with stiffness, ``w`` the nonzero rows of W.
     """
 
     def __init__(self, system: Equations) -> None:
@@ -58,7 +58,7 @@ class Factors:
         return single_entries(self.rows)
 
     def stretch(self, shapes: Array) -> Array:
-        """Return e shapes, without a product where springs feel one coordinate each."""
+        """Return e shapes, without a matrix product if every row of D has one entry."""
         if self.single is None:
             result: Array = self.e @ shapes
             return result
@@ -83,7 +83,7 @@ def by_factors(scene: Factors, _shapes: Array) -> Array:
 
 
 def by_jacobi(scene: Factors, shapes: Array) -> Array:
-    """Return shapes from one-sided Jacobi on the factors in the basis ``shapes``, rigid-body modes left aside.
+    """Return shapes from one-sided Jacobi on the factors in the basis ``shapes``, without rigid-body modes.
 
     A change of basis is exact whatever the basis, so the frequencies are those of the pair (E, H) = (e, w) shapes. Both
     are brought to triangles by QR with rows sorted by size and columns pivoted, which keeps the digits of small rows.
@@ -93,16 +93,16 @@ def by_jacobi(scene: Factors, shapes: Array) -> Array:
     rigid = 0 if scene.null is None else scene.null.shape[1]
     basis = shapes[:, rigid:]
     upper, order = sorted_qr(scene.e @ basis)
-    root, place = sorted_qr(scene.w @ basis)
-    back = np.argsort(order)[place]
+    root, pivots = sorted_qr(scene.w @ basis)
+    back = np.argsort(order)[pivots]
     quotient = blas.dtrsm(1.0, root, upper[:, back].T, trans_a=1).T
     _, _, vectors, _, _, failed = lapack.dgejsv(quotient, joba=0, jobu=3, jobv=0)
     if failed:
         return shapes
     result = np.empty_like(shapes)
     result[:, :rigid] = shapes[:, :rigid]
-    turned = blas.dtrsm(1.0, root, vectors[:, ::-1])
-    result[:, rigid:] = basis[:, place] @ turned
+    coefficients = blas.dtrsm(1.0, root, vectors[:, ::-1])
+    result[:, rigid:] = basis[:, pivots] @ coefficients
     return result
 
 

@@ -1,12 +1,12 @@
 """First-order equations in energy coordinates for matrices without symmetry, and their eigenvalues 0.
 
 With the undamped modes Phi of M and the symmetric part of K as basis, states are (Omega eta, eta') and, where M is
-singular, the massless motions zeta, which are taken where dampers feel no other motion beside them. In
+singular, the massless motions zeta, chosen so that damping does not couple them to the other motions. In
 
     x' = A x + F f,   q = S x,      (lambda^2 M + lambda C + K)^-1 = S (lambda - A)^-1 F
 
-A has the norm of the largest frequency and not of its square. Motions that K does not feel are eigenvalues 0, in chains
-of two where neither dampers nor spin feel them: they are found by rank and split off exactly, whatever rounding does.
+A has the norm of the largest frequency and not of its square. Motions without stiffness have eigenvalues 0, in chains
+of two if neither dampers nor spin resist them. They are determined by rank decisions and split off exactly.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class EnergyState:
     """x' = ``a`` x + ``force`` f and q = ``show`` x for n states, physical f and q (m,); x = ``position`` q + ``rate``
     q' (n, m) each.
 
-    ``scale`` (p,) is d in x = (d eta, eta', zeta); ``conservative``: a sum of squares is kept, so that eigenvalues are
+    ``scale`` (p,) is d in x = (d eta, eta', zeta); ``conservative``: the energy is constant, so that eigenvalues are
     imaginary. The k eigenvalues 0 have the invariant subspaces ``right`` and ``left`` (n, k), left^T right = 1, on
-    which A is ``nilpotent`` (k, k); the ``still`` first columns are the motions that K does not feel. ``doubt`` is the
-    relative error that the coordinates have from nearly singular loops. In the ``basis`` (m, m) the inertia is 1 or 0
-    for massless motions, which come last; ``square`` (p,) is Omega^2 and ``damping`` and ``coupling`` (m, m) are C and
-    what of K is not Omega^2.
+    which A is ``nilpotent`` (k, k); the ``still`` first columns are the motions without stiffness. ``doubt`` is the
+    relative error of the coordinates from nearly singular loops. In the ``basis`` (m, m) the inertia is 1, or 0 for
+    massless motions, which come last; ``square`` (p,) is Omega^2, ``damping`` (m, m) is C, and ``coupling`` (m, m) is
+    K without Omega^2.
     """
 
     a: Array
@@ -86,18 +86,18 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     system : Equations
         The equations of motion.
     rtol : float
-        Relative accuracy asked of the undamped modes that are the basis.
+        Required relative accuracy of the undamped modes that are the basis.
 
     Returns
     -------
     EnergyState
-        Matrices, and what belongs to eigenvalues 0.
+        Matrices, and the invariant subspaces of the eigenvalues 0.
     """
     m, n1 = system.dof, system.massless
     p = m - n1
-    basis, found, free = _basis(system, rtol)
-    square, back = found.square, _back(system, basis)
-    stiffness, damping = _in_basis(system, basis, found, free)
+    basis, undamped_modes, free = _basis(system, rtol)
+    square, back = undamped_modes.square, _back(system, basis)
+    stiffness, damping = _in_basis(system, basis, undamped_modes, free)
     scale = np.sqrt(np.abs(square))
     speeds = (scale[scale > 0.0].min(initial=np.inf), np.abs(damping[:p, :p]).max(initial=0.0))
     scale[scale == 0.0] = next((speed for speed in speeds if 0.0 < speed < np.inf), 1.0)
@@ -109,21 +109,21 @@ def energy_state(system: Equations, rtol: float) -> EnergyState:
     show[p:, 2 * p :] = np.eye(n1)
     position, rate = np.zeros((2 * p + n1, m)), np.zeros((2 * p + n1, m))
     position[:p], position[2 * p :], rate[p : 2 * p] = scale[:, None] * back[:p], back[p:], back[:p]
-    null = _null_spaces(system, basis, back, stiffness, found.rigid)
+    null = _null_spaces(system, basis, back, stiffness, undamped_modes.rigid)
     chains = _chains(system, basis, damping, null, free)
     zeros = _zeros(stiffness, damping, null, chains, scale)
     if zeros is None:
         zeros = _long_chains(a)
     right, left, nilpotent, count = zeros
-    kept = bool(not system.damping.any() and system.circulatory is None and not n1 and (square >= 0.0).all())
+    conservative = bool(not system.damping.any() and system.circulatory is None and not n1 and (square >= 0.0).all())
     reduction = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
     doubt = 0.0 if reduction >= WELL_CLOSED else EPS / reduction
-    return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, kept, right, left, nilpotent,
+    return EnergyState(a, basis @ show, force @ basis.T, position, rate, scale, conservative, right, left, nilpotent,
                        null[0].shape[1], count, doubt, basis, square, damping, coupling)  # fmt: skip
 
 
 def _resists(system: Equations) -> bool:
-    """Whether K and C are sums of squares (C but for spin), so that rows tell what they resist."""
+    """Whether K and C (without spin) are sums of squares, so that the rows determine which motions they resist."""
     return system.circulatory is None and bool((system.stiffness >= 0.0).all() and (system.damping >= 0.0).all())
 
 
@@ -145,29 +145,30 @@ def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
         dof=turn.shape[1], stiffness=system.stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
         M=gram(w), K=weighted(rows, system.stiffness), provenance=system.provenance,
     )  # fmt: skip
-    found = undamped(part, rtol, null=null)
-    basis = turn @ found.shapes
-    free = unbraked(system, basis[:, : found.rigid])
-    basis[:, : found.rigid] = completed(system.inertia_factor, free, basis[:, : found.rigid])
-    return np.concatenate((basis, loose), axis=1), found, free.shape[1]
+    undamped_modes = undamped(part, rtol, null=null)
+    basis = turn @ undamped_modes.shapes
+    free = unbraked(system, basis[:, : undamped_modes.rigid])
+    basis[:, : undamped_modes.rigid] = completed(system.inertia_factor, free, basis[:, : undamped_modes.rigid])
+    return np.concatenate((basis, loose), axis=1), undamped_modes, free.shape[1]
 
 
 def _separated(system: Equations) -> tuple[Array, Array, Array]:
-    """Motions that dampers do not tie to massless ones (m, p), massless ones of unit damping (m, n1), and the
-    rigid-body modes among the former, in these (p, r).
+    """Motions that damping does not couple to massless ones (m, p), massless ones of unit damping (m, n1), and the
+    rigid-body modes in coordinates of the former (p, r).
     """
     loose = system.null_inertia
     assert loose is not None
     own, others = own_coordinates(loose)
-    felt = loose.T @ system.C
-    size = np.sqrt(np.abs(felt @ loose).max(axis=1))
-    tied = np.linalg.solve(felt @ loose / size[:, None] / size, felt[:, others] / size[:, None]) / size[:, None]
+    damping_rows = loose.T @ system.C
+    size = np.sqrt(np.abs(damping_rows @ loose).max(axis=1))
+    scaled = damping_rows / size[:, None]
+    tied = np.linalg.solve(damping_rows @ loose / size[:, None] / size, scaled[:, others]) / size[:, None]
     turn = -loose @ tied
     turn[others, np.arange(len(others))] += 1.0
-    rigid = free_motions(_stiff_rows(system), felt)
+    rigid = free_motions(_stiff_rows(system), damping_rows)
     null = orthonormal(system.inertia_factor @ turn, rigid[others] - loose[others] @ rigid[own])
-    even = 0.5 * (felt @ loose + (felt @ loose).T)
-    try:  # of unit damping, where dampers and not spin hold them
+    even = 0.5 * (damping_rows @ loose + (damping_rows @ loose).T)
+    try:  # of unit damping, if dampers and not spin resist them
         loose = np.linalg.solve(np.linalg.cholesky(even), loose.T).T
     except np.linalg.LinAlgError:
         loose = loose / size
@@ -175,26 +176,26 @@ def _separated(system: Equations) -> tuple[Array, Array, Array]:
 
 
 def _back(system: Equations, basis: Array) -> Array:
-    """Inverse of the basis: M-orthonormal motions, and massless ones that dampers do not tie to them."""
+    """Inverse of the basis: M-orthonormal motions, and massless ones that damping does not couple to them."""
     p = system.dof - system.massless
-    felt = basis[:, p:].T @ system.C
-    return np.concatenate((basis[:, :p].T @ system.M, np.linalg.solve(felt @ basis[:, p:], felt)))
+    damping_rows = basis[:, p:].T @ system.C
+    return np.concatenate((basis[:, :p].T @ system.M, np.linalg.solve(damping_rows @ basis[:, p:], damping_rows)))
 
 
-def _in_basis(system: Equations, basis: Array, found: Undamped, free: int) -> tuple[Array, Array]:
-    """Stiffness and damping in the basis, exactly 0 for what they do not resist."""
-    p = len(found.square)
+def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: int) -> tuple[Array, Array]:
+    """Stiffness and damping in the basis, exactly 0 for motions that they do not resist."""
+    p = len(undamped_modes.square)
     rows = product(system.elastic_rows, basis)
-    held = rows * (np.arange(len(basis)) >= found.rigid)
+    held = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
     stiffness = weighted(held, system.stiffness)
-    stiffness[:p, :p] = np.diag(found.square)
+    stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product(product(basis.T, system.circulatory), basis)
     braked = rows * (np.arange(len(basis)) >= free)
     damping = weighted(braked, system.damping)
     if system.gyroscopic is not None:
         damping += product(product(basis.T, system.gyroscopic), basis)
-    damping[p:, :p] = 0.0  # as the basis was chosen
+    damping[p:, :p] = 0.0  # by the choice of the basis
     if system.gyroscopic is None:
         damping[:p, p:] = 0.0
     return stiffness, damping
@@ -218,24 +219,24 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
     return a, force
 
 
-def _terms(system: Equations, basis: Array, value: Array, other: Array | None) -> Array:
-    """Sum of the sizes of all terms of D^T diag(value) D and another part, of which only the largest is known."""
+def _terms(system: Equations, basis: Array, value: Array, second_part: Array | None) -> Array:
+    """Sum of the magnitudes of all terms of D^T diag(value) D, plus the largest of a second part."""
     result = weighted(largest(system.elastic_rows, basis), np.abs(value))
     size = np.abs(basis)
-    return result if other is None else result + float((size.T @ np.abs(other) @ size).max(initial=0.0))
+    return result if second_part is None else result + float((size.T @ np.abs(second_part) @ size).max(initial=0.0))
 
 
 def _null_spaces(
     system: Equations, basis: Array, back: Array, stiffness: Array, rigid: int
 ) -> tuple[Array, Array]:
-    """Motions that K does not feel, and forces that it does not answer, in the basis (m, r) each."""
+    """Right and left null space of K in the basis, (m, r) each."""
     m = system.dof
     null = np.eye(m)[:, :rigid]
     if system.circulatory is None and not system.massless:
         return null, null
     if not _resists(system):
         return null_pair(stiffness, _terms(system, basis, system.stiffness, system.circulatory))
-    # those that dampers tie to massless motions are not among the undamped modes
+    # motions that damping couples to massless ones are not among the undamped modes
     motions = product(back, free_motions(_stiff_rows(system)))
     tied = pivoted_qr(motions[rigid:])[1][: motions.shape[1] - rigid]
     null = np.concatenate((null, np.zeros((m, len(tied)))), axis=1)
@@ -246,7 +247,7 @@ def _null_spaces(
 def _chains(
     system: Equations, basis: Array, damping: Array, null: tuple[Array, Array], free: int
 ) -> tuple[Array, Array]:
-    """Which combinations (r, n) of both null spaces of K the damping does not join to these: they start chains."""
+    """Combinations (r, n) of both null spaces of K that damping does not couple: they start chains."""
     z, y = null
     if _resists(system) and system.gyroscopic is None:
         return np.eye(z.shape[1])[:, :free], np.eye(y.shape[1])[:, :free]
@@ -255,7 +256,7 @@ def _chains(
 
 
 def _null(rows: Array) -> Array:
-    """Orthonormal motions that no row feels."""
+    """Orthonormal basis of the null space of the rows."""
     _, values, turn = np.linalg.svd(rows)
     return turn[int(np.count_nonzero(values > DEPENDENT_ROWS * values[0])) :].T
 
@@ -263,8 +264,8 @@ def _null(rows: Array) -> Array:
 def _zeros(
     stiffness: Array, damping: Array, null: tuple[Array, Array], chains: tuple[Array, Array], scale: Array
 ) -> tuple[Array, Array, Array, int] | None:
-    """Invariant subspaces of the eigenvalue 0 in the states, what A is on them, and the number of chains of two; None
-    where chains are longer.
+    """Invariant subspaces of the eigenvalue 0 in the states, A restricted to them, and the number of chains of two;
+    None if chains are longer.
     """
     (z, y), p = null, len(scale)
     n, r, count = len(stiffness) + p, z.shape[1], chains[0].shape[1]
@@ -276,10 +277,10 @@ def _zeros(
     right, left = np.zeros((n, r + count)), np.zeros((n, r + count))
     right[:p], right[2 * p :] = (scale[:, None] * np.hstack((z, x1))[:p]), np.hstack((z, x1))[p:]
     right[p : 2 * p, r:] = x0[:p]
-    whole = np.hstack((y, y1))
-    braked = damping.T @ whole
+    left_motions = np.hstack((y, y1))
+    braked = damping.T @ left_motions
     braked[:p, r:] += y0[:p]
-    left[:p], left[p : 2 * p], left[2 * p :] = braked[:p] / scale[:, None], whole[:p], braked[p:]
+    left[:p], left[p : 2 * p], left[2 * p :] = braked[:p] / scale[:, None], left_motions[:p], braked[p:]
     size = np.linalg.norm(right, axis=0), np.linalg.norm(left, axis=0)
     angles = (left / size[1]).T @ (right / size[0])
     if np.linalg.svd(angles)[1][-1] < LONGER:
@@ -291,20 +292,20 @@ def _zeros(
 
 
 def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
-    """x with K x = -push, at right angles to what K does not feel (``near``); ``far``: what it does not answer."""
+    """x with K x = -push, orthogonal to the null space of K (``near``); ``far`` is the null space of K^T."""
     m, r = near.shape
     if not push.any():
         return np.zeros_like(push)
     size = sizes(stiffness)
-    whole = np.zeros((m + r, m + r))
-    whole[:m, :m] = stiffness / size[:, None] / size
-    whole[:m, m:], whole[m:, :m] = far, near.T
+    bordered = np.zeros((m + r, m + r))
+    bordered[:m, :m] = stiffness / size[:, None] / size
+    bordered[:m, m:], bordered[m:, :m] = far, near.T
     right = np.concatenate((-push / size[:, None], np.zeros((r, push.shape[1]))))
-    return np.asarray(np.linalg.solve(whole, right)[:m] / size[:, None])
+    return np.asarray(np.linalg.solve(bordered, right)[:m] / size[:, None])
 
 
 def _long_chains(a: Array) -> tuple[Array, Array, Array, int]:
-    """The same from A alone: what is left of it after its null space is taken off as often as there is one."""
+    """The same from A alone: its null space is deflated until none remains."""
     ahead, right = _lost(a), _lost(a.T)
     left = np.asarray(np.linalg.solve(ahead.T @ right, ahead.T).T, dtype=float)
     nilpotent = np.asarray(left.T @ a @ right, dtype=float)
@@ -314,12 +315,12 @@ def _long_chains(a: Array) -> tuple[Array, Array, Array, int]:
 
 def _lost(a: Array) -> Array:
     """Orthonormal complement of the range of all powers of A."""
-    kept: Array = np.eye(len(a))
-    while kept.shape[1]:
-        inner = kept.T @ a @ kept
+    basis: Array = np.eye(len(a))
+    while basis.shape[1]:
+        inner = basis.T @ a @ basis
         u, values, _ = np.linalg.svd(inner)
         rank = int(np.count_nonzero(values > LONGER * np.abs(a).max()))
         if rank == len(inner):
             break
-        kept = np.asarray(kept @ u[:, :rank], dtype=float)
-    return np.linalg.qr(kept, mode="complete")[0][:, kept.shape[1] :]
+        basis = np.asarray(basis @ u[:, :rank], dtype=float)
+    return np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]

@@ -25,19 +25,19 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
 
-# Eigenvalues this many roundings of the matrix apart are one, if their vectors look nearly dependent.
+# Eigenvalues closer than this many roundings of the matrix are treated as repeated if their vectors are dependent.
 TOGETHER = 1e3
 DEPENDENT = 0.5
-# A conservative system's eigenvalue off the imaginary axis by less than this many roundings is on it.
+# An eigenvalue of a conservative system within this many roundings of the imaginary axis is imaginary.
 ON_AXIS = 100.0
-# Eigenvalues are small beside the largest where rounding of that may have taken more than their last digits.
+# Eigenvalues smaller than this share of the largest may have lost more than their last digits to rounding.
 SMALL = 1e-8
-# Motions whose shapes differ by no more than this are parallel: all those of one mass on springs and dampers.
+# Shapes that differ by less are parallel, such as all motions of a single mass on springs and dampers.
 ALIKE = 1e-9
-# Real eigenvalues that coincide may come out as a pair with such a share of them as imaginary part.
+# Rounding may turn repeated real eigenvalues into a conjugate pair with imaginary parts up to this share of them.
 NEARLY_REAL = 1e-6
-# In place of the number of an eigenvalue: 0, the conjugate of the other one, and none.
-STILL, CONJUGATE, ALONE = -1, -2, -3
+# In place of the number of an eigenvalue: the eigenvalue 0, the conjugate of the first one, no second eigenvalue.
+STILL, CONJUGATE, UNPAIRED = -1, -2, -3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +45,9 @@ class General:
     """Modes of a system without symmetry, in ascending natural frequency.
 
     ``pairs`` (k, 2) of eigenvalues, one row a mode, with ``errors`` (k, 2) relative; a mode of first order
-    (``single``) has its one eigenvalue twice. ``shapes`` (m, k) are the modes, complex. ``spectrum`` has the
-    eigenvalues but 0 with both vectors, ``state`` what belongs to 0, and the equations in energy coordinates; ``mode``
-    numbers the mode of each eigenvalue of the spectrum.
+    (``single``) has its one eigenvalue twice. ``shapes`` (m, k) are the modes, complex. ``spectrum`` contains the
+    nonzero eigenvalues with both vectors, ``state`` the equations in energy coordinates with the subspaces of the
+    eigenvalue 0; ``mode`` is the mode number of each eigenvalue of the spectrum.
     """
 
     pairs: Complex
@@ -75,7 +75,7 @@ class General:
 
 
 def is_general(system: Equations) -> bool:
-    """Tell whether a system's matrices lack what symmetric solvers rely on.
+    """Tell whether a system needs the solver for unsymmetric matrices or massless motions.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def general(system: Equations, rtol: float) -> General:
     system : Equations
         The equations of motion.
     rtol : float
-        Relative accuracy asked of every eigenvalue.
+        Required relative accuracy of every eigenvalue.
 
     Returns
     -------
@@ -116,12 +116,12 @@ def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
     system : Equations
         The equations of motion.
     rtol : float
-        Relative accuracy asked of every eigenvalue.
+        Required relative accuracy of every eigenvalue.
 
     Returns
     -------
     EnergyState and Spectrum
-        What belongs to 0, and the other eigenvalues with their vectors.
+        The invariant subspaces of the eigenvalue 0, and the other eigenvalues with their vectors.
     """
     state = energy_state(system, rtol)
     even = system.circulatory is None and not system.damping.any()
@@ -130,31 +130,31 @@ def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
 
 
 def _imaginary(state: EnergyState) -> Spectrum:
-    """Eigenvalues of a skew-symmetric A, less those of motions that only drift."""
+    """Eigenvalues of a skew-symmetric A, without those of drifting motions."""
     p = len(state.scale)
-    felt = np.concatenate((np.arange(state.still, p), np.arange(p, 2 * p)))
-    a = state.a[np.ix_(felt, felt)]
-    chains = state.right[felt, state.still :]
+    active = np.concatenate((np.arange(state.still, p), np.arange(p, 2 * p)))
+    a = state.a[np.ix_(active, active)]
+    chains = state.right[active, state.still :]
     keep = np.linalg.qr(chains, mode="complete")[0][:, chains.shape[1] :]
     inner = keep.T @ a @ keep
     omega, vectors = np.linalg.eigh(-0.5j * (inner - inner.T))
-    chosen = omega > 0.0
-    if 2 * np.count_nonzero(chosen) != len(omega):
+    positive = omega > 0.0
+    if 2 * np.count_nonzero(positive) != len(omega):
         return _any(state, even=True)
-    omega, found = omega[chosen], keep @ vectors[:, chosen]
-    rate, still, d = found[p - state.still :], state.still, state.scale[state.still :, None]
+    omega, states = omega[positive], keep @ vectors[:, positive]
+    rate, still, d = states[p - state.still :], state.still, state.scale[state.still :, None]
     eta = rate / (1j * omega)
-    turned = found[: p - still] * d - 1j * omega * rate[still:]
-    eta[still:] = turned / (d * d + omega**2)
+    numerator = states[: p - still] * d - 1j * omega * rate[still:]
+    eta[still:] = numerator / (d * d + omega**2)
     x = (state.show[:, :p] * state.scale) @ eta
     return Spectrum(1j * omega, x, x.conj(), np.ones(len(omega), dtype=bool), "hermitian")
 
 
 def _any(state: EnergyState, even: bool) -> Spectrum:
-    """Eigenvalues of A with right and left vectors, less those that are 0.
+    """Nonzero eigenvalues of A with right and left vectors.
 
-    Those of an ``even`` system, without damping, have mirror images: one that is off the imaginary axis by no more than
-    its rounding has none, and is on it.
+    The eigenvalues of an ``even`` system, without damping, are symmetric about the imaginary axis: one that is off the
+    axis by no more than its rounding has no mirror image, and is put on the axis.
     """
     keep = np.linalg.qr(state.left, mode="complete")[0][:, state.left.shape[1] :]
     inner = keep.T @ state.a @ keep
@@ -167,7 +167,7 @@ def _any(state: EnergyState, even: bool) -> Spectrum:
     w -= state.left @ (state.right.T @ w)
     p = len(state.scale)
     x = state.show @ r
-    # velocities are the better part of a fast motion, displacements that of a slow one
+    # velocities of fast motions are more accurate than their displacements, and conversely for slow motions
     d = state.scale[:, None]
     share = (values.conj() * r[p : 2 * p] - np.abs(values) ** 2 * r[:p] / d) / (d * d + np.abs(values) ** 2)
     x = x + (state.show[:, :p] * state.scale) @ share
@@ -182,10 +182,10 @@ def _any(state: EnergyState, even: bool) -> Spectrum:
     return Spectrum(values, x, y, turns, "", on)
 
 
-_Found = tuple["Complex", "Complex", "Complex"]
+_Eigensolution = tuple["Complex", "Complex", "Complex"]
 
 
-def _eigen(a: Array) -> _Found:
+def _eigen(a: Array) -> _Eigensolution:
     """Eigenvalues without those of negative imaginary part, with left and right vectors."""
     from scipy.linalg import eig
 
@@ -194,29 +194,29 @@ def _eigen(a: Array) -> _Found:
     return values[half], left[:, half].conj().astype(complex), right[:, half].astype(complex)
 
 
-def _with_small_ones(found: _Found, state: EnergyState, keep: Array) -> _Found:
-    """Eigenvalues that are small beside the largest from the inverse of A, which is known without inverting A."""
+def _with_small_ones(eigensolution: _Eigensolution, state: EnergyState, keep: Array) -> _Eigensolution:
+    """Replace eigenvalues that are small compared with the largest by those of the inverse of A, which is explicit."""
     inverse = _inverse(state)
     if inverse is None:
-        return found
+        return eigensolution
     back, *vectors = _eigen(keep.T @ (inverse - state.right @ (state.left.T @ inverse)) @ keep)
     if not back.all():
-        return found
+        return eigensolution
     small = np.where(back.imag == 0.0, 1.0 / back, (1.0 / back).conj())  # the one with positive imaginary part
     vectors = [np.where(back.imag == 0.0, part, part.conj()) for part in vectors]
-    middle = np.sqrt(np.abs(found[0]).max() * np.abs(small).min())
-    own, other = np.abs(found[0]) >= middle, np.abs(small) < middle
-    count = [np.count_nonzero(chosen) + np.count_nonzero(values.imag[chosen] > 0.0)
-             for values, chosen in ((found[0], own), (small, other))]  # fmt: skip
+    middle = np.sqrt(np.abs(eigensolution[0]).max() * np.abs(small).min())
+    from_matrix, from_inverse = np.abs(eigensolution[0]) >= middle, np.abs(small) < middle
+    count = [np.count_nonzero(selected) + np.count_nonzero(values.imag[selected] > 0.0)
+             for values, selected in ((eigensolution[0], from_matrix), (small, from_inverse))]  # fmt: skip
     if sum(count) != keep.shape[1]:
-        return found
-    return (np.concatenate((found[0][own], small[other])),
-            np.concatenate((found[1][:, own], vectors[0][:, other]), axis=1),
-            np.concatenate((found[2][:, own], vectors[1][:, other]), axis=1))  # fmt: skip
+        return eigensolution
+    return (np.concatenate((eigensolution[0][from_matrix], small[from_inverse])),
+            np.concatenate((eigensolution[1][:, from_matrix], vectors[0][:, from_inverse]), axis=1),
+            np.concatenate((eigensolution[2][:, from_matrix], vectors[1][:, from_inverse]), axis=1))  # fmt: skip
 
 
 def _inverse(state: EnergyState) -> Array | None:
-    """x with A x = b for all b that have one, from K q = -C q' - M q''; None where K is singular and not diagonal."""
+    """Generalized inverse of A, from K q = -C q' - M q''; None where K is singular and not symmetric."""
     p, m = len(state.scale), len(state.basis)
     stiffness = state.coupling.copy()
     stiffness[np.arange(p), np.arange(p)] += state.square
@@ -236,10 +236,10 @@ def _inverse(state: EnergyState) -> Array | None:
     return result
 
 
-def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Found:
-    """Give eigenvalues that rounding cannot tell apart independent vectors, if they have them.
+def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Eigensolution:
+    """Replace nearly dependent vectors of eigenvalues that agree to rounding by independent ones, if they exist.
 
-    Real ones that rounding has made a conjugate pair of are real again, with the parts of its vectors.
+    Conjugate pairs that are repeated real eigenvalues but for rounding become real, with the parts of their vectors.
     """
     size = TOGETHER * EPS * (float(np.abs(a).sum(axis=1).max(initial=0.0)) or 1.0)
     torn = (values.imag > 0.0) & (values.imag <= np.minimum(size, NEARLY_REAL * np.abs(values)))
@@ -248,19 +248,19 @@ def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Fou
         again = [v / np.maximum(np.linalg.norm(v, axis=0), np.finfo(float).tiny) for v in parts]
         all_values = np.concatenate((values[~torn], values[torn].real, values[torn].real))
         parted = np.arange(len(all_values)) >= np.count_nonzero(~torn)
-        *found, done = _independent(a, size, (all_values, *again), parted)
+        *eigensolution, done = _independent(a, size, (all_values, *again), parted)
         if done[parted].all():
-            return found[0], found[1], found[2]
+            return eigensolution[0], eigensolution[1], eigensolution[2]
     return _independent(a, size, (values, left, right), np.zeros(len(values), dtype=bool))[:3]
 
 
 def _independent(
-    a: Array, size: float, found: _Found, parted: NDArray[np.bool_]
+    a: Array, size: float, eigensolution: _Eigensolution, parted: NDArray[np.bool_]
 ) -> tuple[Complex, Complex, Complex, NDArray[np.bool_]]:
-    """Values, left and right vectors, independent in groups that are no more than ``size`` apart, and which are in one:
-    those of nearly dependent vectors and ``parted`` ones.
+    """Values, left and right vectors, made independent in groups of values that are at most ``size`` apart, and a mask
+    of the values in such groups: those of nearly dependent vectors and ``parted`` ones.
     """
-    values, left, right = found
+    values, left, right = eigensolution
     weak = parted | (np.abs(np.einsum("ij,ij->j", left, right)) < DEPENDENT)
     done, seen = np.zeros(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
     for i in np.nonzero(weak)[0]:
@@ -281,13 +281,13 @@ def _independent(
     return values, left, right, done
 
 
-def _in_modes(system: Equations, state: EnergyState, found: Spectrum) -> General:
-    """Put eigenvalues into modes: conjugates, real ones with 0 or with each other, the rest alone."""
+def _in_modes(system: Equations, state: EnergyState, eigen: Spectrum) -> General:
+    """Pair eigenvalues into modes: conjugates, real ones with 0 or with each other; the rest have first order."""
     rest, drift = (shapes.astype(complex) for shapes in rigid_shapes(state))
-    momentum, resting = system.inertia_factor @ found.right, system.inertia_factor @ rest
-    size = np.abs(found.values)
-    apart = np.abs(found.values[:, None] - found.values) / np.maximum(size[:, None], size)
-    zeros, reals = list(range(rest.shape[1])), np.nonzero(~found.turns)[0].tolist()
+    momentum, resting = system.inertia_factor @ eigen.right, system.inertia_factor @ rest
+    size = np.abs(eigen.values)
+    apart = np.abs(eigen.values[:, None] - eigen.values) / np.maximum(size[:, None], size)
+    zeros, reals = list(range(rest.shape[1])), np.nonzero(~eigen.turns)[0].tolist()
     pairs = max(0, (len(reals) + len(zeros) - system.massless) // 2)
     table: list[tuple[int, int]] = [(STILL, STILL)] * drift.shape[1]  # numbers of eigenvalues
     shapes: list[Complex] = list(drift.T)
@@ -303,40 +303,40 @@ def _in_modes(system: Equations, state: EnergyState, found: Spectrum) -> General
         pairs -= 1
     while len(reals) > 1 and pairs:
         i, j = _most_alike(momentum[:, reals], momentum[:, reals], apart[np.ix_(reals, reals)])
-        first, second = sorted((reals[i], reals[j]), key=lambda k: abs(found.values[k]))
+        first, second = sorted((reals[i], reals[j]), key=lambda k: abs(eigen.values[k]))
         reals = [k for k in reals if k not in (first, second)]
         table.append((first, second))
-        shapes.append(found.right[:, first])
+        shapes.append(eigen.right[:, first])
         pairs -= 1
-    table += [(STILL, ALONE)] * len(zeros) + [(k, ALONE) for k in reals]
-    shapes += [rest[:, k] for k in zeros] + [found.right[:, k] for k in reals]
-    for k in np.nonzero(found.turns)[0].tolist():
+    table += [(STILL, UNPAIRED)] * len(zeros) + [(k, UNPAIRED) for k in reals]
+    shapes += [rest[:, k] for k in zeros] + [eigen.right[:, k] for k in reals]
+    for k in np.nonzero(eigen.turns)[0].tolist():
         table.append((k, CONJUGATE))
-        shapes.append(found.right[:, k])
-    return _sorted(system, state, found, (np.array(table, dtype=np.intp).reshape(-1, 2), shapes))
+        shapes.append(eigen.right[:, k])
+    return _sorted(system, state, eigen, (np.array(table, dtype=np.intp).reshape(-1, 2), shapes))
 
 
 def _sorted(
-    system: Equations, state: EnergyState, found: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
+    system: Equations, state: EnergyState, eigen: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
 ) -> General:
     table, shapes = modes
     first, second = table.T
-    values, errors = np.append(found.values, 0.0), np.append(found.errors, 0.0)  # STILL is the last one
-    conjugate, single = second == CONJUGATE, second == ALONE
+    values, errors = np.append(eigen.values, 0.0), np.append(eigen.errors, 0.0)  # STILL is the last one
+    conjugate, single = second == CONJUGATE, second == UNPAIRED
     second = np.where(conjugate | single, first, second)
     pairs = np.stack((values[first], np.where(conjugate, values[first].conj(), values[second])), axis=1)
     order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
     columns = np.array(shapes, dtype=complex).reshape(len(table), system.dof).T
     mode = np.zeros(len(values), dtype=np.intp)
-    place = np.argsort(order)
-    mode[first], mode[second] = place, place
+    position_of = np.argsort(order)
+    mode[first], mode[second] = position_of, position_of
     rigid = int(np.count_nonzero((pairs == 0.0).any(axis=1)))
     return General(pairs[order], np.stack((errors[first], errors[second]), axis=1)[order], single[order],
-                   columns[:, order], rigid, found, mode[:-1], state)  # fmt: skip
+                   columns[:, order], rigid, eigen, mode[:-1], state)  # fmt: skip
 
 
 def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
-    """Return the motions that stiffness does not feel: those which come to rest, and those in chains, which drift.
+    """Return the motions without stiffness: those that come to rest, and those in chains, which drift.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     tuple of array, shape (m, r)
         Both, as displacements.
     """
-    if state.long:  # no motion has a chain of its own: as many as there are pairs of zeros
+    if state.long:  # motions cannot be assigned to chains: take as many as there are pairs of zeros
         u = np.linalg.svd(state.show @ state.right)[0]
         zeros = state.right.shape[1]
         return u[:, zeros // 2 : -(-zeros // 2)], u[:, : zeros // 2]
@@ -360,13 +360,13 @@ def rigid_shapes(state: EnergyState) -> tuple[Array, Array]:
     return null @ turn[:, free:], null @ state.nilpotent[: state.still, state.still :]
 
 
-def _most_alike(one: Complex, other: Complex, apart: Array) -> tuple[int, int]:
-    """Numbers of the two columns that are most nearly parallel, of those that are so alike the least ``apart``; of
-    columns of the same matrix two different ones.
+def _most_alike(first: Complex, second: Complex, apart: Array) -> tuple[int, int]:
+    """Numbers of the two most nearly parallel columns; among parallel ones those with the smallest ``apart``. If both
+    matrices are the same, the columns are different.
     """
-    one, other = (a / np.maximum(np.linalg.norm(a, axis=0), np.finfo(float).tiny) for a in (one, other))
-    share = np.abs(one.T @ other)
-    if share.shape[0] == share.shape[1] and one.shape == other.shape and np.array_equal(one, other):
+    first, second = (a / np.maximum(np.linalg.norm(a, axis=0), np.finfo(float).tiny) for a in (first, second))
+    share = np.abs(first.T @ second)
+    if share.shape[0] == share.shape[1] and first.shape == second.shape and np.array_equal(first, second):
         np.fill_diagonal(share, -1.0)
     alike = share >= share.max() - ALIKE
     i, j = np.unravel_index(int(np.where(alike, apart, np.inf).argmin()), share.shape)

@@ -1,9 +1,9 @@
-"""Right and left vectors and eigenvalues improved on the factors, with bounds of what is left.
+"""Refinement of right and left vectors and eigenvalues on the factors, with error bounds.
 
-y^T T(lambda) x / y^T T'(lambda) x with T = lambda^2 M + lambda C + K is stationary in both vectors: it squares their
-errors. What vectors lack follows from their residual through the resolvent, the sum over all eigenvalues of
-x y^T / (y^T T' x (s - lambda)), without any factorisation. Products are formed from the factors of M, C and K and
-from the parts that have none, so that no digit is lost which they have.
+y^T T(lambda) x / y^T T'(lambda) x with T = lambda^2 M + lambda C + K is stationary in both vectors: its error is of
+second order in theirs. The corrections of the vectors follow from their residuals through the resolvent, the sum over
+all eigenvalues of x y^T / (y^T T' x (s - lambda)), without any factorisation. Products are formed from the factors of
+M, C and K, and from the parts that have no factors, so that no digits are lost.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 3
-# Corrections of vectors by less leave errors that are squares of it.
-SETTLED = 1e-9
-# Vectors share what they do if the quotient of residual and distance is larger: eigenvalues that rounding moves as one;
-# beside a neighbour nearer than this share of the eigenvalue, already if it is larger than the last.
+# Refinement stops after a correction smaller than this: the remaining error is its square.
+CONVERGED = 1e-9
+# Vectors are not corrected by each other if the quotient of residual and distance is larger than the first number: they
+# belong to a cluster. The third number applies to eigenvalues closer than the second, a share of the eigenvalue.
 MIXED = 0.1
 NEIGHBOUR = 1e-3
 MERGING = 1e-4
-# Residuals that vectors of unit energy see of each other by rounding alone: where a defective pair is near, they would
-# be blown up, and elsewhere they do not count.
+# Projected residuals of vectors of unit energy that are mere rounding. Near a defective pair they would be amplified;
+# elsewhere they are negligible.
 NOISE = 16.0 * EPS
 # Rounding of the forms, in parts of eps times the sum of their terms' sizes; calibrated in the tests.
 ROUNDING = 2.0
-# A step larger than this share of the eigenvalue is no correction of rounding.
+# A Newton step larger than this share of the eigenvalue does not correct rounding errors and is rejected.
 CORRECTION = 1e-2
-# A real part that is smaller than its error, and than this share of the eigenvalue, is none.
+# A real part that is smaller than its error, and than this share of the eigenvalue, is set to 0.
 UNTOLD = 1e-14
 
 
@@ -85,7 +85,7 @@ def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     system : Equations
         The equations of motion.
     state : EnergyState
-        What belongs to eigenvalues 0.
+        The equations in energy coordinates, with the subspaces of the eigenvalues 0.
     start : Spectrum
         Eigenvalues and vectors, roughly.
 
@@ -99,22 +99,22 @@ def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     w = system.inertia_factor
     factors = _Factors(w[w.any(axis=1)], system.elastic_rows, system.stiffness, system.damping, system.gyroscopic,
                        system.circulatory)  # fmt: skip
-    found = start
-    if not len(found.values):
-        return found
+    eigen = start
+    if not len(eigen.values):
+        return eigen
     for _ in range(ROUNDS):
-        found, mixed = _improved(factors, state, found)
-        if mixed < SETTLED:
+        eigen, mixed = _improved(factors, state, eigen)
+        if mixed < CONVERGED:
             break
-    errors = _bounds(factors, state, found)
-    values = found.values.copy()
-    # rounding must not tell whether a motion that no damper feels grows or decays
-    values.real[found.turns & (np.abs(values.real) <= np.minimum(errors, UNTOLD) * np.abs(values))] = 0.0
-    return replace(found, values=values, errors=errors)
+    errors = _bounds(factors, state, eigen)
+    values = eigen.values.copy()
+    # rounding must not decide whether an undamped motion grows or decays
+    values.real[eigen.turns & (np.abs(values.real) <= np.minimum(errors, UNTOLD) * np.abs(values))] = 0.0
+    return replace(eigen, values=values, errors=errors)
 
 
 def _products(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:
-    """left^T (M, C, K) right for all columns with all."""
+    """left^T (M, C, K) right, for all pairs of columns."""
     wl, wr, dl, dr = f.w @ left, f.w @ right, f.d @ left, f.d @ right
     c, k = (dl * f.c[:, None]).T @ dr, (dl * f.k[:, None]).T @ dr
     if f.g is not None:
@@ -127,8 +127,8 @@ def _products(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:
 def _forms(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:
     """y^T (M, C, K) x, column by column."""
     wl, wr, dl, dr = f.w @ left, f.w @ right, f.d @ left, f.d @ right
-    each = dl * dr
-    c, k = f.c @ each, f.k @ each
+    products = dl * dr
+    c, k = f.c @ products, f.k @ products
     if f.g is not None:
         c = c + np.einsum("ij,ij->j", left, f.g @ right)
     if f.n is not None:
@@ -136,65 +136,66 @@ def _forms(f: _Factors, left: Any, right: Any) -> tuple[Any, Any, Any]:
     return np.einsum("ij,ij->j", wl, wr), c, k
 
 
-def _axis(found: Spectrum) -> NDArray[np.bool_]:
-    if found.kind == "hermitian":
-        return found.turns
-    return np.zeros(len(found.values), dtype=bool) if found.axis is None else found.axis
+def _axis(eigen: Spectrum) -> NDArray[np.bool_]:
+    if eigen.kind == "hermitian":
+        return eigen.turns
+    return np.zeros(len(eigen.values), dtype=bool) if eigen.axis is None else eigen.axis
 
 
-def _quotients(f: _Factors, found: Spectrum) -> Spectrum:
+def _quotients(f: _Factors, eigen: Spectrum) -> Spectrum:
     """Eigenvalues by Newton steps on their own quadratics; vectors of unit size in energy, slopes with them."""
-    on = _axis(found)
-    found = replace(found, right=_sized(f, found.values, found.right), left=_sized(f, found.values, found.left))
-    value = found.values
-    a, b, c = _forms(f, found.left, found.right)
+    on = _axis(eigen)
+    eigen = replace(eigen, right=_sized(f, eigen.values, eigen.right), left=_sized(f, eigen.values, eigen.left))
+    value = eigen.values
+    a, b, c = _forms(f, eigen.left, eigen.right)
     for _ in range(2):
         slope = 2.0 * value * a + b
         step = np.divide(value * (value * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
         new = np.where(np.abs(step) <= CORRECTION * np.abs(value), value - step, value)
         new.real[on] = 0.0
-        new.imag[~found.turns] = 0.0
+        new.imag[~eigen.turns] = 0.0
         value = new
-    return replace(found, values=value, slopes=2.0 * value * a + b)
+    return replace(eigen, values=value, slopes=2.0 * value * a + b)
 
 
 def _sized(f: _Factors, values: Complex, vectors: Complex) -> Complex:
     """Vectors of unit energy."""
-    speed, felt = np.abs(values), np.abs(f.d @ vectors) ** 2
-    size = np.linalg.norm(f.w @ vectors, axis=0) ** 2 * speed**2 + np.abs(f.k) @ felt + speed * (np.abs(f.c) @ felt)
-    if f.g is not None:  # a massless motion that spin alone holds
+    speed, squared_motion = np.abs(values), np.abs(f.d @ vectors) ** 2
+    size = np.linalg.norm(f.w @ vectors, axis=0) ** 2 * speed**2
+    size += np.abs(f.k) @ squared_motion + speed * (np.abs(f.c) @ squared_motion)
+    if f.g is not None:  # a massless motion that only spin resists
         size += speed * np.einsum("ij,ij->j", np.abs(vectors), np.abs(f.g @ vectors))
     return np.asarray(vectors / np.sqrt(size))
 
 
-def _improved(f: _Factors, state: EnergyState, found: Spectrum) -> tuple[Spectrum, float]:
-    """One round: eigenvalues, then both vectors by what all others see of their residuals; and how much that was."""
-    found = _quotients(f, found)
-    values, right, left, slopes = found.whole()
-    x, y, h = found.right, found.left, np.arange(len(found.values))
-    distance = found.values - values[:, None]
+def _improved(f: _Factors, state: EnergyState, eigen: Spectrum) -> tuple[Spectrum, float]:
+    """One iteration: eigenvalues, then both vectors by projections of their residuals; and the largest correction."""
+    eigen = _quotients(f, eigen)
+    values, right, left, slopes = eigen.whole()
+    x, y, h = eigen.right, eigen.left, np.arange(len(eigen.values))
+    distance = eigen.values - values[:, None]
     m, c, k = _products(f, left, x)
-    share = found.values * (found.values * m + c) + k
-    beside = np.abs(distance) < NEIGHBOUR * np.abs(found.values)
-    mixing = _mixing(share, slopes[:, None] * distance, h, beside)
+    share = eigen.values * (eigen.values * m + c) + k
+    close_pairs = np.abs(distance) < NEIGHBOUR * np.abs(eigen.values)
+    mixing = _mixing(share, slopes[:, None] * distance, h, close_pairs)
     mixed = float(np.abs(mixing).max(initial=0.0))
-    x = x - right @ mixing - _still(state, f, found, transposed=False)
-    if found.kind == "hermitian":
+    x = x - right @ mixing - _still(state, f, eigen, transposed=False)
+    if eigen.kind == "hermitian":
         y = x.conj()
     else:
         m, c, k = (part.T for part in _products(f, y, right))
-        share = found.values * (found.values * m + c) + k
-        mixing = _mixing(share, slopes[:, None] * distance, h, beside)
+        share = eigen.values * (eigen.values * m + c) + k
+        mixing = _mixing(share, slopes[:, None] * distance, h, close_pairs)
         mixed = max(mixed, float(np.abs(mixing).max(initial=0.0)))
-        y = y - left @ mixing - _still(state, f, found, transposed=True)
-        on = _axis(found)
+        y = y - left @ mixing - _still(state, f, eigen, transposed=True)
+        on = _axis(eigen)
         y[:, on] = x[:, on].conj()
-    return _quotients(f, replace(found, right=x, left=y)), mixed
+    return _quotients(f, replace(eigen, right=x, left=y)), mixed
 
 
-def _mixing(share: Complex, distance: Complex, own: NDArray[np.intp], beside: NDArray[np.bool_]) -> Complex:
-    """How much of each eigenvector (row) is in the others (column)."""
-    near = np.abs(share) >= np.where(beside, MERGING, MIXED) * np.abs(distance)
+def _mixing(share: Complex, distance: Complex, own: NDArray[np.intp], close_pairs: NDArray[np.bool_]) -> Complex:
+    """Share of each eigenvector (row) in the others (column)."""
+    near = np.abs(share) >= np.where(close_pairs, MERGING, MIXED) * np.abs(distance)
     near |= np.abs(share) <= NOISE
     near[own, own] = True
     return np.divide(share, distance, out=np.zeros_like(share), where=~near)
@@ -212,49 +213,49 @@ def _residual(f: _Factors, s: Complex, x: Complex, transposed: bool) -> Complex:
     return np.asarray(result)
 
 
-def _still(state: EnergyState, f: _Factors, found: Spectrum, transposed: bool) -> Complex:
-    """What the eigenvalues 0 add to the corrections of the vectors."""
+def _still(state: EnergyState, f: _Factors, eigen: Spectrum, transposed: bool) -> Complex:
+    """Contribution of the eigenvalues 0 to the corrections of the vectors."""
     if not state.right.shape[1]:
-        return np.zeros_like(found.right)
+        return np.zeros_like(eigen.right)
     shapes, seen, j = state.show @ state.right, state.force.T @ state.left, state.nilpotent
     if transposed:
         shapes, seen, j = seen, shapes, j.T
-    term = (seen.T @ _residual(f, found.values, found.left if transposed else found.right, transposed)) / found.values
+    term = (seen.T @ _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)) / eigen.values
     result = term.copy()
     for _ in range(len(j)):
-        term = (j @ term) / found.values
+        term = (j @ term) / eigen.values
         result = result + term
         if not term.any():
             break
     return np.asarray(shapes @ result)
 
 
-def _bounds(f: _Factors, state: EnergyState, found: Spectrum) -> Array:
-    """Relative errors: what vectors may still lack, to second order, and rounding of the forms."""
-    values, right, left, slopes = found.whole()
-    speed = np.abs(found.values)
-    ml, cl, kl = _products(f, left, found.right)
-    mr, cr, kr = (part.T for part in _products(f, found.left, right))
-    one = found.values * (found.values * ml + cl) + kl
-    two = found.values * (found.values * mr + cr) + kr
-    both = np.abs(one * two)
-    h = np.arange(len(found.values))
-    weight = np.abs(slopes[:, None] * found.slopes)
-    gap = np.abs(found.values - values[:, None])
+def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
+    """Relative errors: those of the vectors, to second order, and rounding of the forms."""
+    values, right, left, slopes = eigen.whole()
+    speed = np.abs(eigen.values)
+    ml, cl, kl = _products(f, left, eigen.right)
+    mr, cr, kr = (part.T for part in _products(f, eigen.left, right))
+    left_form = eigen.values * (eigen.values * ml + cl) + kl
+    right_form = eigen.values * (eigen.values * mr + cr) + kr
+    both = np.abs(left_form * right_form)
+    h = np.arange(len(eigen.values))
+    weight = np.abs(slopes[:, None] * eigen.slopes)
+    gap = np.abs(eigen.values - values[:, None])
     both[h, h] = 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = both / (weight * gap)
         met = np.sqrt(both / weight)
         move = np.where(both > 0.0, np.fmin(apart, met), 0.0)
-    rounding = _rounding(f, found, state.doubt)
-    own = np.abs(one[h, h])
-    slope = np.abs(found.slopes)
+    rounding = _rounding(f, eigen, state.doubt)
+    own = np.abs(left_form[h, h])
+    slope = np.abs(eigen.slopes)
     total = np.divide(own + rounding, slope, out=np.full_like(slope, np.inf), where=slope > 0.0) + move.sum(axis=0)
     return np.asarray(np.minimum(total / speed, 1.0))
 
 
-def _rounding(f: _Factors, found: Spectrum, doubt: float) -> Array:
-    x, y, speed = found.right, found.left, np.abs(found.values)
+def _rounding(f: _Factors, eigen: Spectrum, doubt: float) -> Array:
+    x, y, speed = eigen.right, eigen.left, np.abs(eigen.values)
     ax, ay = np.abs(x), np.abs(y)
     w, d = np.abs(f.w), np.abs(f.d)
     wx, wy, dx, dy = (np.abs(rows @ v) for rows, v in ((f.w, x), (f.w, y), (f.d, x), (f.d, y)))

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations, Provenance
 
 
-# Accuracy that a caller who does not ask for one gets, at least: twelve digits, which cost no more than ten.
+# Default accuracy: twelve digits, which cost no more than ten.
 RTOL = 1e-12
-# Damping near the critical one asks for undamped modes that much better than the damped ones may be.
+# Near critical damping the undamped modes must be more accurate than the damped ones by this factor.
 TIGHTER = 1e-2
-# What no higher rung of the ladder can mend.
+# Errors that no more accurate solver reduces.
 ROUNDING = 1e-15
-# A real part is rounding below the estimated error of its eigenvalue, and no share of it beyond this one is.
+# A real part below the estimated error of its eigenvalue is rounding, but never one above this share of the eigenvalue.
 ROUNDED = 1e-9
 # A shape of a massless system whose bodies move less than this is not normalised by their motion.
 MOVES = 1e-8
@@ -50,12 +50,12 @@ class Modes:
     the undamped modes for the others (phi^H M phi = 1 where C or K has no symmetry). ``rigid`` counts the rigid-body
     modes.
 
-    A massless motion that dampers hold has a mode of ``first_order``: one real eigenvalue in place of two, with natural
+    A massless motion with damping has a mode of ``first_order``: one real eigenvalue in place of two, with natural
     frequency |lambda|, damped frequency 0 and damping ratio 1 (-1 if unstable). ``first_order`` (n,) marks these
     modes, and is None where there is none.
 
-    The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most. ``rung`` names the
-    solver of undamped modes that was accurate enough.
+    The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative, at most. ``rung`` is the
+    name of the solver of undamped modes that was accurate enough.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Modes:
 
     @cached_property
     def pairs(self) -> Complex:
-        """Eigenvalues mode by mode, (n, 2); that of a mode of first order stands twice."""
+        """Eigenvalues mode by mode, (n, 2); that of a mode of first order appears twice."""
         return np.asarray(self._paired(self.eigenvalues))
 
     @cached_property
@@ -107,14 +107,14 @@ class Modes:
 
     @cached_property
     def damped_frequencies(self) -> Array:
-        """Frequencies of the decaying oscillation [Hz], shape (m,): Im(lambda)/2 pi, 0 where nothing oscillates."""
+        """Damped frequencies [Hz], shape (m,): Im(lambda)/2 pi, 0 for modes that do not oscillate."""
         return np.abs(self.pairs[:, 0].imag) / (2.0 * np.pi)
 
     @cached_property
     def damping_ratios(self) -> Array:
-        """Damping ratios, shape (m,): -Re(lambda)/|lambda|; above 1 for a creeping mode, -1 for a diverging one.
+        """Damping ratios, shape (m,): -Re(lambda)/|lambda|; above 1 for an overdamped mode, -1 for a diverging one.
 
-        A rigid-body mode has 0, or infinity where a damper brakes it.
+        A rigid-body mode has 0, or infinity if a damper acts on it.
         """
         first, second = self.pairs.T
         total = 0.0 - (first + second).real
@@ -142,7 +142,7 @@ class Modes:
         Parameters
         ----------
         count : int
-            How many; all if there are fewer.
+            Number of modes; all if there are fewer.
         frequency : float
             The frequency [Hz].
 
@@ -159,12 +159,12 @@ class Modes:
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
         frequency = real(frequency, "modes", "near", "a frequency [Hz]")
-        chosen = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
-        which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in chosen)])
+        nearest_modes = np.sort(np.argsort(np.abs(self.frequencies - frequency), kind="stable")[:count])
+        which = np.concatenate([np.arange(0), *(np.arange(*self.starts[i : i + 2]) for i in nearest_modes)])
         return replace(
-            self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, chosen],
-            rigid=int(np.count_nonzero(chosen < self.rigid)),
-            first_order=None if self.first_order is None else self.first_order[chosen],
+            self, eigenvalues=self.eigenvalues[which], errors=self.errors[which], shapes=self.shapes[:, nearest_modes],
+            rigid=int(np.count_nonzero(nearest_modes < self.rigid)),
+            first_order=None if self.first_order is None else self.first_order[nearest_modes],
         )  # fmt: skip
 
     def check_accuracy(self, rtol: float) -> None:
@@ -259,8 +259,8 @@ class Modes:
     def _energy(self) -> Array:
         """Twice the kinetic energy of the bodies' translations and rotations at unit speed, (bodies, 6, m).
 
-        Inertia that several bodies share, as nodes of a beam do, goes to those that have none of their own, by the
-        squares of their motions; of rotations as if over ``SHARED_RADIUS``.
+        Inertia shared by several bodies, such as nodes of a beam, is distributed over those without inertia of their
+        own, by the squares of their motions; rotations are multiplied by ``SHARED_RADIUS``.
         """
         rows, count = np.abs(self.inertia_factor @ self.shapes) ** 2, len(self.bodies)
         energy = rows[: 6 * count].reshape(count, 6, len(self)).copy()
@@ -274,7 +274,7 @@ class Modes:
         return energy
 
     def remarks(self) -> tuple[str, ...]:
-        """Return what a reader of the table should know: rigid-body, creeping and diverging modes, accuracy.
+        """Return notes on the table: rigid-body, overdamped and diverging modes, accuracy.
 
         Returns
         -------
@@ -316,9 +316,9 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     system : Equations
         The equations of motion.
     rtol : float
-        Relative accuracy asked of every eigenvalue.
+        Required relative accuracy of every eigenvalue.
     clean : bool
-        Whether the shapes have to be as good as the eigenvalues, as responses ask for; eigenvalues need less.
+        Whether the shapes must be as accurate as the eigenvalues, as responses require.
     form : type
         The class of the modes.
 
@@ -334,7 +334,7 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
     if result is None:
         basis = undamped(system, rtol)
         result = damped(system, basis, rtol)
-    assert result is not None  # clean shapes leave nothing in doubt
+    assert result is not None  # clean shapes always give a result
     if basis.doubt > max(TIGHTER * rtol, ROUNDING) and float(result.errors.max(initial=0.0)) > rtol:
         basis = undamped(system, TIGHTER * rtol)
         result = damped(system, basis, rtol) or result
@@ -348,18 +348,18 @@ def modes(system: Equations, rtol: float = RTOL, clean: bool = True, form: type[
 
 
 def _without_symmetry(system: Equations, rtol: float, form: type[Form]) -> Form:
-    found = general(system, rtol)
-    columns = np.arange(found.shapes.shape[1])
-    largest = found.shapes[np.argmax(np.abs(found.shapes), axis=0), columns] if system.dof else np.ones(0)
-    moving = np.linalg.norm(system.inertia_factor @ found.shapes, axis=0)
+    solution = general(system, rtol)
+    columns = np.arange(solution.shapes.shape[1])
+    largest = solution.shapes[np.argmax(np.abs(solution.shapes), axis=0), columns] if system.dof else np.ones(0)
+    moving = np.linalg.norm(system.inertia_factor @ solution.shapes, axis=0)
     size = np.where(moving > MOVES * np.abs(largest) * np.linalg.norm(system.inertia_factor), moving, np.abs(largest))
     turn = np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
-    shapes = found.shapes * (turn / np.where(size > 0.0, size, 1.0))
-    return form(system.name, system.coordinates, system.bodies, found.values, found.value_errors, shapes, "",
-                 found.rigid, system.body_motion, system.inertia_factor, found,
-                 found.single if found.single.any() else None, _provenance=system.provenance)  # fmt: skip
+    shapes = solution.shapes * (turn / np.where(size > 0.0, size, 1.0))
+    return form(system.name, system.coordinates, system.bodies, solution.values, solution.value_errors, shapes, "",
+                solution.rigid, system.body_motion, system.inertia_factor, solution,
+                solution.single if solution.single.any() else None, _provenance=system.provenance)  # fmt: skip
 
 
 def digits(value: float) -> str:
-    """Return a number with six decimals, or with an exponent where these would say nothing."""
+    """Return a number with six decimals, or with an exponent where six decimals show too few digits."""
     return f"{value:.6f}" if value == 0.0 or 1e-3 <= abs(value) < 1e7 else f"{value:.6e}"

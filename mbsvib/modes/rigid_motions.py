@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def unbraked(system: Equations, rigid: Array) -> Array:
-    """Return those of rigid-body motions (m, r) that no damper resists, (m, f); beside dampers that push, those that
-    move neither a spring nor a damper.
+    """Return the rigid-body motions among (m, r) that no damper resists, (m, f); with negative dampers, those that
+    deform neither a spring nor a damper.
     """
     if (system.stiffness >= 0.0).all() or (system.damping < 0.0).any():
         free = free_motions(system.elastic_rows[(system.stiffness != 0.0) | (system.damping != 0.0)])
         return free if free.shape[1] <= rigid.shape[1] else rigid[:, :0]
-    # loads hold and push: only what they are in sum tells the motions, and so does what dampers are in them
+    # stiffness of loads has both signs: only its sum determines the motions, and the same holds for dampers in them
     moved, most = product(system.elastic_rows, rigid), largest(system.elastic_rows, rigid)
     return rigid @ null_pair(weighted(moved, system.damping), weighted(most, system.damping))[0]

@@ -1,13 +1,13 @@
 """Eigenvalues under strong damping, with the forces of the dampers as unknowns.
 
-Where dampers all but lock a motion, Gamma = L^T L has rounding errors above everything that the other motions feel, and
-eigenvalues that creep or swing beside the locked ones lose their digits. The forces f = lambda L y are as small as
-these motions ask for, so that in
+If dampers nearly lock a motion, rounding errors of Gamma = L^T L exceed the terms of the other motions, whose
+eigenvalues lose their digits. The forces f = lambda L y stay of the order of the other terms of these motions, so that
+with
 
     T(lambda) (y, f) = [[lambda^2 + Omega^2, L^T], [L, -1 / lambda]] (y, f) = 0,    det T = det Q (-lambda)^-r
 
-brought to entries of the order of one nothing is lost. Doubtful eigenvalues are improved together, by steps that keep
-them apart from all others, and each then by the quotient that is stationary in y and f.
+scaled to entries of the order of one, no digits are lost. Inaccurate eigenvalues are improved together, by steps that
+keep them apart from all others (Aberth), and each then by the quotient that is stationary in y and f.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-# Eigenvalues that start with digits need one to three steps; those that start with none seldom more than ten.
+# Eigenvalues with some correct digits need one to three steps; the others seldom more than ten.
 STEPS = 30
-# Steps this small leave the rest to the quotients, which square what is left.
+# After steps this small the quotients take over: each squares the error.
 CLOSE = 1e-7
-# An eigenvalue as uncertain as this may be real or not: it starts off the real axis, and returns to it or does not.
+# An eigenvalue as uncertain as this may be real or complex: the iteration starts off the real axis.
 UNSURE = 1e-3
 # Each squares the error of the one before.
 QUOTIENTS = 4
-# Some roundings beside an eigenvalue the inverse exists; if not, then a little further.
-BESIDE = (1.0 + 5.0 * EPS, 1.0 + 70.0 * EPS, 1.0 + 900.0 * EPS, 1.0 + 1e4 * EPS)
+# Factors of s by which the matrix is evaluated off an eigenvalue, where it is regular; the first that works is used.
+OFFSETS = (1.0 + 5.0 * EPS, 1.0 + 70.0 * EPS, 1.0 + 900.0 * EPS, 1.0 + 1e4 * EPS)
 # A batch of matrices stays in this much memory.
 BATCH_BYTES = 32 * 2**20
 # Rounding of a solution with an equilibrated matrix, and of the products, each some times eps; calibrated in the tests.
@@ -119,7 +119,7 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
     doubt : array, shape (k,)
         Their relative errors, at most.
     rtol : float
-        What is good enough.
+        Required relative accuracy.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def improved(equations: Forces, values: Complex, doubt: Array, rtol: float) -> t
 
 
 def _apart(equations: Forces, values: Complex, late: NDArray[np.intp], doubt: Array) -> Complex:
-    """Newton's steps on det Q for some of the eigenvalues, from which the other eigenvalues are divided out."""
+    """Newton's steps on det Q for some of the eigenvalues, with the other eigenvalues divided out."""
     z = values.copy()
     unsure = late[doubt[late] >= UNSURE]
     z[unsure] *= 1.0 + 1j * UNSURE * np.cos(unsure)
@@ -170,7 +170,7 @@ def _apart(equations: Forces, values: Complex, late: NDArray[np.intp], doubt: Ar
 
 def _newton(equations: Forces, s: Complex) -> Complex:
     """p / p' of p = det Q(s) / s^zeros."""
-    inverse, scale = _beside(equations, s, np.linalg.inv)
+    inverse, scale = _near(equations, s, np.linalg.inv)
     trace = (np.einsum("kii->ki", inverse) * scale**2 * equations.slopes(s)).sum(axis=1)
     result: Complex = 1.0 / (trace + (len(equations.dampers) - equations.zeros) / s)
     return result
@@ -180,15 +180,15 @@ def _solution(right: Any, matrix: Any) -> Any:
     return np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
 
 
-def _beside(equations: Forces, s: Any, solve: Callable[[Any], Any]) -> tuple[Any, Array]:
-    """Return what ``solve`` makes of the matrices next to s, and their scale."""
-    for factor in BESIDE[:-1]:
+def _near(equations: Forces, s: Any, solve: Callable[[Any], Any]) -> tuple[Any, Array]:
+    """Return the results of ``solve`` for the matrices next to s, and their scale."""
+    for factor in OFFSETS[:-1]:
         matrix, scale = equations.matrix(s * factor)
         try:
             return solve(matrix), scale
         except np.linalg.LinAlgError:
             continue
-    matrix, scale = equations.matrix(s * BESIDE[-1])
+    matrix, scale = equations.matrix(s * OFFSETS[-1])
     return solve(matrix), scale
 
 
@@ -197,7 +197,7 @@ def _stationary(equations: Forces, s: Any) -> tuple[Any, Any, Any, Array]:
     n = len(equations.square)
     x = np.ones((len(s), n + len(equations.dampers)), dtype=s.dtype)
     for _ in range(QUOTIENTS):
-        x = _beside(equations, s, partial(_solution, x))[0]
+        x = _near(equations, s, partial(_solution, x))[0]
         x /= np.linalg.norm(x, axis=1)[:, None]
         matrix, scale = equations.matrix(s)
         slope = (x * x * scale**2 * equations.slopes(s)).sum(axis=1)

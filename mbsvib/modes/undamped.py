@@ -1,13 +1,14 @@
-"""Undamped modes, with an accuracy that is asked for.
+"""Undamped modes, to a required accuracy.
 
-Shapes come from the cheapest solver that will do; frequencies always from the factors. With E = diag(sqrt k) D phi and
-H = W phi, omega = |E| / |H| is off by the *square* of the error of phi, and what the other modes leave in phi is seen
-in the products E_j . E_i and H_j . H_i: it is taken out of the shape to first and out of the frequency to second order,
-and its size is the error that is promised. Where that is more than asked for, the next solver climbs one rung:
+Shapes come from the cheapest solver that is accurate enough; frequencies always from the factors. With
+E = diag(sqrt k) D phi and H = W phi, the error of omega = |E| / |H| is of *second* order in that of phi. The products
+E_j . E_i and H_j . H_i show how much of the other modes is in phi. This share is removed from the shape to first order
+and from the frequency to second order, and its size is the error estimate. If it exceeds the required accuracy, the
+next, more accurate solver is used:
 
 products  symmetric-definite eigenproblem of M and K; loses (highest / lowest frequency)^2 eps in the shapes
 factors   singular vectors of diag(sqrt k) D R^-1, R^T R = M from a QR of W; loses highest / lowest frequency
-jacobi    one-sided Jacobi (LAPACK gejsv) on the factors in the basis found so far; loses neither
+jacobi    one-sided Jacobi (LAPACK gejsv) on the factors in the basis of the previous shapes; loses neither
 """
 
 from __future__ import annotations
@@ -31,27 +32,27 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
 
-# Stiffness of either sign whose rounding may be as large as itself is none, and the estimate knows but a fiftieth of
-# what loads have: a pendulum that turns about the vertical must not swing, nor grow.
+# A mode with a larger relative error is a rigid-body mode if stiffness has both signs. The limit is low because the
+# estimate covers only about a fiftieth of the rounding of loads: a pendulum about a vertical axis must not oscillate.
 NONE = 0.01
 # Below this share of the largest frequency a mode may be a rigid-body mode, and the rank of the rows decides.
 SUSPECT = 1e-5
-# Two modes are told apart where what they share is less than this part of the distance of their squared frequencies.
+# Two modes are separated if their coupling is less than this part of the distance of their squared frequencies.
 SEPARATE = 0.1
 # Rotations by an angle a are orthonormal to a^4 when they are taken to second order.
 SMALL_ANGLE = 1e-4
-# Errors of the first rung over what its perturbation bound says, more where there are more modes. Calibrated on chains,
+# Errors of the first solver over its perturbation bound, increasing with the number of modes. Calibrated on chains,
 # trees, loops and networks of 2 to 400 coordinates.
 PERTURBED, PERTURBED_MORE = 0.5, 0.7
-# Share of the accuracy asked for that is certain enough from bounds that take rounding errors for random.
+# Share of the required accuracy that bounds may reach which assume random rounding errors.
 CERTAIN = 0.3
-# Shapes of equations that are off by no more than this are clean enough for any use.
+# Shapes with a relative backward error below this are accurate enough for any use.
 CLEAN = 1e-14
-# Shapes that mix more than this are no basis for modes that dampers couple.
+# Shapes that mix more than this cannot be the basis for modes that dampers couple.
 MIXED = 1e-10
-# A cheap bound of rounding that is larger than this is worth a closer look, row by row.
+# If the cheap bound of rounding is larger than this, rounding is bounded row by row.
 CLOSER = 1e-14
-# Loops whose smallest pivot p is above this lose nothing that counts; others lose eps / p of every frequency at most.
+# Loops whose smallest pivot p is above this lose no accuracy; others lose eps / p of every frequency at most.
 WELL_CLOSED = 0.1
 
 
@@ -59,8 +60,8 @@ WELL_CLOSED = 0.1
 class Undamped:
     """Undamped modes: ``square`` (m,) holds omega^2 [rad^2/s^2], ascending, exactly 0 for the ``rigid`` first ones and
     negative where stiffness is; ``shapes`` (m, m) with shapes^T M shapes = 1; ``errors`` (m,) of omega, relative;
-    ``method`` is the rung of the ladder that was enough, ``doubt`` the largest error that a higher one could mend.
-    The shapes are the modes of a system whose frequencies are off by ``mixed``, relative, at most.
+    ``method`` is the solver that was used, ``doubt`` the largest error that a more accurate solver could reduce.
+    The shapes are the exact modes of a system whose frequencies differ by ``mixed``, relative, at most.
     """
 
     square: Array
@@ -87,19 +88,19 @@ def undamped(
     system : Equations
         The equations of motion.
     rtol : float
-        Relative accuracy asked of every frequency.
+        Required relative accuracy of every frequency.
     clean : bool
-        Whether the shapes have to be as good as the frequencies, as responses ask for; frequencies need less.
+        Whether the shapes must be as accurate as the frequencies, as responses require.
     null : array, shape (m, r), optional
-        Motions that no row with stiffness feels, M-orthonormal, where they are known.
+        Motions without stiffness, M-orthonormal, if they are known.
     coupled : bool
-        Whether the shapes are a basis in which the factors are looked at again, as where damping couples them: they
+        Whether the shapes are only a basis in which the factors are used again, as for modes coupled by damping: they
         may then mix up to ``MIXED``, and errors are those of the factors in this basis.
 
     Returns
     -------
     Undamped
-        Squares of the frequencies, mass-normalised shapes and error estimates; the last rung may fall short of rtol.
+        Squares of the frequencies, mass-normalised shapes and error estimates, which may exceed rtol.
     """
     m = system.dof
     if m == 0:
@@ -118,7 +119,7 @@ def undamped(
             return _with_loops(result, system)
     result = refined(scene, shapes, "products", rtol)
     if scene.sign is not None and np.count_nonzero(result.errors >= NONE):
-        none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # what loads add and take away again
+        none = (result.errors >= NONE) | (np.arange(m) < result.rigid)  # stiffness of loads cancels in these modes
         scene.null = result.shapes[:, none]
         result = refined(scene, result.shapes, "products", rtol)
     rungs: tuple[tuple[str, Callable[..., Array]], ...] = (("factors", by_factors), ("jacobi", by_jacobi))
@@ -132,21 +133,21 @@ def undamped(
 
 
 def _with_loops(result: Undamped, system: Equations) -> Undamped:
-    """Add to the errors what nearly singular loops have done to the coordinates, which the factors don't show."""
-    kept = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
-    if kept >= WELL_CLOSED:
+    """Add the errors of the coordinates of nearly singular loops, which the factors do not show."""
+    smallest_pivot = min((group.kept for group in system.provenance.reduction.groups), default=1.0)
+    if smallest_pivot >= WELL_CLOSED:
         return result
     flexible = np.arange(len(result.square)) >= result.rigid
-    return replace(result, errors=result.errors + flexible * (EPS / kept))
+    return replace(result, errors=result.errors + flexible * (EPS / smallest_pivot))
 
 
 def _as_it_is(
     scene: Factors, shapes: Array, square: Array, rtol: float, clean: bool, coupled: bool
 ) -> Undamped | None:
-    """The first rung where its a-priori bound will do, frequencies in doubt taken from the factors; None elsewhere.
+    """The result of the first solver if its a-priori bound suffices, inaccurate frequencies from the factors; or None.
 
     Rounding of M, of K, of A = L^-1 K L^-T and of its eigenvalues is a perturbation of A whose size in each mode is
-    known beforehand. It moves a frequency by as much, and the quotient |E| / |H| by the square of it only.
+    known a priori. The error of a frequency is of first order in it, that of the quotient |E| / |H| of second order.
     """
     power = shapes * shapes
     inertia, elastic = scene.mass.diagonal().dot(power), scene.stiffness.diagonal().dot(power) / square
@@ -175,7 +176,9 @@ def _as_it_is(
 
 
 def _crossed(moved: Array, square: Array) -> Array:
-    """What perturbations (m,) do to squared frequencies by mixing modes: their square over the distance to the next."""
+    """Changes of squared frequencies by perturbations (m,) that mix modes: their squares over the distance to the next
+    squared frequency.
+    """
     gap = square[1:] - square[:-1]
     mixed = np.zeros(len(square) + 1)
     np.divide(np.maximum(moved[1:], moved[:-1]) ** 2, gap, out=mixed[1:-1], where=gap > 0.0)
@@ -184,7 +187,7 @@ def _crossed(moved: Array, square: Array) -> Array:
 
 
 def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped:
-    """Return frequencies from the factors, shapes cleaned of each other, and the error of what is left.
+    """Return frequencies from the factors, orthonormalized shapes, and error estimates.
 
     Parameters
     ----------
@@ -193,9 +196,9 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     shapes : array, shape (m, m)
         Approximate modes.
     method : str
-        Name of the rung that they come from.
+        Name of the solver that computed them.
     rtol : float
-        Relative accuracy asked of every frequency; decides how closely rounding is looked at.
+        Required relative accuracy of every frequency; decides how closely rounding is bounded.
 
     Returns
     -------
@@ -218,7 +221,7 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
     elastic = e.T @ (e if scene.sign is None else scene.sign[:, None] * e)
     elastic[:rigid] = elastic[:, :rigid] = 0.0
     square = elastic.diagonal().copy()
-    # row j, column i: what mode j sees of the residual of mode i, and from it how much of mode j is in mode i
+    # row j, column i: projection of the residual of mode i on mode j, and from it the share of mode j in mode i
     shared = _off_diagonal(np.subtract(elastic, inertia * square, out=elastic))
     mixing, unresolved = _mixing(shared, square)
     taken = np.multiply(mixing, shared, out=shared)
@@ -241,8 +244,8 @@ def refined(scene: Factors, shapes: Array, method: str, rtol: float) -> Undamped
 
 
 def _rounding(rows: Array, phi: Array, moved: Array, least: Array, size: Array, rtol: float) -> Array:
-    """Half of what rounding of ``moved`` = rows phi does to the sum of squares of each column: ``least`` knows what, or
-    row by row where that is no small share of ``size``.
+    """Half of the error of the sum of squares of each column of ``moved`` = rows phi by rounding: ``least``, or a bound
+    row by row where ``least`` is not small compared with ``size``.
     """
     late = np.flatnonzero(least > max(CLOSER, CERTAIN * rtol) * size)
     if len(late):
@@ -260,7 +263,7 @@ def _off_diagonal(a: Array) -> Array:
 
 
 def _mixing(shared: Array, square: Array) -> tuple[Array, Array]:
-    """Return how much of each mode (row) is in each other (column), and the most that cannot be told apart, (m,)."""
+    """Return the share of each mode (row) in each other (column), and the largest unresolved coupling, (m,)."""
     gap = square - square[:, None]
     gap[gap == 0.0] = np.inf
     mixing = shared / gap
@@ -274,35 +277,35 @@ def _mixing(shared: Array, square: Array) -> tuple[Array, Array]:
 
 
 def _cleaned(phi: Array, inertia: Array, mixing: Array) -> Array:
-    """Take the others out of each mode: a rotation by the mixing, and what M-norms still lack."""
+    """Remove the other modes from each mode by a rotation, and correct the M-norms."""
     angle = mixing - mixing.T
     angle *= 0.5
     lack = _off_diagonal(inertia)
     lack *= 0.5
-    one = np.eye(len(angle))
+    identity = np.eye(len(angle))
     size = float(np.linalg.norm(angle))
     if size < SMALL_ANGLE:
-        one += angle
-        one -= lack
+        identity += angle
+        identity -= lack
         if size * size > EPS:
-            one += 0.5 * (angle @ angle)
-        return phi @ one
+            identity += 0.5 * (angle @ angle)
+        return phi @ identity
     # Cayley's rotation keeps the shapes orthonormal for any angle
     straight: Array = phi - phi @ lack
     angle *= 0.5
-    turned: Array = straight @ lapack.dgesv(one - angle, one + angle)[2]
-    return turned
+    rotated: Array = straight @ lapack.dgesv(identity - angle, identity + angle)[2]
+    return rotated
 
 
 def _without_rigid(scene: Factors, shapes: Array) -> Array:
-    """Put the rigid-body modes first and take them out of the others, of which as many as they are drop out."""
+    """Put the rigid-body modes first, drop as many of the others, and orthogonalize the rest to them."""
     null = scene.null
     assert null is not None
     share = np.einsum("ij,ij->j", *([null.T @ (scene.mass @ shapes)] * 2))
-    kept = np.sort(np.argsort(share, kind="stable")[: shapes.shape[1] - null.shape[1]])
-    flexible = shapes[:, kept]
-    for _ in range(2):  # once more takes out what the first time left by rounding
+    flexible_columns = np.sort(np.argsort(share, kind="stable")[: shapes.shape[1] - null.shape[1]])
+    flexible = shapes[:, flexible_columns]
+    for _ in range(2):  # the second pass removes the rounding of the first
         flexible = flexible - null @ (null.T @ (scene.mass @ flexible))
-    # where loads add and take away, some of them were hardly told from rigid-body modes, and lose most of their length
+    # with stiffness of both signs some columns are nearly rigid-body modes, and lose most of their length here
     flexible = flexible if scene.sign is None else orthonormal(scene.w, flexible)
     return np.concatenate((null, flexible), axis=1)

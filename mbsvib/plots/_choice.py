@@ -1,4 +1,4 @@
-"""Which systems, inputs and outputs a figure shows, and where its panels go."""
+"""Selection of systems, inputs and outputs of a figure, and its layout of panels."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ MOST_PANELS = 12
 
 
 def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, System]]:
-    """Return systems with the labels they carry in a legend."""
+    """Return systems with their labels in a legend."""
     several = systems if isinstance(systems, Iterable) and not isinstance(systems, str) else [systems]
-    group = [a_system(each, "plots", "systems") for each in several]
+    group = [a_system(item, "plots", "systems") for item in several]
     if not group:
         raise ResponseError("no system is given; pass one or a list of them.")
     names = list(labels) if labels is not None else [system.name for system in group]

@@ -1,4 +1,4 @@
-"""Curves of frequency responses: computed where they bend, with a phase that can be read."""
+"""Curves of frequency responses, with adaptive frequencies and a continuous phase."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Curve:
     def phase(self, wrap: bool = False) -> Array:
         """Return the phase [deg], shape (n,): continuous from within -225 to 135, or wrapped with gaps at leaps."""
         values = self.values
-        # on the negative real axis the sign of a zero decides between -180 and 180: a lag is what is meant
+        # on the negative real axis the sign of a zero imaginary part decides between -180 and 180: take the lag
         behind = (values.real < 0.0) & (np.abs(values.imag) <= 1e-13 * np.abs(values.real))
         phase = np.where(behind, -np.pi, np.angle(values))
         phase[values == 0.0] = np.nan

@@ -17,13 +17,13 @@ def program() -> str:
     """
     from matplotlib import rcParams
 
-    found = which(rcParams["animation.ffmpeg_path"])
-    if found is None:
+    path = which(rcParams["animation.ffmpeg_path"])
+    if path is None:
         try:
             from imageio_ffmpeg import get_ffmpeg_exe
 
-            found = get_ffmpeg_exe()
+            path = get_ffmpeg_exe()
         except (ImportError, RuntimeError) as error:  # RuntimeError: the package brings no program for this machine
             raise ExportError('MP4 needs the program ffmpeg, which is not found; install it with:  pip install '
                               '"mbsvib[video]"  or write a .gif or .html.') from error  # fmt: skip
-    return str(found)
+    return str(path)

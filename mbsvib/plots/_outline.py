@@ -1,4 +1,4 @@
-"""Shapes that stand for bodies and springs: what spans the points at which a body is held, and coils."""
+"""Shapes of bodies and springs: bars, plates or hulls between the connection points of a body, and coils."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEAD = 0.14  # share of a spring's length that is straight at either end
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """Points, ways along them (kind and numbers of points) and triangles that stand for a body."""
+    """Points, polylines (kind and point numbers) and triangles that represent a body."""
 
     points: Array
     ways: tuple[tuple[str, tuple[int, ...]], ...]
@@ -25,7 +25,7 @@ class Outline:
 
 
 def outline(centre: Array, held: Array, size: float) -> Outline:
-    """Return what a body looks like: a bar, a plate or a hull between the points at which it is held.
+    """Return the outline of a body: a bar, a plate or a hull between its connection points.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def outline(centre: Array, held: Array, size: float) -> Outline:
 
 
 def coil(start: Array, end: Array, radius: float, turns: int, per_turn: int) -> tuple[Array, Array]:
-    """Return the points (n, 3) of a coil spring from start to end, and how far along each is, (n,) from 0 to 1."""
+    """Return the points (n, 3) of a coil spring from start to end, and their positions along it, (n,) from 0 to 1."""
     way = end - start
     length = float(np.linalg.norm(way))
     along = way / length
@@ -75,14 +75,14 @@ def coil(start: Array, end: Array, radius: float, turns: int, per_turn: int) -> 
 
 
 def _principal(points: Array) -> tuple[Array, Array]:
-    """How far points spread along their principal axes, and these axes as rows."""
+    """Extents of points along their principal axes, and these axes as rows."""
     moved = points - points.mean(axis=0)
     _, _, axes = np.linalg.svd(moved, full_matrices=True)
     return np.ptp(moved @ axes.T, axis=0), axes
 
 
 def _distance(centre: Array, held: Array, axes: Array, rank: int) -> float:
-    """How far the centre is from the plane of the points, 0 inside of a hull."""
+    """Distance of the centre from the plane of the points, 0 inside of a hull."""
     return abs(float((centre - held.mean(axis=0)) @ axes[2])) if rank == 2 else 0.0
 
 
@@ -100,8 +100,8 @@ def _hull(held: Array) -> tuple[list[tuple[int, ...]], tuple[tuple[int, int, int
     hull = ConvexHull(held)
     edges = set()
     for face, neighbours in enumerate(hull.neighbors):
-        for other in neighbours:
-            # an edge between two triangles of one flat side is none of the body
-            if not np.allclose(hull.equations[face], hull.equations[other], atol=1e-6):
-                edges.add(tuple(sorted(set(hull.simplices[face].tolist()) & set(hull.simplices[other].tolist()))))
+        for neighbour in neighbours:
+            # edges between triangles of one flat side are not drawn
+            if not np.allclose(hull.equations[face], hull.equations[neighbour], atol=1e-6):
+                edges.add(tuple(sorted(set(hull.simplices[face].tolist()) & set(hull.simplices[neighbour].tolist()))))
     return sorted(edges), tuple((int(i), int(j), int(k)) for i, j, k in hull.simplices)

@@ -1,4 +1,4 @@
-"""A mechanism seen from somewhere: lines, faces and marks on the plane of a figure, the far ones first."""
+"""Projection of a mechanism: lines, faces and marks on the plane of a figure, sorted by distance."""
 
 from __future__ import annotations
 
@@ -40,18 +40,18 @@ MARGIN = 0.06
 
 def axes_of(view: View) -> Array:
     """Return the rows right, up and towards the eye of a view."""
-    given = VIEWS.get(view) if isinstance(view, str) else view
-    if given is None or len(given) != 2:
+    angles = VIEWS.get(view) if isinstance(view, str) else view
+    if angles is None or len(angles) != 2:
         raise ResponseError(f"view = {view!r}: expected {', '.join(map(repr, VIEWS))} or two angles, azimuth and "
                             f"elevation in degrees.")  # fmt: skip
-    azimuth, elevation = np.radians(np.asarray(given, dtype=float))
+    azimuth, elevation = np.radians(np.asarray(angles, dtype=float))
     back = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return np.array([right, np.cross(back, right), back])
 
 
 class Picture:
-    """A scene in axes of matplotlib, whose points can be put elsewhere.
+    """A scene in axes of matplotlib, whose points can be moved.
 
     Parameters
     ----------
@@ -97,14 +97,14 @@ class Picture:
         axes.set_ylim(low[1] - room, high[1] + room)
         axes.set_aspect("equal")
         axes.set_axis_off()
-        self.place(scene.points)
+        self.set_points(scene.points)
 
     def flat(self, points: Any) -> Array:
-        """Return points (n, 3) on the plane of the figure, and how near each is to the eye, (n, 3)."""
+        """Return points (n, 3): coordinates on the plane of the figure, and the distance towards the eye, (n, 3)."""
         return np.asarray(points, dtype=float) @ self._axes_of.T
 
-    def place(self, points: Array) -> None:
-        """Put all points elsewhere, (n, 3)."""
+    def set_points(self, points: Array) -> None:
+        """Move all points, (n, 3)."""
         flat = self.flat(points)
         if len(self._ends):
             order = np.argsort(flat[self._ends, 2].mean(axis=1), kind="stable")

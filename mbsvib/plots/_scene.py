@@ -1,4 +1,4 @@
-"""What a mechanism looks like: points that ride on bodies, joined by lines and faces, for pictures of any kind.
+"""Geometry of a mechanism for pictures: points fixed to bodies, connected by lines and faces.
 
 A point between two bodies (on a spring) moves by a share of either: u = (1 - s) u_first(p) + s u_second(q). So the
 picture of any displacement of the bodies is one product, and no drawing needs to know of joints.
@@ -34,11 +34,11 @@ GROUND = "ground"
 AXIS, ARROW, FOOT = 0.045, 0.13, 0.032  # sizes of joint axes, of input arrows and of feet, as shares of the size
 COIL, TURNS = 0.016, 6  # radius of a spring, as a share of the size, and its turns
 FEW_SPRINGS = 60  # more than these are drawn with fewer points
-# A pyramid below what the ground holds, and a way along all of its edges.
+# A pyramid below points on the ground, and a polyline along all of its edges.
 _FOOT = np.array([(0.0, 0.0, 0.0), (0.6, 0.6, -1.0), (-0.6, 0.6, -1.0), (-0.6, -0.6, -1.0), (0.6, -0.6, -1.0)])
 _FOOT_WAY = (0, 1, 2, 0, 3, 4, 0, 4, 1, 2, 3)
-# What a joint's axis line shows: the directions of its axes about or along which it is free; of a homokinetic joint the
-# one that bisects the angle of its shafts.
+# Axis lines of joints: the directions about or along which they are free; for a homokinetic joint the bisector of the
+# angle between its shafts.
 _AXES = {"revolute": (2,), "prismatic": (2,), "cylindrical": (2,), "screw": (2,), "universal": (0, 1),
          "homokinetic": (2,), "planar": (2,), "point_on_line": (2,)}  # fmt: skip
 
@@ -91,16 +91,16 @@ class Scene:
 
     def displacements(self, motion: ArrayLike) -> NDArray[Any]:
         """Return the displacements of all points, (n, 3, ...), of those of the bodies, (bodies, 6, ...)."""
-        given = np.asarray(motion)
-        moves = np.concatenate((given, np.zeros((1, *given.shape[1:]), given.dtype)))
-        share = self.share.reshape(-1, *[1] * (given.ndim - 1))
-        ends = [_carried(moves[body], at - self.position[body])
+        motions = np.asarray(motion)
+        moves = np.concatenate((motions, np.zeros((1, *motions.shape[1:]), motions.dtype)))
+        share = self.share.reshape(-1, *[1] * (motions.ndim - 1))
+        ends = [_rigid_displacement(moves[body], at - self.position[body])
                 for body, at in ((self.first, self.start), (self.second, self.end))]  # fmt: skip
         return np.asarray((1.0 - share) * ends[0] + share * ends[1])
 
 
 def of_model(model: Mechanism) -> Scene:
-    """Return the picture of a model; loops that are not closed yet or poses that are singular are no hindrance."""
+    """Return the scene of a model, also for open loops and singular poses."""
     plain = expanded(model)
     cut = set(span(plain).cut_joints) if plain.bodies else set()
     groups = (model.bodies, model.joints, model.springs, model.composed, model.inputs)
@@ -108,7 +108,7 @@ def of_model(model: Mechanism) -> Scene:
 
 
 def of_system(name: str, provenance: Provenance) -> Scene:
-    """Return the picture of what a system was made of."""
+    """Return the scene of the linearized model of a system."""
     cut = set(provenance.topology.cut_joints)
     return _scene(name, [*provenance.parts, *provenance.ports], cut, provenance.topology.bodies)
 
@@ -121,8 +121,8 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
         if type(part) is Joint:
             builder.joint(part, part.name in cut)
         elif isinstance(part, Connection) and len(part.points) == 2:
-            builder.spring(part, sum(isinstance(other, Connection) and len(other.points) == 2
-                                     for other in parts) <= FEW_SPRINGS)  # fmt: skip
+            builder.spring(part, sum(isinstance(element, Connection) and len(element.points) == 2
+                                     for element in parts) <= FEW_SPRINGS)  # fmt: skip
         elif isinstance(part, Connection):
             builder.bushing(part)
         elif isinstance(part, Beam):
@@ -132,7 +132,7 @@ def _scene(name: str, parts: Sequence[Part], cut: set[str], bodies: Sequence[str
         elif isinstance(part, Input):
             builder.arrow(part)
     for part in parts:
-        if type(part) is Body:  # not what stands for a Maxwell element
+        if type(part) is Body:  # not the node of a Maxwell element
             builder.body(part)
     return builder.scene(name, names)
 
@@ -190,9 +190,9 @@ class _Builder:
         self.marks.append(Mark(kind, name, self.point(body, at), words))
 
     def hold(self, body: str, at: Any) -> None:
-        """A body reaches as far as what it is held at."""
+        """Add a connection point of a body, which extends the body's outline."""
         held = self.held.setdefault(body, [])
-        if not any(np.allclose(at, other, rtol=0.0, atol=1e-6 * self.size) for other in held):
+        if not any(np.allclose(at, point, rtol=0.0, atol=1e-6 * self.size) for point in held):
             held.append(at)
             if body == GROUND:
                 foot = np.asarray(at) + FOOT * self.size * _FOOT
@@ -285,7 +285,7 @@ def _vectors(values: Sequence[Any]) -> Array:
     return np.array([np.asarray(value, dtype=float) for value in values]).reshape(-1, 3)
 
 
-def _carried(moves: NDArray[Any], arm: Array) -> NDArray[Any]:
+def _rigid_displacement(moves: NDArray[Any], arm: Array) -> NDArray[Any]:
     """Displacements (n, 3, ...) of points at arms (n, 3) from the origins of bodies that move by (n, 6, ...)."""
     cross = np.cross(moves[:, 3:], arm.reshape(*arm.shape, *[1] * (moves.ndim - 2)), axis=1)
     return np.asarray(moves[:, :3] + cross)

@@ -1,4 +1,4 @@
-"""The look of all figures: colours that the colour-blind can tell apart, a restrained grid, sizes for a paper."""
+"""Style of all figures: colours for the colour-blind, a light grid, sizes for a paper."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _LOCK = RLock()  # matplotlib's settings are one dictionary for the whole proces
 
 @contextmanager
 def context() -> Iterator[None]:
-    """Apply the look while a figure is built; figures may be built in several threads."""
+    """Apply the style while a figure is built; figures may be built in several threads."""
     import matplotlib
 
     with _LOCK, matplotlib.rc_context(RC):
@@ -76,7 +76,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def line(number: int, faint: bool = False) -> dict[str, Any]:
-    """Return colour and dashes of the line with this number: told apart in grey print too."""
+    """Return colour and dashes of the line with this number; lines differ in grey print too."""
     look = {"color": COLOURS[number % len(COLOURS)], "linestyle": DASHES[number % len(DASHES)]}
     return {**look, "color": MARK, "linewidth": 0.8} if faint else look
 
@@ -87,15 +87,15 @@ def panel_size(rows: int, columns: int, height: float, tall: float) -> tuple[flo
     return width, tall if rows == 1 else height * rows
 
 
-def name_systems(figure: Figure, names: Sequence[str], place: Axes) -> None:
-    """Name a single system at the right end above ``place`` if there is room, several in a legend above all."""
+def name_systems(figure: Figure, names: Sequence[str], axes: Axes) -> None:
+    """Name a single system at the right end above ``axes`` if there is room, several in a legend above all."""
     if len(names) > 1:
         handles, labels = figure.axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper right", ncols=min(len(names), 4))
         return
-    room = place.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
-    if len(place.get_title(loc="left")) + len(names[0]) + 3 <= room:
-        place.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
+    room = axes.get_position().width * figure.get_figwidth() * LETTERS_PER_INCH
+    if len(axes.get_title(loc="left")) + len(names[0]) + 3 <= room:
+        axes.set_title(names[0], loc="right", color=MARK, fontsize=8.5)
 
 
 def zero(curves: Iterable[NDArray[Any]]) -> str:

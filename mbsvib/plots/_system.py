@@ -1,4 +1,4 @@
-"""What figures ask of a system: names and units, modes and responses."""
+"""The interface of systems for figures: names and units, modes and responses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class System(Protocol):
-    """Linear equations with names, and the questions that figures show the answers of; ``mbsvib.System`` is one."""
+    """Linear equations with names, and the methods that figures use; ``mbsvib.System`` is one."""
 
     @property
     def name(self) -> str:
@@ -67,7 +67,7 @@ class System(Protocol):
 
     @property
     def basis(self) -> Basis:
-        """Modes and what is made of them."""
+        """Modes and derived quantities."""
 
     def modes(self) -> Modes:
         """Return the modes."""
@@ -82,4 +82,4 @@ class System(Protocol):
         """Return the outputs (outputs, n) at times [s]."""
 
     def stiffness_shares(self, modes: Modes | None = None) -> StiffnessShares:
-        """Return the strain energy of modes, shared out to elements."""
+        """Return the strain energy of modes by element."""

@@ -1,4 +1,4 @@
-"""Where the bodies of a mechanism go in a drawing of its topology: ground below, each body above what it hangs on."""
+"""Positions of bodies in a drawing of the topology: ground at the bottom, each body above its parent."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
         children[branch.parent].append(branch.body)
         level[branch.body] = level[branch.parent] + 1
     abscissa = [0.0] * (ground + 1)
-    place = 0
+    next_column = 0
     stack = [ground]
-    while stack:  # leaves in the order of a walk through the tree
+    while stack:  # leaves in depth-first order
         body = stack.pop()
         stack += reversed(children[body])
         if not children[body]:
-            abscissa[body] = place
-            place += 1
+            abscissa[body] = next_column
+            next_column += 1
     for body in [*(branch.body for branch in reversed(topology.branches)), ground]:
         below = [abscissa[child] for child in children[body]]
         if below:
@@ -53,7 +53,7 @@ def positions(topology: Topology) -> list[tuple[float, int]]:
 
 
 def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
-    """Return bodies and what connects them: nodes [name, x, level, floats], edges [kind, name, words, first, second].
+    """Return bodies and their connections: nodes [name, x, level, floats], edges [kind, name, words, first, second].
 
     Parameters
     ----------
@@ -76,20 +76,20 @@ def graph(topology: Topology, parts: Iterable[Part]) -> dict[str, Any]:
               number[joint.second]] for k, joint in enumerate(topology.joints)]  # fmt: skip
     edges += [["floating", names[branch.body], "free: no joint holds it", branch.parent, branch.body]
               for branch in topology.branches if branch.joint == FLOATS]  # fmt: skip
-    given = list(parts)
-    made = {name for part in given if isinstance(part, Composed) for name in part.made}
-    for part in given:
+    elements = list(parts)
+    made = {name for part in elements if isinstance(part, Composed) for name in part.made}
+    for part in elements:
         if isinstance(part, Connection) and part.name not in made:
             what = type(part).__name__.lower()
             edges.append(["spring", part.name, what, number[part.first], number[part.second]])
         elif isinstance(part, Coupling):
-            turned = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
+            coupled_bodies = list(dict.fromkeys(_moved(topology, coordinate) for coordinate, _ in part.terms))
             edges += [["coupler", part.name, type(part).__name__.lower(), number[a], number[b]]
-                      for a, b in pairwise(turned)]  # fmt: skip
+                      for a, b in pairwise(coupled_bodies)]  # fmt: skip
     return {"nodes": nodes, "edges": edges}
 
 
 def _moved(topology: Topology, coordinate: str) -> str:
-    """The body that a coordinate moves against the other one: where a gear sits."""
+    """The outer body of a coordinate, to which a gear belongs."""
     joint = next(joint for joint in topology.joints if joint.name == coordinate.rpartition(".")[0])
     return joint.first if joint.second == "ground" else joint.second

@@ -75,7 +75,7 @@ class Animation:
             The mechanism, its pose at rest in grey.
         """
         figure, picture = self._canvas()
-        picture.place(self.points(phase))
+        picture.set_points(self.points(phase))
         return figure
 
     def _canvas(self) -> tuple[Figure, Picture]:
@@ -97,7 +97,7 @@ class Animation:
         figure, picture = self._canvas()
         canvas: Any = FigureCanvasAgg(figure)
         for phase in self._phases():
-            picture.place(self.points(phase))
+            picture.set_points(self.points(phase))
             canvas.draw()
             figure.set_layout_engine("none")  # what the first frame needs fits all
             yield Image.fromarray(np.asarray(canvas.buffer_rgba()).copy()).convert("RGB")
@@ -137,7 +137,7 @@ class Animation:
                               f"folder that exists and that you may write to.") from error  # fmt: skip
 
     def _gif(self) -> bytes:
-        first, *others = [each.quantize(COLOURS) for each in self._pictures()]
+        first, *others = [picture.quantize(COLOURS) for picture in self._pictures()]
         stream = BytesIO()
         first.save(stream, format="GIF", save_all=True, append_images=others, loop=0, duration=1000.0 / self.rate)
         return stream.getvalue()
@@ -173,7 +173,7 @@ class Animation:
             target = Path(folder) / name
             with made.saving(figure, str(target), DPI):
                 for phase in self._phases():
-                    picture.place(self.points(phase))
+                    picture.set_points(self.points(phase))
                     made.grab_frame()
             return target.read_bytes()
 

@@ -88,20 +88,20 @@ def bode(
 def _panel(top: Axes, below: Axes, drawn: list[tuple[str, Curve]], wrap: bool) -> None:
     curve = drawn[0][1]
     phases = []
-    for i, (label, each) in enumerate(drawn):
-        magnitude = np.abs(each.values)
-        look = style.line(i, faint=each.negligible)
-        top.plot(each.frequencies, np.where(magnitude > 0.0, magnitude, np.nan), label=label, **look)
-        phase = each.phase(wrap)
+    for i, (label, response) in enumerate(drawn):
+        magnitude = np.abs(response.values)
+        look = style.line(i, faint=response.negligible)
+        top.plot(response.frequencies, np.where(magnitude > 0.0, magnitude, np.nan), label=label, **look)
+        phase = response.phase(wrap)
         phases.append(phase)
-        below.plot(each.frequencies, phase, **look)
+        below.plot(response.frequencies, phase, **look)
     _magnitude_axis(top, curve)
     top.set_title(f"{curve.source} → {curve.output}")
     _phase_axis(below, phases)
     _frequency_axis(below, curve.frequencies)
     top.tick_params(labelbottom=False, which="both")
-    if all(each.negligible for _, each in drawn):
-        style.remark(top, style.zero(each.values for _, each in drawn))
+    if all(response.negligible for _, response in drawn):
+        style.remark(top, style.zero(response.values for _, response in drawn))
 
 
 def _magnitude_axis(axes: Axes, curve: Curve) -> None:

@@ -32,7 +32,7 @@ class CriticalSpeed(Protocol):
 
 
 class Campbell(Protocol):
-    """What is drawn of modes over the speed of rotors; ``mbsvib.studies.campbell.campbell`` returns one."""
+    """Data of a Campbell diagram: modes over the speed of rotors; ``mbsvib.studies.campbell.campbell`` returns one."""
 
     @property
     def name(self) -> str:

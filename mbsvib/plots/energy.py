@@ -1,4 +1,4 @@
-"""Energy shares: which springs hold a mode, and which bodies move in it."""
+"""Energy shares of modes: strain energy by element, kinetic energy by body."""
 
 from __future__ import annotations
 
@@ -101,8 +101,8 @@ def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
         Names and shares.
     """
     if kind == "kinetic":
-        found = modes.kinetic_energy
-        return [*found], np.array([*found.values()]).reshape(len(found), len(modes))
+        by_body = modes.kinetic_energy
+        return [*by_body], np.array([*by_body.values()]).reshape(len(by_body), len(modes))
     stiffness = system.stiffness_shares(modes)
     names = [name if kind == "elastic" else f"{name} ({kind})"
              for name, kind in zip(stiffness.elements, stiffness.kinds, strict=True)]  # fmt: skip
@@ -110,7 +110,7 @@ def shares(system: System, modes: Modes, kind: str) -> tuple[list[str], Array]:
 
 
 def largest(names: Sequence[str], values: Array) -> list[tuple[str, Array]]:
-    """Return those elements that have a share worth showing, in their order, and what is left over as all others.
+    """Return the elements with significant shares, in their order, and the sum of all others.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def largest(names: Sequence[str], values: Array) -> list[tuple[str, Array]]:
         Names and shares.
     """
     size = np.nanmax(np.abs(values), axis=1, initial=0.0)
-    chosen = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]
-    rows = [(names[i], values[i]) for i in sorted(chosen)]
-    rest = np.delete(values, chosen, axis=0).sum(axis=0)
+    selected = [i for i in np.argsort(-size, kind="stable") if size[i] >= LEAST_SHARE][:MOST_ELEMENTS]
+    rows = [(names[i], values[i]) for i in sorted(selected)]
+    rest = np.delete(values, selected, axis=0).sum(axis=0)
     return [*rows, (OTHERS, rest)] if np.abs(rest).max(initial=0.0) > 1e-4 else rows

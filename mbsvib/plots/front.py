@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Design(Protocol):
-    """What is told of one design."""
+    """Data of one design."""
 
     @property
     def model(self) -> Mechanism:
@@ -28,7 +28,7 @@ class Design(Protocol):
 
 
 class Front(Protocol):
-    """What is drawn of a Pareto front; ``mbsvib.isolation.Passive.front`` returns one."""
+    """Data of a Pareto front; ``mbsvib.isolation.Passive.front`` returns one."""
 
     @property
     def labels(self) -> tuple[str, str]:

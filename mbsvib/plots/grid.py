@@ -1,4 +1,4 @@
-"""Where to compute: times that show a response until it settles."""
+"""Times of a response until it has decayed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 PERIODS = 25.0
-SETTLED = 5.0  # time constants: 0.7 % is left
+DECAY_TIMES = 5.0  # time constants: 0.7 % is left
 MOST_TIMES = 20_000
 
 
@@ -57,9 +57,9 @@ def time_grid(systems: System | Sequence[System], duration: float | None = None)
     if duration is None:
         decaying = -poles.real[poles.real < 0.0]
         swinging = poles.imag[poles.imag > 0.0]
-        settled = SETTLED / decaying.min() if decaying.size else np.inf
+        decay_time = DECAY_TIMES / decaying.min() if decaying.size else np.inf
         periods = PERIODS * 2.0 * np.pi / swinging.min() if swinging.size else np.inf
-        duration = min(settled, periods)
+        duration = min(decay_time, periods)
         if not np.isfinite(duration):
             duration = 1.0
     if not 0.0 < duration < np.inf:

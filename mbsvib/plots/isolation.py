@@ -27,7 +27,7 @@ class Bodies(Protocol):
 
 
 class Isolation(Protocol):
-    """What is drawn of a study of isolation; ``mbsvib.isolation.study`` returns one."""
+    """Data of a study of isolation; ``mbsvib.isolation.study`` returns one."""
 
     @property
     def name(self) -> str:

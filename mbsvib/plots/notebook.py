@@ -1,4 +1,4 @@
-"""What models, systems and tables look like in a notebook: HTML of their own, escaped, without scripts."""
+"""HTML of models, systems and tables for notebooks, escaped, without scripts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_NAMES = 12
 
 
 def of_model(model: Mechanism) -> str:
-    """Return a picture of a model and what it consists of.
+    """Return a picture of a model and a list of its parts.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def of_model(model: Mechanism) -> str:
     """
     groups = [("bodies", model.bodies), ("joints", model.joints), ("springs", model.springs),
               ("inputs", model.inputs), ("outputs", model.outputs)]  # fmt: skip
-    rows = [(what, len(found), _few([*found])) for what, found in groups if found]
+    rows = [(what, len(group), _few([*group])) for what, group in groups if group]
     text = html(model.name, (("", "left"), ("count", "right"), ("names", "left")), rows)
     return _with_picture(model, len(model.bodies), text)
 

@@ -19,7 +19,7 @@ ROOM = 0.04  # half of a label's width, in parts of the height
 
 
 class RootLocus(Protocol):
-    """What is drawn of poles over a gain; ``mbsvib.isolation.root_locus`` returns one."""
+    """Data of a root locus; ``mbsvib.isolation.root_locus`` returns one."""
 
     @property
     def name(self) -> str:

@@ -90,8 +90,8 @@ def _alike(system: System, what: str, names: Names) -> tuple[list[str], str]:
     unit = known[asked[0]]
     if names is None:
         return [name for name in asked if known[name] == unit], unit
-    other = next((name for name in asked if known[name] != unit), None)
-    if other is not None:
-        raise ResponseError(f"singular values: {what} {asked[0]!r} is in {unit}, {other!r} in {known[other]}; singular "
+    odd = next((name for name in asked if known[name] != unit), None)
+    if odd is not None:
+        raise ResponseError(f"singular values: {what} {asked[0]!r} is in {unit}, {odd!r} in {known[odd]}; singular "
                             f"values of mixed units mean nothing. Name {what}s of one unit.")  # fmt: skip
     return asked, unit

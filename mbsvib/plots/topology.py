@@ -59,8 +59,8 @@ def topology(system: System) -> Figure:
             label, colour, thick, dash = KINDS[kind]
             axes.plot(*points.T, color=colour, linewidth=thick, linestyle=dash, label=label, zorder=2)
             if len(edges) <= MOST_NAMES and kind != "floating":
-                place = points[5 if kind in ("spring", "coupler") else 9]
-                axes.annotate(name, place, ha="center", va="center", fontsize=6.5, color=colour, bbox=BOX, zorder=3)
+                position = points[5 if kind in ("spring", "coupler") else 9]
+                axes.annotate(name, position, ha="center", va="center", fontsize=6.5, color=colour, bbox=BOX, zorder=3)
         ground = len(nodes) - 1
         axes.plot(*at[:ground].T, "o", ms=8.0, color="#2b5c9e", mec="white", zorder=4)
         axes.plot(*at[ground], "s", ms=10.0, color="#6b7682", mec="white", zorder=4)
@@ -76,7 +76,7 @@ def topology(system: System) -> Figure:
 
 
 def _bent(start: Array, end: Array, bend: float) -> Array:
-    """A curve from start to end that bends aside."""
+    """A curved line from start to end."""
     s = np.linspace(0.0, 1.0, 17)[:, None]
     aside = 0.5 * (start + end) + bend * np.array([end[1] - start[1] or 1.0, start[0] - end[0]])
     return np.asarray((1.0 - s) ** 2 * start + 2.0 * s * (1.0 - s) * aside + s**2 * end)

@@ -1,4 +1,4 @@
-"""What a report shows, as plain lists and numbers for JSON."""
+"""Contents of a report, as plain lists and numbers for JSON."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from mbsvib.modes import Modes
     from mbsvib.plots._choice import Names
 
-MOST_MODES = 60  # in motion and with shares; the table has them all
+MOST_MODES = 60  # with animation and energy shares; the table contains all modes
 MOST_SAMPLES = 75_000  # of all curves together: 0.8 megabytes of the page
-MOST_ZEROS = 5e7  # DOF cubed times pairs for which the dips of each curve are sought: a second
+MOST_ZEROS = 5e7  # DOF cubed times pairs up to which zeros of each curve are computed: a second
 
 
 def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict
         Lists, texts and numbers.
     """
     modes = system.modes()
-    responses = _responses(system, inputs, outputs)  # before `skipped`, which tells how responses were computed
+    responses = _responses(system, inputs, outputs)  # before `skipped`, which describes their computation
     topology = system.provenance.topology
     return {
         "name": system.name,
@@ -68,7 +68,7 @@ def collect(system: System, inputs: Names = None, outputs: Names = None) -> dict
 
 
 def finite(value: float) -> float | None:
-    """Return a number, or None for what JSON has no word for."""
+    """Return a number, or None for values that JSON does not support."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -131,16 +131,16 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
         grid = placed(places, poles, *span(poles, None, None))
         sources, results = _fitting(sources, results, len(grid))
     pairs = [(source, result) for source in sources for result in results]
-    found = curves(system, pairs, grid)
+    drawn_curves = curves(system, pairs, grid)
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
         "outputs": [[name, units.pretty(_unit(system.outputs, system.output_units, name))] for name in results],
         "left": [asked[0] - len(sources), asked[1] - len(results)],
         "frequencies": grid.tolist(),
-        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in found],
-        "negligible": [curve.negligible for curve in found],
-        "magnitude": packed(np.array([np.abs(curve.values) for curve in found])),
-        "phase": packed(np.array([curve.phase() for curve in found])),
+        "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn_curves],
+        "negligible": [curve.negligible for curve in drawn_curves],
+        "magnitude": packed(np.array([np.abs(curve.values) for curve in drawn_curves])),
+        "phase": packed(np.array([curve.phase() for curve in drawn_curves])),
     }
 
 

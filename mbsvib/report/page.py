@@ -1,4 +1,4 @@
-"""The page: its frame, the library of JavaScript and the data in one text."""
+"""The page: its frame, the JavaScript library and the data in one text."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def write(
 
 
 def embedded(data: Any) -> str:
-    """Return data as JSON that may stand inside of a script element, whatever names are in it.
+    """Return data as JSON that is safe inside a script element for any names.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What repeated questions to one system share: its modes and what is made of them, computed when first asked for."""
+"""Cached modes of one system and quantities derived from them, computed on first access."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from mbsvib.responses.modal_sum import ModalSum
     from mbsvib.responses.rounding import Changes, Noise
 
-# Responses want the modes as accurate as they come without effort; what falls short is used nevertheless.
+# Accuracy of modes for responses; modes that do not reach it are used nevertheless.
 RESPONSE_RTOL = 1e-13
 
 
 class Basis:
-    """Modes and bases of one set of equations, each kept once it is known.
+    """Modes and bases of one set of equations; each is computed once.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Basis:
         self.form = form
 
     def assume(self, modal: Damped | General) -> None:
-        """Take a basis of the responses that is known already, such as one of a batch.
+        """Set the basis of the responses, if it is already known, such as one of a batch.
 
         Parameters
         ----------
@@ -48,7 +48,7 @@ class Basis:
 
     @property
     def computed(self) -> frozenset[str]:
-        """Names of what is known already."""
+        """Names of the quantities computed so far."""
         return frozenset(self.__dict__) - {"equations", "form"}
 
     @cached_property
@@ -62,12 +62,12 @@ class Basis:
         Parameters
         ----------
         rtol : float
-            Relative accuracy asked of every eigenvalue.
+            Required relative accuracy of every eigenvalue.
 
         Returns
         -------
         Modes
-            The modes, those that are known if they are accurate enough.
+            The modes; cached ones if they are accurate enough.
         """
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         good = float(self.modes.errors.max(initial=0.0)) <= rtol
@@ -77,7 +77,7 @@ class Basis:
     def response_modes(self) -> Modes:
         """Modes as accurate as responses need them.
 
-        Near a resonance an error of a frequency counts 1 / (2 damping ratio) times, one of a shape at once.
+        Near a resonance a relative error of a frequency is amplified by 1 / (2 damping ratio); one of a shape is not.
         """
         known = self.modes
         good = max(known.mixed, float(known.errors.max(initial=0.0))) <= RESPONSE_RTOL
@@ -109,21 +109,21 @@ class Basis:
 
     @cached_property
     def strong_dampers(self) -> Array | None:
-        """Rows L with Gamma = L^T L where rounding in Gamma is felt, else None."""
+        """Rows L with Gamma = L^T L if rounding of Gamma affects the other motions, else None."""
         from mbsvib.responses.strong_dampers import strong_dampers
 
         return strong_dampers(self.equations, cast("Damped", self.modal))
 
     @cached_property
     def rounding(self) -> Noise:
-        """Bound of what rounding does to sums over modes."""
+        """Bound of the rounding errors of sums over modes."""
         from mbsvib.responses.rounding import Noise
 
         return Noise.of(self.equations, cast("Damped", self.modal))
 
     @cached_property
     def rounding_changes(self) -> tuple[Changes, Changes]:
-        """Bounds of what rounding of the equations themselves changes: quick, and exact."""
+        """Bounds of the changes of responses by rounding of the equations: an approximate one, and the full one."""
         from mbsvib.responses.rounding import Changes
 
         return Changes.of(self.equations, cast("Damped", self.modal))

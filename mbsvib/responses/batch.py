@@ -1,8 +1,8 @@
 """Frequency response of all variants at few frequencies: one linear solution for each of them, all at once.
 
-In the basis of the undamped modes (Omega^2 - w^2 + i w Gamma) eta = Phi^T B. Where w is above the frequency of a mode
-its eta is mainly -b / w^2, which nearly cancels in the sum over modes; there only the rest, r = (Omega^2 + i w Gamma)
-eta / w^2, is summed, and c b over these modes, with D for accelerations, is known beforehand (see ``modal_sum``).
+In the basis of the undamped modes (Omega^2 - w^2 + i w Gamma) eta = Phi^T B. If w is above the frequency of a mode, its
+eta is mainly -b / w^2, which nearly cancels in the sum over modes. There only the remainder, r = (Omega^2 + i w Gamma)
+eta / w^2, is summed, and c b over these modes, with D for accelerations, is computed beforehand (see ``modal_sum``).
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
     from mbsvib.modes.batch_damped import DampedBatch
 
 
-# Up to this many frequencies times degrees of freedom, a solution for each costs less than the sums over the modes of
-# each variant cost to set up.
+# Up to this many frequencies times degrees of freedom, one solution per frequency costs less than setting up the sums
+# over the modes of every variant.
 FEW = 300
 # Matrices of one piece of the batch stay in this much memory.
 PIECE_BYTES = 2**22
 
 
 class BatchBasis:
-    """Modes of all variants of a batch, each kept once they are known.
+    """Modes of all variants of a batch; they are computed once.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class BatchBasis:
         return batch_modes(self.batch, RTOL, self.form)
 
     def modes_within(self, rtol: float) -> BatchModes:
-        """Return all modes at a relative accuracy ``rtol``, those that are known if they are accurate enough."""
+        """Return all modes at a relative accuracy ``rtol``; cached ones if they are accurate enough."""
         good = float(self.modes.errors.max(initial=0.0)) <= rtol
         return self.modes if good else batch_modes(self.batch, rtol, self.form)
 
@@ -77,7 +77,7 @@ def few_frequencies(batch: BatchEquations, damped: DampedBatch, w: Array) -> Com
     batch : BatchEquations
         The variants.
     damped : DampedBatch
-        Their modes, as accurate as responses want them.
+        Their modes, with the accuracy that responses require.
     w : array, shape (k,)
         Angular frequencies [rad/s], none negative.
 
@@ -114,7 +114,7 @@ def few_frequencies(batch: BatchEquations, damped: DampedBatch, w: Array) -> Com
 
 
 def _ascending(phi: Array, square: Array, gamma: Array) -> tuple[Array, Array, Array]:
-    """The basis by magnitude of the frequencies, which is another order than that of their squares if some diverge."""
+    """The basis sorted by magnitude of the frequencies; this differs from the order of squares if modes diverge."""
     order = np.argsort(np.abs(square), axis=1, kind="stable")
     if (order == np.arange(square.shape[1])).all():
         return phi, square, gamma
@@ -123,20 +123,20 @@ def _ascending(phi: Array, square: Array, gamma: Array) -> tuple[Array, Array, A
 
 
 def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, NDArray[np.intp]]:
-    """What is to be summed of each mode (variants, k, m, inputs), and how many modes are below each frequency."""
+    """Terms of each mode to be summed (variants, k, m, inputs), and how many modes are below each frequency."""
     at = np.arange(square.shape[1])
     root = np.sqrt(np.abs(square))[:, None]
     wide = w[:, None]
     brake = np.asarray((1j * w)[:, None, None] * gamma[:, None], dtype=complex)
     stiff = np.where(square[:, None] >= 0.0, (root - wide) * (root + wide), square[:, None] - wide**2)
     eta: Complex = np.full((len(b), len(w), *b.shape[1:]), np.nan, dtype=complex)
-    if not gamma[:, ~np.eye(len(at), dtype=bool)].any():  # every mode answers alone
+    if not gamma[:, ~np.eye(len(at), dtype=bool)].any():  # modes are uncoupled
         down = stiff + brake[..., at, at]
         np.divide(b[:, None], down[..., None], out=eta, where=down[..., None] != 0.0)
     else:
         matrix = brake.copy()
         matrix[..., at, at] += stiff
-        with suppress(np.linalg.LinAlgError):  # a pole: not a number says so
+        with suppress(np.linalg.LinAlgError):  # a pole: the result is not a number
             eta[:] = np.linalg.solve(matrix, np.broadcast_to(b[:, None], eta.shape))
     low = root < wide
     inverse = np.divide(1.0, w * w, out=np.zeros_like(w), where=w > 0.0)[:, None, None]
@@ -145,7 +145,7 @@ def _motions(square: Array, gamma: Array, b: Array, w: Array) -> tuple[Complex, 
 
 
 def _sums(c: Array, b: Array, direct: Array) -> Array:
-    """Sums of ``direct`` + c_j b_j over the first 0, 1 .. m modes, each by the road on which less cancels.
+    """Sums of ``direct`` + c_j b_j over the first 0, 1 .. m modes, from below or from above, whichever cancels less.
 
     Shape (variants, rows, inputs, m + 1).
     """
@@ -156,7 +156,7 @@ def _sums(c: Array, b: Array, direct: Array) -> Array:
     np.cumsum(np.abs(terms), axis=3, out=left[..., 1:])
     down[..., :-1] = np.cumsum(terms[..., ::-1], axis=3)[..., ::-1]
     right[..., :-1] = np.cumsum(np.abs(terms[..., ::-1]), axis=3)[..., ::-1]
-    whole = c @ b + direct
-    whole[np.abs(whole) <= CANCELLED * EPS * (np.abs(c) @ np.abs(b) + np.abs(direct))] = 0.0
-    near = left + np.abs(direct)[..., None] <= right + np.abs(whole)[..., None]
-    return np.where(near, direct[..., None] + up, whole[..., None] - down)
+    total = c @ b + direct
+    total[np.abs(total) <= CANCELLED * EPS * (np.abs(c) @ np.abs(b) + np.abs(direct))] = 0.0
+    near = left + np.abs(direct)[..., None] <= right + np.abs(total)[..., None]
+    return np.where(near, direct[..., None] + up, total[..., None] - down)

@@ -3,7 +3,7 @@
 In energy coordinates x = (Omega eta, eta') the equations are x' = A x with A = [[0, Omega], [-Omega, -Gamma]], whose
 norm is the largest frequency and not its square. With A = Z T Z^H and T upper triangular every frequency costs one
 triangular solution, and the substitution runs over all frequencies at once: one matrix product for each block of rows.
-No eigenvectors are needed, so nearly defective pairs do no harm.
+No eigenvectors are needed, so nearly defective pairs lose no accuracy.
 """
 
 from __future__ import annotations

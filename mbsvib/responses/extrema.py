@@ -1,8 +1,8 @@
-"""Extrema and crossings of a frequency response over a band, exact between samples too.
+"""Extrema and crossings of a frequency response over a band, also between samples.
 
-On a panel no longer than the distance of its middle to the nearest pole a response is a polynomial of degree 15 in the
-frequency, but for 1e-9 of its size. So it is sampled at the Chebyshev nodes of each panel, interpolated closely enough
-to miss nothing, and evaluated again where an extremum or a crossing is.
+On a panel no longer than the distance of its middle to the nearest pole, a response is a polynomial of degree 15 in the
+frequency up to 1e-9 of its size. It is sampled at the Chebyshev nodes of each panel, interpolated on a fine grid, and
+evaluated again at each extremum and crossing.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 # A pole is at least two half-lengths away from the middle of a panel, where the error falls by (2 + sqrt 3) a node.
 NODES = 16
-# Interpolated samples of a panel: what rises and falls between two of them changes by 1e-4 of the response at most.
+# Interpolated samples of a panel: an extremum between two of them is missed only below 1e-4 of the response.
 SAMPLES = 64
-# A pole of less damping is on the axis: panels end so near to it, in parts of its frequency, as nothing is a polynomial
-# there.
+# A pole with a smaller damping ratio counts as undamped. Panels end at the second number, times its frequency, from it:
+# next to a pole the response is no polynomial.
 UNDAMPED, NEAREST = 1e-12, 1e-7
-# Where a mode on the axis is excited, a response grows tenfold from ten of these distances to one, in parts of
-# the frequency; at modes that are not excited there is only rounding, which does not show there.
+# If an undamped mode is excited, a response grows tenfold from ten of these distances, in parts of the frequency, to
+# one. A smaller growth than the second number means that the mode is not excited.
 CLOSE, GROWTH = 1e-9, 5.0
 SHORTEST = 1e-13  # in parts of the frequency: rounding leaves no panel shorter than that
 MOST_PANELS = 100_000
@@ -61,7 +61,7 @@ def panels(
     marks : array-like, shape (marks,)
         Frequencies at which a panel is to end, where they are in the band.
     longest : float
-        Largest length of a panel, for responses that are not rational.
+        Maximum length of a panel, for responses that are not rational.
     period : float
         Frequency after which poles are repeated.
 
@@ -116,14 +116,14 @@ def excited(size: Callable[[Array], Array], poles: Complex, low: float, high: fl
     still = still[(still >= low) & (still <= high) & (still > 0.0)]
     if not len(still):
         return still
-    near, beside = (size(still * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
-    return np.asarray(still[near > GROWTH * beside])
+    near, farther = (size(still * (1.0 + distance)) for distance in (CLOSE, 10.0 * CLOSE))
+    return np.asarray(still[near > GROWTH * farther])
 
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A response over panels: ``response`` takes frequencies (n,) and returns values (n, ...), of which a ``measure``
-    makes numbers (n,); ``ends`` (panels + 1,) are those of the panels.
+    """A response over panels: ``response`` takes frequencies (n,) and returns values (n, ...); a ``measure`` maps them
+    to numbers (n,); ``ends`` (panels + 1,) are the ends of the panels.
     """
 
     response: Callable[[Array], NDArray[Any]] = field(repr=False)
@@ -143,7 +143,7 @@ class Band:
         Parameters
         ----------
         measure : callable
-            What is to be large.
+            The quantity to be maximized.
 
         Returns
         -------
@@ -160,9 +160,9 @@ class Band:
         Parameters
         ----------
         measure : callable
-            What is to be large.
+            The quantity to be maximized.
         share : float
-            Least value of those that are wanted, in parts of the largest.
+            Smallest value to be returned, in parts of the largest.
 
         Returns
         -------
@@ -182,7 +182,7 @@ class Band:
         Parameters
         ----------
         measure : callable
-            What is to be zero; not a number where a change of sign is none.
+            The quantity whose zeros are returned; not a number where a change of sign is no crossing.
 
         Returns
         -------
@@ -190,7 +190,7 @@ class Band:
             Ascending frequencies.
         """
         w, value = self._samples(measure)
-        # what comes near to zero between two samples, and turns back, may cross it twice
+        # between samples near an extremum close to zero there may be two crossings
         near, bend = value[1:-1], np.abs(value[:-2] - 2.0 * value[1:-1] + value[2:])
         side = np.sign(near)
         turns = (side * (near - value[:-2]) <= 0.0) & (side * (near - value[2:]) <= 0.0) & (np.abs(near) <= bend)
@@ -208,16 +208,16 @@ class Band:
     def _samples(self, measure: Measure, share: float = 0.0) -> tuple[Array, Array]:
         """Frequencies and interpolated numbers, ends included, of panels that reach a share of the largest node."""
         _, fine, weights = _interpolation()
-        nodes, chosen = self.nodes, np.arange(len(self.ends) - 1)
+        nodes, searched = self.nodes, np.arange(len(self.ends) - 1)
         if share > 0.0:
             size = measure(nodes.reshape(-1, *nodes.shape[2:])).reshape(-1, NODES).max(axis=1)
-            chosen = chosen[size >= share * size.max()]
+            searched = searched[size >= share * size.max()]
         step = max(1, BLOCK // (SAMPLES * max(1, nodes[0, 0].size)))
         values = []
-        for start in range(0, len(chosen), step):
-            part = np.tensordot(nodes[chosen[start : start + step]], weights, axes=(1, 1))
+        for start in range(0, len(searched), step):
+            part = np.tensordot(nodes[searched[start : start + step]], weights, axes=(1, 1))
             values.append(measure(np.moveaxis(part, -1, 1).reshape(-1, *nodes.shape[2:])))
-        low, high = self.ends[chosen, None], self.ends[chosen + 1, None]
+        low, high = self.ends[searched, None], self.ends[searched + 1, None]
         w = 0.5 * (low + high) + 0.5 * (high - low) * fine
         w[:, :1], w[:, -1:] = low, high
         w, index = np.unique(w, return_index=True)
@@ -226,7 +226,7 @@ class Band:
 
 @lru_cache(maxsize=1)
 def _interpolation() -> tuple[Array, Array, Array]:
-    """Nodes and samples of the panel from -1 to 1, and the matrix from values at the ones to the others."""
+    """Nodes and samples of the panel from -1 to 1, and the matrix from values at the nodes to values at the samples."""
     from numpy.polynomial.chebyshev import chebpts1, chebvander
 
     nodes, fine = chebpts1(NODES), np.linspace(-1.0, 1.0, SAMPLES + 1)
@@ -238,14 +238,14 @@ def _raised(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> 
     low, high = w[np.maximum(at - 1, 0)], w[np.minimum(at + 1, len(w) - 1)]
     step = STEP * (high - low)
     first, second = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
-    one, two = value(first), value(second)
+    first_height, second_height = value(first), value(second)
     for _ in range(SECTIONS):
-        left = one > two
+        left = first_height > second_height
         low, high = np.where(left, low, first), np.where(left, second, high)
         new = np.where(left, low + GOLDEN * (high - low), high - GOLDEN * (high - low))
         height = value(new)
-        first, second, one, two = (np.where(left, new, second), np.where(left, first, new),
-                                   np.where(left, height, two), np.where(left, one, height))  # fmt: skip
+        first, second = np.where(left, new, second), np.where(left, first, new)
+        first_height, second_height = np.where(left, height, second_height), np.where(left, first_height, height)
     best, top = w[at], value(w[at])
     here = 0.5 * (low + high)
     for _ in range(NEWTON + 1):
@@ -263,12 +263,12 @@ def _roots(value: Callable[[Array], Array], w: Array, at: NDArray[np.intp]) -> A
     if not len(at):
         return np.zeros(0)
     low, high = w[at], w[at + 1]
-    # interpolation may have told the wrong side of a value that is next to 0
+    # interpolation may have given the wrong sign of a value next to 0
     same = (value(low) >= 0.0) == (value(high) >= 0.0)
     low, high = np.where(same, w[np.maximum(at - 1, 0)], low), np.where(same, w[np.minimum(at + 2, len(w) - 1)], high)
     f_low, f_high = value(low), value(high)
-    kept = np.isfinite(f_low) & np.isfinite(f_high) & ((f_low >= 0.0) != (f_high >= 0.0))
-    low, high, f_low, f_high = low[kept], high[kept], f_low[kept], f_high[kept]
+    brackets = np.isfinite(f_low) & np.isfinite(f_high) & ((f_low >= 0.0) != (f_high >= 0.0))
+    low, high, f_low, f_high = low[brackets], high[brackets], f_low[brackets], f_high[brackets]
     middle, last = low, np.zeros(len(low))
     for _ in range(SECANTS):
         rise = f_high - f_low

@@ -1,4 +1,4 @@
-"""First-order equations where motions move no mass: as many states as there are eigenvalues, and no input derivative.
+"""First-order equations with massless motions: as many states as there are eigenvalues, and no input derivative.
 
 With N the massless motions, each one at a coordinate of its own, q' = E w + N p: w are the rates that move mass, and p
 follow at once from the dampers, (N^T C N) p = N^T (B u - K q - C E w). The states are q and w.
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mbsvib.equations.equations import Equations
 
 
-# So many coordinates are spelled out in the name of a rate that is a sum of several.
+# Maximum number of coordinates in the name of a rate that is a sum.
 SPELLED = 3
 _RATE = {"m": "m/s", "rad": "rad/s"}
 
@@ -83,7 +83,7 @@ def physical(system: Equations) -> FirstOrder:
 
 
 def rate_name(coordinates: tuple[str, ...], null: Array, moved: int) -> str:
-    """Return the name of a rate that moves mass: of one coordinate, less what massless motions do to it."""
+    """Return the name of a rate that moves mass: that of one coordinate, minus those of massless motions."""
     own, _ = own_coordinates(null)
     text = coordinates[moved]
     shares = [(-float(null[moved, k]), coordinates[own[k]]) for k in np.flatnonzero(null[moved]).tolist()]

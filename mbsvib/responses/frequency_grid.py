@@ -1,9 +1,9 @@
-"""Frequencies at which a response can be computed without missing a peak or a dip.
+"""Frequencies that resolve every resonance and antiresonance of a response.
 
-|G| is a product of distances from i w to zeros, divided by a product of those to poles. Where no two neighbouring
-frequencies are farther apart than a share of each of these distances, no factor can change unseen between them. So the
-points lie densest at the imaginary part of each pole and zero, in steps of a share of its half-width there, and thin
-out by a constant ratio until they meet the even spacing.
+|G| is a product of distances from i w to zeros, divided by a product of those to poles. If neighbouring frequencies are
+no farther apart than a share of each of these distances, no factor can change much between them. So the points are
+densest at the imaginary part of each pole and zero, in steps of a share of its half-width there. The steps grow by a
+constant ratio until they reach the even spacing.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ PER_DECADE = 150
 SHARE = 0.5
 STEP = float(np.log1p(SHARE))  # of asinh(distance / half-width)
 WITHIN = 1.0  # half-widths in which steps are half as long
-# Points that rounding has made two of one.
+# Points closer than this share are duplicates up to rounding.
 SAME = 1e-13
-# A root of less damping has no peak or dip of its own that double precision could follow: points stop short of it.
+# Double precision cannot resolve the peak or dip of a root of less damping: points keep a distance from it.
 UNDAMPED = 1e-12
 CLOSEST = 1e-6  # share of its frequency at which they stop
 APART = 1e-9  # share of the frequency of an undamped pole in which no point lies
@@ -44,7 +44,7 @@ def frequency_grid(
 
     The points next to a frequency f are nowhere farther apart than half the distance |2 pi i f - r| to the nearest
     pole or zero r of any single response, and half of that within its half-power points, each of which is a point, as
-    is the top. Undamped poles and zeros are approached to a millionth of their frequency.
+    is the peak. Undamped poles and zeros are approached to a millionth of their frequency.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def placed(places: Complex, poles: Complex, low: float, high: float, n: int | No
     places : array, shape (roots,)
         Poles and zeros [1/s].
     poles : array, shape (poles,)
-        Those of them that no point may hit if they are undamped.
+        Those of them that points must avoid if they are undamped.
     low, high : float
         First and last frequency [Hz].
     n : int, optional
@@ -125,7 +125,7 @@ def placed(places: Complex, poles: Complex, low: float, high: float, n: int | No
     if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 2:
         raise ResponseError(f"frequency_grid: n = {n!r}; expected at least 2 points, the first and the last.")
     even = np.geomspace(low, high, count)
-    # corner frequencies of roots far from the axis ask for a share of the frequency, too
+    # corner frequencies of roots far from the axis also limit the spacing to a share of the frequency
     fine = np.geomspace(low, high, max(count, int(np.ceil(np.log(10.0) * decades / np.log1p(SHARE))) + 1))
     spacing = float(fine[1] / fine[0] - 1.0)
     turning = np.unique(np.abs(places.real) + 1j * np.abs(places.imag))

@@ -1,10 +1,10 @@
 """Frequency response: a sum over modes, all frequencies in one matrix product.
 
-Where damping couples the modes so that eigenvectors are nearly dependent, the sum is not accurate, which the residual
-of the equations tells at a few frequencies. Then (Omega^2 - w^2 + i w Gamma) eta = Phi^T B is solved instead: with the
+If damping couples the modes so that eigenvectors are nearly dependent, the sum is not accurate; the residual of the
+equations at a few frequencies shows this. Then (Omega^2 - w^2 + i w Gamma) eta = Phi^T B is solved instead: with the
 Schur form of the state matrix in energy coordinates, all frequencies at once, refined until the residual is rounding,
-and frequency by frequency where that does not succeed. Where dampers are so strong that rounding in Gamma = L^T L is
-felt by motions that they lock, Gamma is not formed: what the dampers feel is told from what they do not.
+and frequency by frequency if this does not converge. If dampers are so strong that rounding of Gamma = L^T L affects
+the motions that they do not damp, Gamma is not formed: damped and undamped motions are separated by a QR of L.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mbsvib.linalg.qr import sorted_qr
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
 from mbsvib.responses.modal_sum import residues, sum_of_motions
-from mbsvib.responses.tiny_outputs import mended
+from mbsvib.responses.tiny_outputs import recomputed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
 # The sum over modes solves the equations to this residual: rounding of a sum of some hundred modes, no more.
 BACKWARD = 5e-14
-CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
+CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is computed
 REFINEMENTS = 4
 NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
 
@@ -44,10 +44,10 @@ NEARLY_STATIC = 1e-3  # in parts of the lowest eigenvalue
 def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
     """Return G(i w) = (Cq + i w Cv - w^2 Ca) (K + i w C - w^2 M)^-1 B + D.
 
-    The relative error is that of rounding, times frequency / half-width of a resonance there; sums that cancel for a
-    reason other than inertia (far above the modes, where nothing but a long chain of springs leads from the input to
-    the output) are accurate relative to their largest term. Where that may leave less than six digits, responses
-    are computed from the factors of the matrices to twice the digits, as far as these tell them (``tiny_outputs``).
+    The relative error is that of rounding, times frequency / half-width of a resonance there. Sums that cancel for a
+    reason other than inertia (far above the modes, if only a long chain of springs connects the input to the output)
+    are accurate relative to their largest term. Where this may leave less than six digits, responses are computed from
+    the factors of the matrices in twice the working precision (``tiny_outputs``).
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def frequency_response(basis: Basis, omega: ArrayLike) -> Complex:
         pole = None if np.isfinite(result).all() else basis.modal_sum.pole_at(1j * size)
         if pole:
             _refuse_pole(w, *pole)
-        result = mended(basis, modal, size, (result, summed), lambda part: _solver(basis, modal, part, summed))
+        result = recomputed(basis, modal, size, (result, summed), lambda part: _solver(basis, modal, part, summed))
     if (w < 0.0).any():
         result[:, :, w < 0.0] = result[:, :, w < 0.0].conj()
     return result
@@ -98,7 +98,7 @@ def _general(basis: Basis, modal: General, w: Array) -> Complex:
         result = responses.solved(system, modal.state, s)
     else:
         result = responses.refined_solutions(system, modal.state, np.abs(w))
-        if modal.state.right.shape[1] and not s.all():  # the sum tells which motions meet no spring
+        if modal.state.right.shape[1] and not s.all():  # the sum knows the motions without stiffness
             result[:, :, s == 0.0] = basis.modal_sum.at(s[s == 0.0])
     if not np.isfinite(result).all():
         values = modal.values
@@ -127,7 +127,7 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
     inside, size = w[w > 0.0], np.abs(modal.pairs)
     if not b.size or not size.any():
         return True
-    if not len(inside):  # at 0 alone rigid-body modes have no solution: a look close to it tells
+    if not len(inside):  # at 0 rigid-body modes have no solution: check a frequency close to it
         inside = np.array([NEARLY_STATIC * size[size > 0.0].min()])
     condition = conditions(modal)
     if not np.isfinite(condition).all():
@@ -135,7 +135,7 @@ def trusted(modal: Damped, b: Array, w: Array) -> bool:
     worst = np.abs(modal.pairs.reshape(-1)[np.argsort(-condition.reshape(-1), kind="stable")[:CHECKED]])
     at = np.unique([*np.abs(inside - worst[:, None]).argmin(axis=1), len(inside) // 2, 0])
     s: Complex = 1j * inside[at]
-    # one combination of all inputs stands for each of them
+    # one combination of all inputs represents them all
     mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
     return bool((_residual(modal, s, mixed, sum_of_motions(modal, mixed).at(s))[1] <= BACKWARD).all())
 
@@ -211,11 +211,11 @@ def refined_solutions(basis: Basis, modal: Damped, b: Array, s: Complex) -> Comp
 
 
 def _solver(basis: Basis, modal: Damped, w: Array, summed: bool) -> Callable[[Complex], Complex]:
-    """What solves the equations in the basis at some frequencies, for any loads (m, inputs, n), to some digits."""
+    """Return an approximate solver of the equations in the basis at some frequencies, for loads (m, inputs, n)."""
     s: Complex = (1j * w).astype(complex, copy=False)
     if basis.strong_dampers is not None:
-        found = separated_solutions(modal, basis.strong_dampers, np.eye(len(modal.square)), w, np.arange(len(w)))
-        inverse: Complex = np.ascontiguousarray(found.transpose(2, 0, 1))
+        solutions = separated_solutions(modal, basis.strong_dampers, np.eye(len(modal.square)), w, np.arange(len(w)))
+        inverse: Complex = np.ascontiguousarray(solutions.transpose(2, 0, 1))
         return lambda right: (inverse @ right.transpose(2, 0, 1)).transpose(1, 2, 0)
     if not summed:
         return partial(basis.schur.solve, s)
@@ -239,8 +239,8 @@ def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp])
     batch = max(1, BATCH_BYTES // (16 * m * m))
     diagonal, root = np.arange(m), np.sqrt(np.abs(modal.square))
     for start in range(0, len(which), batch):
-        chosen = which[start : start + batch]
-        part = w[chosen, None]
+        batch_points = which[start : start + batch]
+        part = w[batch_points, None]
         matrix = 1j * part[:, :, None] * modal.gamma
         matrix[:, diagonal, diagonal] += np.where(
             modal.square >= 0.0, (root - part) * (root + part), modal.square - part * part
@@ -249,15 +249,15 @@ def direct_solutions(modal: Damped, b: Array, w: Array, which: NDArray[np.intp])
             result[:, :, start : start + batch] = np.linalg.solve(matrix, b).transpose(1, 2, 0)
         except np.linalg.LinAlgError:
             singular = [i for i, a in enumerate(matrix) if np.linalg.matrix_rank(a) < m]
-            _refuse_pole(w, 0, int(chosen[singular[0]]))
+            _refuse_pole(w, 0, int(batch_points[singular[0]]))
     return result
 
 
 def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which: NDArray[np.intp]) -> Complex:
-    """Solutions (m, inputs, which) in motions v = R eta of the dampers, L = Q R, and motions that they do not feel.
+    """Solutions (m, inputs, which) in motions v = R eta of the dampers, L = Q R, and motions without damping.
 
-    R is graded: sorted by size and pivoted, it keeps the digits of weak dampers beside strong ones. In v damping is
-    diagonal, so that it meets inertia and stiffness nowhere but in the imaginary part of its own place.
+    R is graded: sorted by size and pivoted, it preserves the digits of weak dampers next to strong ones. In v damping
+    is diagonal, so that it is the imaginary part of the diagonal and is added to no other entry.
     """
     (m, inputs), rows = b.shape, min(dampers.shape)
     result = np.empty((m, inputs, len(which)), dtype=complex)
@@ -268,13 +268,13 @@ def separated_solutions(modal: Damped, dampers: Array, b: Array, w: Array, which
         stiff = np.where(modal.square >= 0.0, (root - w[i]) * (root + w[i]), modal.square - w[i] ** 2) * scale**2
         upper, order = sorted_qr(dampers * scale)
         pivots = upper[:rows].diagonal()
-        felt = int(np.count_nonzero(pivots))
+        damped_motions = int(np.count_nonzero(pivots))
         change = np.eye(m)
-        change[:felt] = upper[:felt] / pivots[:felt, None]
+        change[:damped_motions] = upper[:damped_motions] / pivots[:damped_motions, None]
         turn[order] = lapack.dtrtri(change, unitdiag=1)[0]
         matrix = (turn.T @ (stiff[:, None] * turn)).astype(complex)
         strength = np.zeros(m)
-        strength[:felt] = w[i] * pivots[:felt] ** 2
+        strength[:damped_motions] = w[i] * pivots[:damped_motions] ** 2
         matrix[motion, motion] += 1j * strength
         size = 1.0 / np.sqrt(np.maximum(1.0, strength))
         right = (turn.T @ (b * scale[:, None])) * size[:, None]

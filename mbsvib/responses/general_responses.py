@@ -1,4 +1,4 @@
-"""Responses of systems without symmetry: what ``modal_sum`` and ``time_response`` need, from right and left vectors.
+"""Responses of systems with unsymmetric matrices or massless motions, from right and left vectors.
 
 (s^2 M + s C + K)^-1 is the sum of x y^T / (theta (s - lambda)) over all eigenvalues but 0, theta = y^T (2 lambda M + C)
 x, and of X (s - J)^-1 Y^T for the eigenvalue 0, on whose invariant subspace A is the nilpotent J. Far above all
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 BATCH_BYTES = 32 * 2**20  # a batch of matrices stays in this much memory
-# The sum over modes solves the equations to this residual: rounding of some hundred modes; for each eigenvalue, where
-# solutions that are refined take its place.
+# Residual up to which the sum over modes is used: rounding of some hundred modes; the second value if the alternative
+# is refined solutions.
 BACKWARD, SUMMED = 5e-14, 8.0 * EPS
-GIVES_WAY = 1e3  # a spring so many times as stiff as what is left where its damper gives way costs digits
-CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is looked at
+SERIES_STIFFNESS = 1e3  # largest ratio of springs in series with dampers to the static stiffness
+CHECKED = 3  # frequencies next to the most ill-conditioned eigenvalues at which the residual is computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def realization(system: Equations, state: EnergyState) -> Realization:
     Returns
     -------
     Realization
-        Matrices; the feedthrough is exactly 0 where it is so but for rounding.
+        Matrices; a feedthrough that is 0 up to rounding is exactly 0.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def trusted(modal: General, b: Array, w: Array, residual: float = BACKWARD) -> b
     w : array, shape (n,)
         Angular frequencies [rad/s], none negative.
     residual : float
-        What may be left of the equations, relative to their terms.
+        Largest residual of the equations, relative to their terms.
 
     Returns
     -------
@@ -120,10 +120,10 @@ def trusted(modal: General, b: Array, w: Array, residual: float = BACKWARD) -> b
     inside = w[w > 0.0]
     if not len(inside) or not b.size:
         return True
-    found = modal.spectrum
-    speed = np.abs(found.values)
+    spectrum = modal.spectrum
+    speed = np.abs(spectrum.values)
     # vectors have unit energy: in energy coordinates the condition is the energy over |lambda theta|
-    worst = speed[np.argsort(np.abs(found.slopes) * speed, kind="stable")[:CHECKED]]
+    worst = speed[np.argsort(np.abs(spectrum.slopes) * speed, kind="stable")[:CHECKED]]
     at = np.unique([*np.abs(inside - worst[:, None]).argmin(axis=1), len(inside) // 2, 0])
     s: Complex = 1j * inside[at]
     mixed = b @ np.cos(np.arange(b.shape[1]))[:, None]
@@ -144,8 +144,8 @@ def _residual(state: EnergyState, s: Complex, b: Array, eta: Complex) -> Array:
         here = eta[:, :, i]
         left = np.abs(b - matrix @ here) / size[:, None]
         terms = np.maximum(np.abs(b), np.abs(matrix) @ np.abs(here)) / size[:, None]
-        whole = np.maximum(terms, np.abs(here)).max(axis=0)
-        result[i] = np.divide(left.max(axis=0), whole, out=np.zeros_like(whole), where=whole > 0.0).max()
+        scale = np.maximum(terms, np.abs(here)).max(axis=0)
+        result[i] = np.divide(left.max(axis=0), scale, out=np.zeros_like(scale), where=scale > 0.0).max()
     return result
 
 
@@ -155,8 +155,8 @@ def _matrix(state: EnergyState, s: Complex) -> Complex:
     result = s[:, None, None] * state.damping + state.coupling
     at, root = np.arange(p), np.sqrt(np.abs(state.square))
     point = s[:, None]
-    turned = np.where(state.square >= 0.0, (point + 1j * root) * (point - 1j * root), (point - root) * (point + root))
-    result[:, at, at] += turned
+    inertial = np.where(state.square >= 0.0, (point + 1j * root) * (point - 1j * root), (point - root) * (point + root))
+    result[:, at, at] += inertial
     return np.asarray(result)
 
 
@@ -187,7 +187,7 @@ def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
         try:
             eta = np.linalg.solve(matrix, b)
         except np.linalg.LinAlgError:
-            eta = np.stack([_one(a, b) for a in matrix])
+            eta = np.stack([_solution(a, b) for a in matrix])
         powers = part[:, None, None]
         value = outputs[0] @ eta + powers * (outputs[1] @ eta + powers * (outputs[2] @ eta))
         result[:, :, start : start + batch] = value.transpose(1, 2, 0) + system.D[:, :, None]
@@ -195,7 +195,7 @@ def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
 
 
 def cancels(system: Equations, state: EnergyState) -> bool:
-    """Tell whether most of a stiffness is that of springs in series with dampers, which then hold next to nothing.
+    """Tell whether most of a stiffness is that of springs in series with dampers, which resist hardly any static load.
 
     Parameters
     ----------
@@ -207,18 +207,18 @@ def cancels(system: Equations, state: EnergyState) -> bool:
     Returns
     -------
     bool
-        Whether more than three digits are lost as they give way; only known of symmetric equations.
+        Whether more than three digits cancel in the static stiffness; False for unsymmetric equations.
     """
     p = len(state.scale)
     if not state.massless or system.gyroscopic is not None or system.circulatory is not None:
         return False
     own, joined = state.coupling[p:, p:], state.coupling[p:, :p]
     taken = np.einsum("kp,kp->p", joined, np.linalg.lstsq(own, joined, rcond=None)[0])
-    return bool((GIVES_WAY * np.abs(state.square - taken) < taken).any())
+    return bool((SERIES_STIFFNESS * np.abs(state.square - taken) < taken).any())
 
 
 def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Complex:
-    """Return the transfer matrix by solutions that are corrected from the factors to twice the digits.
+    """Return the transfer matrix by solutions that are refined on the factors in twice the working precision.
 
     Parameters
     ----------
@@ -248,16 +248,16 @@ def refined_solutions(system: Equations, state: EnergyState, w: Array) -> Comple
             try:
                 eta = np.linalg.solve(matrix, right)
             except np.linalg.LinAlgError:
-                eta = np.stack([_one(a, b) for a, b in zip(matrix, right, strict=True)])
+                eta = np.stack([_solution(a, b) for a, b in zip(matrix, right, strict=True)])
             return np.ascontiguousarray(eta.transpose(1, 2, 0))
 
         load = np.broadcast_to(system.B[:, :, None], (*system.B.shape, len(part))).astype(complex)
-        found = refined(Factors.of(system, part), state.basis, load, (outputs, system.D), solve)
-        result[:, :, start : start + size] = found.value
+        transfer = refined(Factors.of(system, part), state.basis, load, (outputs, system.D), solve)
+        result[:, :, start : start + size] = transfer.value
     return result
 
 
-def _one(matrix: Complex, b: Complex) -> Complex:
+def _solution(matrix: Complex, b: Complex) -> Complex:
     try:
         return np.asarray(np.linalg.solve(matrix, b))
     except np.linalg.LinAlgError:

@@ -20,8 +20,8 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     """Return first-order equations in modal states.
 
     Each mode has a block [[0, 1], [-l1 l2, l1 + l2]] of its eigenvalues l1, l2; one of first order has the block l1,
-    two motions that stiffness does not feel and that come to rest at once have [[0, 0], [0, 0]], and two others of
-    first order with one eigenvalue, which are paired as a mode, have [[l1, 0], [0, l2]].
+    two motions without stiffness that come to rest have [[0, 0], [0, 0]], and two others of first order with equal
+    eigenvalues, which are paired as a mode, have [[l1, 0], [0, l2]].
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
     Returns
     -------
     FirstOrder
-        Blocks, inputs, and the way back to q and q'.
+        Blocks, inputs, and the transformation to q and q'.
     """
     state = modal.state
     blocks, columns, names = [], [], []
@@ -60,16 +60,16 @@ def modal_states(system: Equations, modal: General) -> FirstOrder:
 
 
 def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
-    """Number, block and columns in the states of each mode; of long chains of 0 none."""
-    state, found = modal.state, modal.spectrum
+    """Number, block and columns in the states of each mode, except for long chains of the eigenvalue 0."""
+    state, spectrum = modal.state, modal.spectrum
     rest, drift = rigid_shapes(state)
     left = [state.position @ column for column in rest.T]
-    vectors = state.position @ found.right + state.rate @ (found.right * found.values)
+    vectors = state.position @ spectrum.right + state.rate @ (spectrum.right * spectrum.values)
     result: list[tuple[int, Array, Array]] = []
-    for i, (one, two) in enumerate(modal.pairs):
+    for i, (first_value, second_value) in enumerate(modal.pairs):
         numbers = np.nonzero(modal.mode == i)[0]
-        numbers = numbers[np.argsort(np.abs(found.values[numbers]), kind="stable")]
-        if state.long and (one == 0.0 or two == 0.0):
+        numbers = numbers[np.argsort(np.abs(spectrum.values[numbers]), kind="stable")]
+        if state.long and (first_value == 0.0 or second_value == 0.0):
             continue
         if i < drift.shape[1]:
             chain = state.right[:, state.still + i]
@@ -79,13 +79,13 @@ def _blocks(modal: General) -> list[tuple[int, Array, Array]]:
             count = 1 if modal.single[i] else 2
             result.append((i, np.zeros((count, count)), np.stack([left.pop(0) for _ in range(count)], axis=1)))
         elif modal.single[i]:
-            result.append((i, np.array([[one.real]]), vectors[:, numbers].real))
+            result.append((i, np.array([[first_value.real]]), vectors[:, numbers].real))
         else:
-            if one == 0.0:
+            if first_value == 0.0:
                 same = [k for k, v in enumerate(left) if np.array_equal(v, state.position @ modal.shapes[:, i].real)]
                 first, second = left.pop(same[0]).astype(complex), vectors[:, numbers[0]]
             else:
                 first = vectors[:, numbers[0]]
                 second = first.conj() if len(numbers) == 1 else vectors[:, numbers[1]]
-            result.append((i, *pair_block(state.a, one, two, first, second)))
+            result.append((i, *pair_block(state.a, first_value, second_value, first, second)))
     return result

@@ -1,4 +1,4 @@
-"""Terms of sums over modes of systems without symmetry, and what they add up to far above all eigenvalues."""
+"""Terms of sums over modes of unsymmetric systems, and the limit of the sums far above all eigenvalues."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> A
     c, middle, b : array
         Factors.
     direct : array, optional
-        What is added.
+        A term to be added.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def cleaned(c: Array, middle: Array, b: Array, direct: Array | None = None) -> A
 
 
 def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Array, Array, Index]:
-    """Return what a sum over modes consists of: pairs, real eigenvalues, their coefficients and mode numbers.
+    """Return the parts of a sum over modes: pairs, real eigenvalues, their coefficients and mode numbers.
 
     Parameters
     ----------
@@ -82,11 +82,11 @@ def terms(modal: General, c: Array, b: Array) -> tuple[Complex, Array, Array, Ar
         Pairs (p, 2) and real eigenvalues (q,); sums of lambda R and of R of the pairs (rows inputs, p), R of the real
         ones (rows inputs, q); numbers of the modes (p + q,).
     """
-    found, state = modal.spectrum, modal.state
-    turns = found.turns
+    spectrum, state = modal.spectrum, modal.state
+    turns = spectrum.turns
     size = len(c) * b.shape[1]
-    value = found.values
-    residue = np.einsum("rk,ki->rik", c @ found.right, (found.left.T @ b) / found.slopes[:, None])
+    value = spectrum.values
+    residue = np.einsum("rk,ki->rik", c @ spectrum.right, (spectrum.left.T @ b) / spectrum.slopes[:, None])
     residue = residue.reshape(size, len(value))
     gamma, alpha = 2.0 * (residue * value)[:, turns].real, 2.0 * residue[:, turns].real
     pairs = np.stack((value[turns], value[turns].conj()), axis=1)

@@ -1,4 +1,4 @@
-"""Blocks of modal states, also of a pair of eigenvalues that all but meet, as those of a critically damped mode."""
+"""Blocks of modal states, also for a pair of nearly equal eigenvalues, such as that of a critically damped mode."""
 
 from __future__ import annotations
 
@@ -14,32 +14,33 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-# Differences of eigenvectors lose the square of the relative distance of a pair; its invariant subspace loses nothing.
+# Below this relative distance of a pair its invariant subspace is used: differences of its eigenvectors lose digits in
+# proportion to the square of the distance.
 CLOSE = 0.05
-# Vectors of a close pair of one motion are parallel but for the distance of its eigenvalues, at most CLOSE; those of
-# two equal motions of first order are as independent as motions are.
+# Vectors of a close pair of one motion are parallel up to the distance of its eigenvalues, at most CLOSE; those of two
+# equal motions of first order are independent.
 INDEPENDENT = 0.2
-# Modal coordinates lose to rounding what their condition number times the growth of their shares is: here 1e-8.
+# Limit of the condition number of modal coordinates times the growth of their shares: rounding errors reach 1e-8.
 DEPENDENT = 1e8
 TINY = float(np.finfo(float).tiny)
-# What vectors may leave of the equations, against the largest of their terms; eigenvalues that meet leave far more.
+# Largest residual of the equations relative to their terms; coinciding eigenvalues give a far larger one.
 RESIDUAL = 1e-8
 
 
-def pair_block(a: Array, one: complex, two: complex, first: Complex, second: Complex) -> tuple[Array, Array]:
+def pair_block(a: Array, l1: complex, l2: complex, first: Complex, second: Complex) -> tuple[Array, Array]:
     """Return a block N of a pair of eigenvalues, [[0, 1], [-l1 l2, l1 + l2]], and T (n, 2) with A T = T N.
 
     T = [(l2 v1 - l1 v2), (v2 - v1)] / (l2 - l1); of a close pair T = Z [S c - tr(S) c, c] with A Z = Z S
 
-    A close pair whose vectors are independent, as two equal motions of first order have them, is no companion block:
+    A close pair with independent vectors, such as two equal motions of first order, has no companion block but
     N = diag(l1, l2) with T = [v1, v2], or its real form.
 
     Parameters
     ----------
     a : array, shape (n, n)
         The state matrix A.
-    one, two : complex
-        The pair l1, l2: real, or conjugate.
+    l1, l2 : complex
+        The pair: real, or conjugate.
     first, second : array, shape (n,)
         Its eigenvectors v1, v2.
 
@@ -48,20 +49,20 @@ def pair_block(a: Array, one: complex, two: complex, first: Complex, second: Com
     tuple of array
         N and T.
     """
-    if abs(two - one) > CLOSE * abs(one):
-        pair = np.stack((two * first - one * second, second - first), axis=1) / (two - one)
-        return np.array([[0.0, 1.0], [-(one * two).real, (one + two).real]]), pair.real
+    if abs(l2 - l1) > CLOSE * abs(l1):
+        pair = np.stack((l2 * first - l1 * second, second - first), axis=1) / (l2 - l1)
+        return np.array([[0.0, 1.0], [-(l1 * l2).real, (l1 + l2).real]]), pair.real
     vectors = np.stack((first / np.linalg.norm(first), second / np.linalg.norm(second)), axis=1)
     values = np.linalg.svd(vectors, compute_uv=False)
     if values[1] > INDEPENDENT * values[0]:
-        if one.imag == 0.0:
-            return np.diag((one.real, two.real)), vectors.real
-        turned = vectors[:, 0] * np.exp(-0.5j * np.angle(vectors[:, 0] @ vectors[:, 0]))
-        parts = np.stack((turned.real, turned.imag), axis=1)
-        return np.array([[one.real, one.imag], [-one.imag, one.real]]), parts
+        if l1.imag == 0.0:
+            return np.diag((l1.real, l2.real)), vectors.real
+        rotated = vectors[:, 0] * np.exp(-0.5j * np.angle(vectors[:, 0] @ vectors[:, 0]))
+        parts = np.stack((rotated.real, rotated.imag), axis=1)
+        return np.array([[l1.real, l1.imag], [-l1.imag, l1.real]]), parts
     from scipy.linalg import schur
 
-    middle = 0.5 * (one + two).real
+    middle = 0.5 * (l1 + l2).real
     near = np.sort(np.abs(np.linalg.eigvals(a) - middle))
     reach = 0.5 * (near[1] + near[2]) if len(near) > 2 else np.inf
     upper, basis, _ = schur(a, sort=lambda x, y=0.0: abs(complex(x, y) - middle) < reach)
@@ -78,8 +79,7 @@ def modal_inputs(
     """Return the inputs B of modal states x = T z, T B = F, and refuse states in which rounding shows in the responses.
 
     Rounding of B is eps times the condition number of T = [T1 T2 ...], with orthonormal columns in each block. It grows
-    with the shares Ti Bi, which cancel in F: blocks that all but depend on each other do no harm where the inputs do
-    not tell them apart.
+    with the shares Ti Bi, which cancel in F: nearly dependent blocks lose no accuracy if inputs excite them equally.
 
     Parameters
     ----------

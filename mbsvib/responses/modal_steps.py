@@ -4,9 +4,9 @@ z'' + tau z' + p z = f has, with roots l1, l2 and a = l1 h, b = l2 h, the divide
 
 S = h exp[a, b],  I = h^2 exp[a, b, 0],  J = h^3 exp[a, b, 0, 0],  C = 1 - p I
 
-as answers to an impulse, a step, a ramp and an initial displacement. Each is computed in the form that does not cancel:
-by a power series where |a|, |b| < 1, by quotients of differences where the roots are real and apart, by cosines (or
-hyperbolic ones) of the distance to the middle elsewhere, which is smooth through critical damping.
+as responses to an impulse, a step, a ramp and an initial displacement. Each is computed in a form without cancellation:
+by a power series where |a|, |b| < 1, by divided differences where the roots are real and well separated, and elsewhere
+by cosines (or hyperbolic ones) of the distance to the middle, which are smooth through critical damping.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # |a|, |b| up to which a power series is summed, and its terms: the next one is below 1e-18.
 SERIES_RADIUS = 1.0
 TERMS = 21
-# Real roots are apart where their difference times the step exceeds this: quotients then lose one digit at most.
+# Real roots are well separated if their difference times the step exceeds this: quotients lose one digit at most.
 APART = 0.5
 
 
@@ -37,8 +37,8 @@ class Oscillators:
     total: Array
 
     def step(self, h: Array) -> tuple[Array, Array, Array]:
-        """Return what carries the state over steps ``h`` (n,), (2, 2, k, n), and what a held force and one that grows
-        to 1 within the step add to it, (2, k, n) each.
+        """Return the transition matrices over steps ``h`` (n,), (2, 2, k, n), and the contributions of a constant force
+        and of a force that grows from 0 to 1 within the step, (2, k, n) each.
         """
         shape = (len(self.square), len(h))
         p, tau, flat = (np.broadcast_to(x, shape).reshape(-1) for x in (self.square[:, None], self.total[:, None], h))

@@ -1,12 +1,12 @@
 """Sums over modes: transfer functions with the residues of all eigenvalues, at many points in one matrix product.
 
 With y^T (2 lambda + Gamma) y = theta the inverse of s^2 + s Gamma + Omega^2 is the sum of R / (s - lambda) over all
-eigenvalues, R = y y^T / theta, and two sums are known beforehand: that of R is 0 and that of lambda R is 1. Far above
-an eigenvalue R / (s - lambda) is mainly R / s + lambda R / s^2, which in the sum over modes nearly cancels: at high
-frequencies digits would be lost in proportion to frequency, and to its square in an absolute acceleration, where the
-sum of lambda R meets D. So each eigenvalue below |s| gives only what is left, lambda^2 R / (s^2 (s - lambda)), and
-what it leaves out is added up beforehand, over the eigenvalues below or, with the known sums, over those above: the
-smaller one of both.
+eigenvalues, R = y y^T / theta, and two sums are known a priori: that of R is 0 and that of lambda R is 1. Far above
+an eigenvalue R / (s - lambda) is mainly R / s + lambda R / s^2, which nearly cancels in the sum over modes: at high
+frequencies digits would be lost in proportion to the frequency, and to its square in an absolute acceleration, where
+the sum of lambda R cancels with D. So each eigenvalue below |s| contributes only the remainder,
+lambda^2 R / (s^2 (s - lambda)). The other part is summed in advance, over the eigenvalues below or, with the known
+sums, over those above, whichever has the smaller terms.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from mbsvib.modes.general import General
 
 
-# Products over modes that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings
-# of their terms; what is smaller than this many of them is zero.
+# Sums over modes that must cancel (two bodies share no inertia, a point rests in space) do so to a few roundings of
+# their terms; a sum smaller than this many roundings is zero.
 CANCELLED = 32.0
 # Weights of one block of points stay in the cache.
 BLOCK_BYTES = 2**20
@@ -42,16 +42,16 @@ class ModalSum:
     """Transfer functions from inputs to ``rows``, each a displacement, velocity or acceleration output (``order``).
 
     p pairs of eigenvalues, roots of s^2 + ``total`` s + ``product`` with ``natural`` = sqrt(|product|), have the real
-    coefficients gamma = sum of lambda R and alpha = sum of R; ``alone`` (q,) are real ones. ``coefficients``
-    (rows inputs, p or 2 p, + q) holds gamma, alpha (not where damping is classical: they are 0) and R. ``corner``
-    (p + q,) is the magnitude from which on an eigenvalue counts as below s, ascending (``pair_corner``: in the order of
-    the pairs); ``alphas`` and ``gammas`` (rows inputs, p + q + 1) are the sums over those below.
+    coefficients gamma = sum of lambda R and alpha = sum of R; ``real_poles`` (q,) are not paired. ``coefficients``
+    (rows inputs, p or 2 p, + q) contains gamma, alpha (except for classical damping, where they are 0) and R.
+    ``corner`` (p + q,), ascending, is the magnitude of s above which an eigenvalue counts as below s (``pair_corner``:
+    in the order of the pairs); ``alphas`` and ``gammas`` (rows inputs, p + q + 1) are the sums over those below.
     """
 
     natural: Array
     total: Array
     product: Array
-    alone: Array
+    real_poles: Array
     pair_corner: Array
     coefficients: Array
     corner: Array
@@ -83,7 +83,7 @@ class ModalSum:
             sums = sums.reshape(shape)
             for row, (order, output) in enumerate(zip(self.order.tolist(), self.output.tolist(), strict=True)):
                 power = powers[order][part]
-                if order == 2:  # D is part of the sums, and what they leave is not scaled up
+                if order == 2:  # D is part of the sums, and the remainder is not scaled up
                     result[output, :, part] += power * (value[row] + less[row]) + sums[row]
                 else:
                     result[output, :, part] += power * (value[row] + less[row] + sums[row] * inverse[part] ** 2)
@@ -104,8 +104,8 @@ class ModalSum:
             if coupled:
                 weights[p : 2 * p] = np.where(low, -product * inverse, s + total)
                 weights[p : 2 * p] *= down
-            if len(self.alone):
-                root = self.alone[:, None]
+            if len(self.real_poles):
+                root = self.real_poles[:, None]
                 last = weights[2 * p if coupled else p :]
                 last[:] = np.where(np.abs(root) < size, (root * inverse) ** 2, 1.0)
                 last /= s - root
@@ -124,7 +124,7 @@ class ModalSum:
 
     def pole_at(self, s: Complex) -> tuple[int, int] | None:
         """Return (mode, point) of the first of the points ``s`` that is an eigenvalue, or None."""
-        down = np.concatenate((self._quadratics(s), s - self.alone[:, None]))
+        down = np.concatenate((self._quadratics(s), s - self.real_poles[:, None]))
         modes, points = np.nonzero(down == 0.0)
         return (int(self.number[modes[0]]), int(points[0])) if len(modes) else None
 
@@ -178,10 +178,10 @@ def _summed(modal: Damped, c: Array, order: Index, output: Index, b: Array, d: A
         natural, total, product = np.sqrt(np.abs(modal.square)), modal.gamma, modal.square
     else:
         natural, total, product = np.abs(pairs[:, 0]), -2.0 * pairs[:, 0].real, np.abs(pairs[:, 0]) ** 2
-    whole = (c @ b).reshape(-1) + direct
+    total_residues = (c @ b).reshape(-1) + direct
     size = (np.abs(c) @ np.abs(b)).reshape(-1) + np.abs(direct)
-    whole[np.abs(whole) <= CANCELLED * EPS * size] = 0.0
-    ends = (np.zeros_like(whole), whole, direct)
+    total_residues[np.abs(total_residues) <= CANCELLED * EPS * size] = 0.0
+    ends = (np.zeros_like(total_residues), total_residues, direct)
     return _gathered(terms, (natural, total, product), ends, (order, output, feedthrough))
 
 
@@ -214,40 +214,40 @@ def general_sum(
     feedthrough = np.where(accelerates[:, None], 0.0, d)
     early, late = highest_terms(modal.state)
     ends = (cleaned(c[1], early, b[1]).reshape(-1), cleaned(c[1], late, b[1], direct).reshape(-1), direct.reshape(-1))
-    found = terms(modal, c[0], b[0])
-    first = found[0][:, 0]
+    mode_terms = terms(modal, c[0], b[0])
+    first = mode_terms[0][:, 0]
     shape = np.abs(first), -2.0 * first.real, np.abs(first) ** 2
-    return _gathered(found, shape, ends, (order, output, feedthrough))
+    return _gathered(mode_terms, shape, ends, (order, output, feedthrough))
 
 
 def _gathered(
     terms: _Terms, shape: tuple[Array, Array, Array], ends: tuple[Array, Array, Array],
     rows: tuple[Index, Index, Array],
 ) -> ModalSum:  # fmt: skip
-    """Put together the terms, what each denominator is made of, the sums of all terms, and the rows."""
-    pairs, alone, gamma, alpha, single, number = terms
-    (natural, total, product), (whole_alpha, whole_gamma, direct), (order, output, feedthrough) = shape, ends, rows
-    # a real pair counts as below only beyond its fast root: until there its own quotient loses nothing
+    """Assemble the sum from the terms, the parts of each denominator, the sums of all terms, and the rows."""
+    pairs, real_poles, gamma, alpha, single, number = terms
+    (natural, total, product), (total_alpha, total_gamma, direct), (order, output, feedthrough) = shape, ends, rows
+    # a real pair counts as below only beyond its fast root: up to there its own quotient is accurate
     pair_corner = np.abs(pairs).max(axis=1, initial=0.0)
-    corner = np.concatenate((pair_corner, np.abs(alone)))
+    corner = np.concatenate((pair_corner, np.abs(real_poles)))
     ascending = np.argsort(corner, kind="stable")
-    of_gamma = np.concatenate((gamma, single * alone), axis=1)[:, ascending]
+    of_gamma = np.concatenate((gamma, single * real_poles), axis=1)[:, ascending]
     of_alpha = np.concatenate((np.zeros_like(gamma) if alpha is None else alpha, single), axis=1)[:, ascending]
-    # gamma and alpha are real parts of lambda R and R, and as much off as these are rounded
+    # gamma and alpha are real parts of lambda R and R, with the rounding errors of these
     speed, moves = corner[ascending], corner[ascending] > 0.0
     size_gamma = np.maximum(np.abs(of_gamma), np.abs(of_alpha) * speed)
     size_alpha = np.divide(size_gamma, speed, out=np.abs(of_alpha), where=moves)
     parts = (gamma, single) if alpha is None else (gamma, alpha, single)
     return ModalSum(
-        natural, total, product, alone, pair_corner, np.concatenate(parts, axis=1), corner[ascending],
-        _sums(of_alpha, size_alpha, np.zeros_like(whole_alpha), whole_alpha),
-        _sums(of_gamma, size_gamma, direct, whole_gamma),
+        natural, total, product, real_poles, pair_corner, np.concatenate(parts, axis=1), corner[ascending],
+        _sums(of_alpha, size_alpha, np.zeros_like(total_alpha), total_alpha),
+        _sums(of_gamma, size_gamma, direct, total_gamma),
         order, output, feedthrough, number,
     )  # fmt: skip
 
 
-def _sums(terms: Array, size: Array, start: Array, whole: Array) -> Array:
-    """Sums ``start`` + terms[:, :j] = ``whole`` - terms[:, j:] for all j, each by the road on which less is rounded."""
+def _sums(terms: Array, size: Array, start: Array, total: Array) -> Array:
+    """Sums ``start`` + terms[:, :j] = ``total`` - terms[:, j:] for all j, each by the side with less rounding."""
     rows, count = terms.shape
     up, left, right = (np.zeros((rows, count + 1)) for _ in range(3))
     np.cumsum(terms, axis=1, out=up[:, 1:])
@@ -255,8 +255,8 @@ def _sums(terms: Array, size: Array, start: Array, whole: Array) -> Array:
     down = np.zeros((rows, count + 1))
     down[:, :-1] = np.cumsum(terms[:, ::-1], axis=1)[:, ::-1]
     right[:, :-1] = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]
-    near = left + np.abs(start)[:, None] <= right + np.abs(whole)[:, None]
-    return np.where(near, start[:, None] + up, whole[:, None] - down)
+    near = left + np.abs(start)[:, None] <= right + np.abs(total)[:, None]
+    return np.where(near, start[:, None] + up, total[:, None] - down)
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
@@ -288,9 +288,9 @@ def _coupled(modal: Damped, c: Array, b: Array) -> _Terms:
     theta = np.concatenate([slopes[real, k].real for k in (0, 1)])
     with np.errstate(divide="ignore", invalid="ignore"):  # a defective pair: the sum is not used
         single = _outer(c @ z, (z.T @ b) / theta[:, None])
-    alone = np.concatenate([pairs[real, k].real for k in (0, 1)])
+    real_values = np.concatenate([pairs[real, k].real for k in (0, 1)])
     number = np.concatenate((np.nonzero(free)[0], np.nonzero(turns)[0], real, real))
-    return np.concatenate((pairs[free], pairs[turns])), alone, gamma, alpha, single, number
+    return np.concatenate((pairs[free], pairs[turns])), real_values, gamma, alpha, single, number
 
 
 def residues(modal: Damped, s: Complex) -> tuple[Complex, Complex]:

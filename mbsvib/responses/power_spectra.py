@@ -1,6 +1,6 @@
-"""Power spectral densities of noise: tables, white noise, white noise through a filter, and several of these at once.
+"""Power spectral densities of noise: tables, white noise, filtered white noise, and several of these at once.
 
-All are one-sided and over Hz, as vibration of floors is measured: the mean square is their integral from 0 to infinity.
+All are one-sided and per Hz, as for floor vibration: the mean square is their integral from 0 to infinity.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Shaped:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseNoise:
-    """What shakes the base: a density for each of the ``directions``, S_ij = R_ij sqrt(S_i S_j) with the Hermitian
+    """Base excitation: a density for each of the ``directions``, S_ij = R_ij sqrt(S_i S_j) with the Hermitian
     ``correlation`` R.
     """
 
@@ -108,7 +108,7 @@ class BaseNoise:
         Returns
         -------
         array, shape (n, directions, directions)
-            One-sided densities, cross-densities beside the diagonal.
+            One-sided densities, cross-densities off the diagonal.
         """
         root = np.sqrt([spectrum.at(frequencies) for spectrum in self.spectra])
         return np.asarray(np.einsum("in,jn,ij->nij", root, root, self.correlation))
@@ -121,7 +121,7 @@ class BaseNoise:
 
     @property
     def unbounded(self) -> bool:
-        """Whether some spectrum has no last frequency."""
+        """Whether some spectrum extends to infinite frequency."""
         return any(isinstance(spectrum, Shaped) for spectrum in self.spectra)
 
     @property
@@ -131,7 +131,7 @@ class BaseNoise:
 
     @property
     def filters(self) -> tuple[Shaped, ...] | None:
-        """The filters if white noise drives all of them, and correlation is real, so that moments are exact."""
+        """The filters, if all spectra are filtered white noise with real correlation, so that moments are exact."""
         shaped = tuple([s for s in self.spectra if isinstance(s, Shaped)])
         alike = len(shaped) == len(self.spectra) and not self.correlation.imag.any()
         if alike and not np.array_equal(self.correlation, np.eye(len(shaped))):
@@ -162,7 +162,7 @@ def white(level: float) -> Shaped:
 
 
 def shaped(numerator: ArrayLike, denominator: ArrayLike, level: float = 1.0) -> Shaped:
-    """Return noise that a filter shapes, level |H(i w)|^2 with H = numerator / denominator.
+    """Return filtered white noise, level |H(i w)|^2 with H = numerator / denominator.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def table(points: ArrayLike, name: str = "spectrum") -> Table:
     points : array-like, shape (n, 2)
         Frequency [Hz] and one-sided density of each break-point, frequencies ascending.
     name : str
-        What it is the spectrum of, for messages.
+        Name of the quantity, for messages.
 
     Returns
     -------
@@ -250,7 +250,7 @@ def base_noise(
     spectra: BaseNoise | Mapping[str, Any], directions: tuple[str, ...] = DIRECTIONS,
     correlation: ArrayLike | None = None,
 ) -> BaseNoise:  # fmt: skip
-    """Return what shakes the base.
+    """Return the base excitation.
 
     Parameters
     ----------
@@ -277,33 +277,34 @@ def base_noise(
     if not isinstance(spectra, Mapping) or not spectra:
         raise ResponseError(f"base: spectra = {check.shown(spectra)}; expected a density for each direction, such as "
                             f"{{'z': [(1, 1e-6), (100, 1e-4)]}} in (m/s^2)^2/Hz.")  # fmt: skip
-    found: dict[str, Table | Shaped] = {}
-    for names, given in spectra.items():
+    densities: dict[str, Table | Shaped] = {}
+    for names, density in spectra.items():
         for name in str(names).split():
             if name not in directions:
                 raise ResponseError(f"base: there is no direction '{name}' to shake it in."
                                     f"{nearest(name, directions)} Directions: {' '.join(directions)}.")  # fmt: skip
-            if name in found:
+            if name in densities:
                 raise ResponseError(f"base: direction '{name}' has two spectra; give one of them.")
-            found[name] = _spectrum(given, f"base {name}")
-    n = len(found)
+            densities[name] = _spectrum(density, f"base {name}")
+    n = len(densities)
     matrix = np.eye(n, dtype=complex) if correlation is None else np.asarray(correlation, dtype=complex)
     if matrix.shape != (n, n) or not np.isfinite(matrix).all():
         raise ResponseError(f"base: correlation has shape {matrix.shape}; expected ({n}, {n}), finite, for the "
-                            f"directions {' '.join(found)}.")  # fmt: skip
-    whole = np.abs(matrix - matrix.conj().T).max() <= SEMIDEFINITE and np.abs(matrix.diagonal() - 1.0).max() <= 1e-12
-    if not whole or np.linalg.eigvalsh(matrix)[0] < -SEMIDEFINITE:
+                            f"directions {' '.join(densities)}.")  # fmt: skip
+    hermitian = np.abs(matrix - matrix.conj().T).max() <= SEMIDEFINITE
+    normalized = np.abs(matrix.diagonal() - 1.0).max() <= 1e-12
+    if not (hermitian and normalized) or np.linalg.eigvalsh(matrix)[0] < -SEMIDEFINITE:
         raise ResponseError("base: correlation is not that of any noise; expected a Hermitian matrix, ones on its "
                             "diagonal, no negative eigenvalue (all motions of one source: all entries 1).")  # fmt: skip
-    return BaseNoise(tuple(found), tuple(found.values()), matrix)
+    return BaseNoise(tuple(densities), tuple(densities.values()), matrix)
 
 
-def _spectrum(given: Any, name: str) -> Table | Shaped:
-    if isinstance(given, (Table, Shaped)):
-        return given
-    if isinstance(given, (int, float, np.floating, np.integer)):
-        return Shaped(_level(given, name), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
-    return table(given, name)
+def _spectrum(density: Any, name: str) -> Table | Shaped:
+    if isinstance(density, (Table, Shaped)):
+        return density
+    if isinstance(density, (int, float, np.floating, np.integer)):
+        return Shaped(_level(density, name), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), 1.0)
+    return table(density, name)
 
 
 def _level(value: Any, name: str = "white noise") -> float:

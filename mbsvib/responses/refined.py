@@ -1,12 +1,13 @@
-"""Frequency responses to twice the digits, from the factors of the matrices.
+"""Frequency responses in twice the working precision, from the factors of the matrices.
 
 The residual of the equations,
 
     r = B u - D^T (k + i w c) D q + w^2 W^T W q,
 
-is computed with numbers of twice the digits, and q corrected by a solution in ordinary ones, which is itself corrected
-by what it leaves of r. That is repeated until the outputs stand still: what a sum of modes or of coordinates all but
-cancels is there then. Where bodies are many and coordinates few, W^T W is formed beforehand, to twice the digits too.
+is computed in twice the working precision, and q is corrected by a solution in working precision, which is itself
+refined by its residual. This is repeated until the outputs converge: then also outputs that nearly cancel in a sum over
+modes or coordinates are accurate. If bodies are many and coordinates few, W^T W is formed in advance, also in twice the
+working precision.
 """
 
 from __future__ import annotations
@@ -26,15 +27,16 @@ if TYPE_CHECKING:
 
     Solver = Callable[[Complex], Complex]
 
-# Corrections stop where outputs move by less than this part of themselves, or of what the largest motion may give them.
+# Corrections stop if outputs change by less than the first number times themselves, or the second number times the
+# value that the largest motion may give them.
 STILL, LAST = 1e-14, 1e-28
 STEPS = 12
 
 
 @dataclass(frozen=True, slots=True)
 class Refined:
-    """Transfer functions (outputs, loads, n), how far the last correction moved them and the size of what they are
-    summed from; below ``floor`` even they tell nothing. Motions q (m, loads, n), and ``exact`` what ``rows`` multiply.
+    """Transfer functions (outputs, loads, n), their change by the last correction and the magnitude of their terms;
+    values below ``floor`` are rounding. Motions q (m, loads, n), and ``exact``, which ``rows`` multiply.
     """
 
     value: Complex
@@ -46,15 +48,15 @@ class Refined:
     exact: Twofold
 
     @property
-    def felt(self) -> Complex:
-        """What rows see of the motions, (rows, loads, n)."""
-        return _whole(Sliced.of(self.rows).product(self.exact).high)
+    def relative_motion(self) -> Complex:
+        """Relative motions along the rows, (rows, loads, n)."""
+        return _complex(Sliced.of(self.rows).product(self.exact).high)
 
 
 @dataclass(frozen=True, slots=True)
 class Factors:
-    """Rows of springs and dampers and of inertia, one below the other, and what multiplies them, (rows, n): k or -w^2,
-    the latter with its digits beyond a double as ``low``, and i w c where there are dampers, on the first rows alone.
+    """Rows of springs and dampers and, below, of inertia, and their factors (rows, n): k or -w^2, the latter with its
+    digits beyond a double as ``low``, and i w c for dampers, on the first rows only.
     """
 
     rows: Array
@@ -78,41 +80,41 @@ class Factors:
         return Factors(rows, stiffness, low, system.damping[used], w)
 
     def force(self) -> Callable[[Twofold], Twofold]:
-        """Return what turns D q into (k + i w c) D q and W q into -w^2 W q, (rows, loads, n, 2)."""
+        """Return the function that maps D q to (k + i w c) D q and W q to -w^2 W q, (rows, loads, n, 2)."""
         stiff = Twofold(_doubled(self.stiffness), _doubled(self.low))
         damped = len(self.damping) if self.damping.any() else 0
         brake = twofold(_doubled(np.broadcast_to(self.w, (damped, len(self.w)))))
         brake = brake.times(twofold(self.damping[:damped, None, None, None]))
 
-        def of(felt: Twofold) -> Twofold:
-            result = felt.times(stiff)
+        def of(motion: Twofold) -> Twofold:
+            result = motion.times(stiff)
             if damped:
                 part = Twofold(result.high[:damped], result.low[:damped])
-                part += Twofold(felt.high[:damped], felt.low[:damped]).turned().times(brake)
+                part += Twofold(motion.high[:damped], motion.low[:damped]).turned().times(brake)
                 result.high[:damped], result.low[:damped] = part.high, part.low
             return result
 
         return of
 
     def ordinary(self) -> Callable[[Complex], Complex]:
-        """Return the same to ordinary digits, for felt motions (rows, loads, n)."""
+        """Return the same in working precision, for relative motions (rows, loads, n)."""
         strength: Complex = self.stiffness.astype(complex)
         strength.imag[: len(self.damping)] = self.damping[:, None] * self.w
-        return lambda felt: felt * strength[:, None]
+        return lambda motion: motion * strength[:, None]
 
     def size(self) -> Array:
         """Return |k + i w c| and w^2, (rows, n)."""
         result: Array = np.abs(self.stiffness)
         if self.damping.any():
-            felt = slice(len(self.damping))
-            result[felt] = np.hypot(result[felt], self.damping[:, None] * self.w)
+            elastic = slice(len(self.damping))
+            result[elastic] = np.hypot(result[elastic], self.damping[:, None] * self.w)
         return result
 
 
 def refined(
     factors: Factors, shapes: Array, load: Complex, outputs: tuple[list[tuple[int, Array]], Array], solve: Solver
 ) -> Refined:
-    """Return transfer functions from solutions to twice the digits.
+    """Return transfer functions from solutions in twice the working precision.
 
     Parameters
     ----------
@@ -123,23 +125,23 @@ def refined(
     load : array, shape (m, loads, n)
         Right-hand sides.
     outputs : pair
-        Orders of differentiation with their rows (outputs, m), and what is added, (outputs, loads).
+        Orders of differentiation with their rows (outputs, m), and the feedthrough (outputs, loads).
     solve : callable
-        Of loads (m, loads, n) in the basis: solutions of the same shape, to some digits.
+        Takes loads (m, loads, n) in the basis and returns approximate solutions of the same shape.
 
     Returns
     -------
     Refined
         Values and last corrections.
     """
-    # powers of two make the coordinates comparable, and round nothing
+    # powers of two make the coordinates comparable without rounding
     scale = np.ldexp(1.0, np.frexp(np.linalg.norm(shapes, axis=1))[1])
     equations = _Equations.of(factors, scale)
     seen = _Outputs(tuple((k, Sliced.of(c * scale), c * scale) for k, c in outputs[0]), outputs[1], factors.w)
     basis = shapes / scale[:, None]
 
     def correction(residual: Array) -> Array:
-        eta = _parts(solve(_whole(_times(basis.T, residual))))
+        eta = _parts(solve(_complex(_times(basis.T, residual))))
         return _times(basis, eta)
 
     b = _parts(scale[:, None, None] * load)
@@ -150,16 +152,16 @@ def refined(
         second = correction(residual - equations.of_small(first))
         x += twofold(first + second)
         value, most = seen.of(x), LAST * seen.most(x)
-        change = np.abs(seen.moved(_whole(second)))
+        change = np.abs(seen.moved(_complex(second)))
         if (change <= STILL * np.abs(value) + most).all() or not np.isfinite(change).all():
             break
-    return Refined(value, change, seen.size(x), most, scale[:, None, None] * _whole(x.high), factors.rows * scale, x)
+    return Refined(value, change, seen.size(x), most, scale[:, None, None] * _complex(x.high), factors.rows * scale, x)
 
 
 @dataclass(frozen=True, slots=True)
 class _Equations:
-    """The left-hand side, (k + i w c) and -w^2 by ``factors``; and where bodies are many and coordinates few, the mass
-    matrix to twice the digits, ``mass``, with w^2, ``square``, instead of the rows of inertia.
+    """The left-hand side, (k + i w c) and -w^2 by ``factors``; and if bodies are many and coordinates few, the mass
+    matrix in twice the working precision, ``mass``, with w^2, ``square``, instead of the rows of inertia.
     """
 
     factors: Factors
@@ -186,13 +188,13 @@ class _Equations:
         return _Equations(factors, rows, cut, columns, factors.force(), factors.ordinary(), mass, square)
 
     def of_motion(self, x: Twofold) -> Twofold:
-        """Return the loads that a motion needs."""
+        """Return the loads that cause a motion."""
         result = self.columns.product(self.force(self.cut.product(x)))
         return result if self.mass is None else result + -Sliced.of(self.mass).product(x).times(self.square)
 
     def of_small(self, x: Array) -> Array:
-        """Return the same to ordinary digits."""
-        result = _times(self.rows.T, _parts(self.ordinary(_whole(_times(self.rows, x)))))
+        """Return the same in working precision."""
+        result = _times(self.rows.T, _parts(self.ordinary(_complex(_times(self.rows, x)))))
         return result if self.mass is None else result - _times(self.mass.high, x) * self.square.high
 
 
@@ -201,17 +203,17 @@ def _times(left: Array, right: Array) -> Array:
 
 
 def _doubled(values: Array) -> Array:
-    """The same for real and imaginary parts and all loads, (rows, 1, n, 2): contiguous, which sums go along quickly."""
+    """Values copied for real and imaginary parts, (rows, 1, n, 2), contiguous for fast sums."""
     return np.repeat(values, 2, axis=-1).reshape(len(values), 1, values.shape[1], 2)
 
 
 def _parts(values: Complex) -> Array:
     """Real and imaginary parts side by side along a last axis."""
-    whole: Complex = np.ascontiguousarray(values, dtype=complex)
-    return whole.view(float).reshape(*values.shape, 2)
+    contiguous: Complex = np.ascontiguousarray(values, dtype=complex)
+    return contiguous.view(float).reshape(*values.shape, 2)
 
 
-def _whole(parts: Array) -> Complex:
+def _complex(parts: Array) -> Complex:
     return np.ascontiguousarray(parts).view(complex)[..., 0]
 
 
@@ -232,20 +234,20 @@ class _Outputs:
             for _ in range(order):
                 part = part.turned().times(w)
             total = total + part
-        return _whole(total.high)
+        return _complex(total.high)
 
     def moved(self, motion: Complex) -> Complex:
-        """Changes of the outputs by a change of motions, to ordinary digits."""
+        """Changes of the outputs by a change of motions, in working precision."""
         result: Complex = np.zeros((*self.direct.shape, len(self.w)), dtype=complex)
         for order, _, rows in self.rows:
-            result += _whole(_times(rows, _parts(motion))) * (1j * self.w) ** order
+            result += _complex(_times(rows, _parts(motion))) * (1j * self.w) ** order
         return result
 
     def size(self, x: Twofold) -> Array:
-        return self._sum(np.abs(_whole(x.high)))
+        return self._sum(np.abs(_complex(x.high)))
 
     def most(self, x: Twofold) -> Array:
-        moved = np.abs(_whole(x.high))
+        moved = np.abs(_complex(x.high))
         return self._sum(np.broadcast_to(moved.max(axis=0), moved.shape))
 
     def _sum(self, moved: Array) -> Array:

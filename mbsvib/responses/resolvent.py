@@ -1,4 +1,4 @@
-"""The transfer matrix by solving, not by modes: for zeros beside eigenvalues that meet, where modal sums cancel."""
+"""The transfer matrix by solving, not by modes: for zeros near repeated eigenvalues, where modal sums cancel."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Complex
 
 
-# The power of s far above all poles is told at these multiples of |A|; it is a whole number within OFF, of singular
-# values that are CLEAR of rounding.
+# The power of s far above all poles is determined at these multiples of |A|; it must be an integer within OFF, from
+# singular values that exceed rounding by CLEAR.
 FAR = np.array([1e3, 1e4])
 OFF, CLEAR = 0.1, 1e3
 
@@ -67,8 +67,8 @@ class Resolvent:
         return np.asarray(solve_triangular(matrix, right, trans=trans))
 
     def finite_zeros(self) -> int | None:
-        """Return the number of finite zeros of a square system: that of its states, less the power by which its
-        determinant falls far above all poles and zeros; None of other systems, and where it is rounding there.
+        """Return the number of finite zeros of a square system: that of its states, minus the power of s by which its
+        determinant decreases far above all poles and zeros; None if it is not square or the determinant is rounding.
         """
         if len(self.d) != self.d.shape[1]:
             return None

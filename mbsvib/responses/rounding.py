@@ -1,7 +1,7 @@
-"""What rounding does to frequency responses: bounds, with all that does not depend on frequency counted once a system.
+"""Bounds of rounding errors of frequency responses; parts that do not depend on frequency are computed once.
 
-A sum over modes is right to rounding of its largest terms. What an error of eps in every number of the equations
-changes is another matter, as it need not be as large: with forward and adjoint motions x and z it is no more than
+A sum over modes is accurate to rounding of its largest terms. The change of a response by an error of eps in every
+number of the equations may be smaller: with forward and adjoint motions x and z it is at most
 
     eps (sum over rows of |k + i w c| (|D z| |D||x| + |D||z| |D x|), of w^2 likewise with W, + |C||x| + |B||z|).
 """
@@ -29,10 +29,10 @@ ROUNDING = 16.0
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Bound of what rounding does to responses, up to a factor of some units.
+    """Bound of the rounding errors of responses, up to a factor of order one.
 
-    ``parts`` are the outputs by how often they are differentiated: that, which ones, the products of the sizes of what
-    each mode sees and is seen of (rows inputs, k), and the known sums' sizes (rows, inputs, k + 1). ``b`` are the
+    ``parts`` are the outputs by order of differentiation: the order, the output numbers, the magnitudes of the modes'
+    input times output coefficients (rows inputs, k), and those of the known sums (rows, inputs, k + 1). ``b`` are the
     inputs and ``seen`` the outputs in the basis.
     """
 
@@ -68,7 +68,7 @@ class Noise:
         w : array, shape (n,)
             Angular frequencies [rad/s], none negative.
         summed : bool
-            Whether responses are sums over modes, which know what cancels above a mode; else they are solutions.
+            Whether responses are sums over modes, which avoid the cancellation above a mode; else they are solutions.
 
         Returns
         -------
@@ -125,7 +125,7 @@ class Terms:
         return Terms(modal, value, len(rigid), np.concatenate((size, rigid)), 1, corner, np.sort(corner), vectors)
 
     def gain(self, w: Array) -> tuple[Array, Array]:
-        """Return sizes (k, n) of 1 / (s - lambda), and what is left of them above the mode by the known sums."""
+        """Return magnitudes (k, n) of 1 / (s - lambda), and of the remainder above the mode, without the known sums."""
         corner = self.corner[:, None]
         if self.vectors is None:
             square, turn = self.modal.square[:, None], w * w
@@ -142,7 +142,7 @@ class Terms:
         return gain, np.minimum(1.0, (corner / w) ** 2)
 
     def left(self, both: Array, direct: Array | None) -> Array:
-        """Sizes of the known sums (rows, inputs, k + 1): they are added up below w or above it, where less cancels."""
+        """Magnitudes of the known sums (rows, inputs, k + 1), from below w or from above, whichever cancels less."""
         terms = (both * self.strength)[:, :, np.argsort(self.corner, kind="stable")]
         below, above = np.zeros((2, *terms.shape[:2], terms.shape[2] + 1))
         np.cumsum(terms, axis=2, out=below[:, :, 1:])
@@ -154,8 +154,8 @@ class Terms:
 class Changes:
     """Changes of responses by relative changes of one of all numbers of the equations.
 
-    ``rows`` are those of springs and dampers, and of inertia below; ``sizes`` one below the other their magnitudes, and
-    of the rows, of the outputs (``orders``) and of the inputs what rounding is relative to.
+    ``rows`` are those of springs and dampers, and of inertia below; ``sizes`` contains, one below the other, their
+    magnitudes, and the reference magnitudes for rounding of the rows, of the outputs (``orders``) and of the inputs.
     """
 
     rows: Array
@@ -167,13 +167,13 @@ class Changes:
 
     @staticmethod
     def of(system: Equations, modal: Damped) -> tuple[Changes, Changes]:
-        """Return those of the numbers that count most, a quick look from below, and of all numbers."""
+        """Return those of the most important numbers, a cheap lower bound, and those of all numbers."""
         inertia = system.inertia_factor[system.inertia_factor.any(axis=1)]
-        whole = Changes._of(system, inertia)
+        all_numbers = Changes._of(system, inertia)
         if len(inertia) <= 2 * system.dof:
-            return whole, whole
+            return all_numbers, all_numbers
         largest = np.argsort(-np.linalg.norm(inertia @ modal.shapes, axis=1), kind="stable")
-        return Changes._of(system, inertia[largest[: system.dof]]), whole
+        return Changes._of(system, inertia[largest[: system.dof]]), all_numbers
 
     @staticmethod
     def _of(system: Equations, inertia: Array) -> Changes:
@@ -185,7 +185,7 @@ class Changes:
         stiffness = np.abs(system.stiffness[used])
         return Changes(rows, stiffness[:, None], system.damping[used][:, None], sizes, orders, np.abs(system.D))
 
-    def at(self, w: Array, motion: Complex, felt: Complex | None = None) -> Array:
+    def at(self, w: Array, motion: Complex, relative_motion: Complex | None = None) -> Array:
         """Return the sum over all numbers.
 
         Parameters
@@ -194,8 +194,8 @@ class Changes:
             Angular frequencies [rad/s], none negative.
         motion : array, shape (m, inputs + outputs, n)
             Forward and adjoint motions.
-        felt : array, shape (rows, inputs + outputs, n), optional
-            What rows see of them; default: as much as rounding of the motions leaves of that.
+        relative_motion : array, shape (rows, inputs + outputs, n), optional
+            Relative motions along the rows; default: from ``motion``, as accurate as its rounding allows.
 
         Returns
         -------
@@ -205,12 +205,12 @@ class Changes:
         outputs, inputs = self.direct.shape
         count, springs = len(self.rows), len(self.stiffness)
         near = product(self.sizes, _magnitude(motion))
-        if felt is None:
+        if relative_motion is None:
             seen = _magnitude(real_product(self.rows, motion))
             seen -= ROUNDING * EPS * near[:count]
             np.maximum(seen, 0.0, out=seen)
         else:
-            seen = np.abs(felt)
+            seen = np.abs(relative_motion)
         seen[:springs] *= np.hypot(self.stiffness, self.damping * w)[:, None]
         seen[springs:] *= w * w
         far = near[count : 2 * count]
@@ -226,7 +226,7 @@ class Changes:
 
 
 def differentiated(system: Equations) -> list[tuple[int, Array]]:
-    """Return the rows (outputs, m) of displacements, velocities and accelerations that there are, with 0, 1 or 2."""
+    """Return the nonzero rows (outputs, m) of displacements, velocities and accelerations, with the order 0, 1 or 2."""
     return [(order, c) for order, c in enumerate((system.Cq, system.Cv, system.Ca)) if c.any()]
 
 
@@ -243,10 +243,10 @@ def real_product(left: Array, right: Complex) -> Complex:
 
 
 def _magnitude(values: Complex) -> Array:
-    """Return magnitudes in a fraction of the time of ``abs``, which minds numbers beyond 1e154 and below 1e-154."""
+    """Return magnitudes, faster than ``abs``; only for magnitudes between 1e-154 and 1e154."""
     return np.asarray(np.sqrt(np.square(values.real) + np.square(values.imag)))
 
 
 def _sizes(rows: Array) -> Array:
-    """What rounding of entries is relative to: the largest of the row, as 6e-17 may be a zero; zeros are exact."""
+    """Reference magnitudes for rounding of entries: the largest of the row, as 6e-17 may be a zero; zeros are exact."""
     return np.asarray((rows != 0.0) * np.abs(rows).max(axis=1, keepdims=True))

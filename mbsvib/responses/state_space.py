@@ -26,8 +26,8 @@ _RATE = {"m": "m/s", "rad": "rad/s", "modal": "modal/s"}
 class StateSpace:
     """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
 
-    ``transform`` (2m, states) leads back: (q, q') = transform x, and ``through`` (2m, inputs) u besides, which is None
-    but where a damped massless motion has a rate that inputs change at once. Arrays are read-only.
+    ``transform`` (2m, states) recovers (q, q') = transform x + ``through`` u. ``through`` (2m, inputs) is None except
+    for damped massless motions, whose rates depend directly on inputs. Arrays are read-only.
     """
 
     name: str
@@ -63,9 +63,9 @@ def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
     [[0, 1], [-l1 l2, l1 + l2]] for each mode's eigenvalues l1, l2 (one state for a mode of first order);  balanced:
     the physical states scaled by powers of two, so that rows and columns of A, B and C are of like size
 
-    The equations are proper, and as few as there are eigenvalues: where motions move no mass, those that nothing damps
-    are condensed in the system already, and of the damped ones there is no rate among the states: physical states are
-    then q and the rates that move mass (``"d(node.z + body.z)/dt"`` where a rate is a sum).
+    The equations are proper, with as many states as eigenvalues. The system contains no undamped massless motions (they
+    are condensed). Damped massless motions have no rates among the states: the physical states are then q and the rates
+    that move mass (``"d(node.z + body.z)/dt"`` if a rate is a sum).
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
     Raises
     ------
     ResponseError
-        If the realization is unknown, or modes all but meet, so that they have no modal states of their own.
+        If the realization is unknown, or eigenvalues of modes nearly coincide, so that they have no modal states.
     """
     if not isinstance(realization, str) or realization not in REALIZATIONS:
         raise ResponseError(f"state_space: realization = {realization!r}; expected one of {', '.join(REALIZATIONS)}."
@@ -103,7 +103,7 @@ def state_space(basis: Basis, realization: str = "physical") -> StateSpace:
 
 
 def _balanced(space: StateSpace) -> StateSpace:
-    """The same equations in states of like size; the unit of a state says what one of it is (``"2^-13 rad"``)."""
+    """The same equations in states of similar magnitude; the unit of a state includes its scale (``"2^-13 rad"``)."""
     from mbsvib.linalg.balancing import balanced
 
     a, b, c, transform, power = balanced(space.A, space.B, space.C, space.transform)
@@ -118,16 +118,17 @@ def _massless(basis: Basis, realization: str) -> StateSpace:
 
     system = basis.equations
     modal = basis.modal if realization == "modal" else None
-    found = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
+    reduced = modal_states(system, modal) if isinstance(modal, General) else first_order.physical(system)
     m = system.dof
-    q, rate = found.transform[:m], found.transform[m:]
-    through = found.through[m:]
-    # q'' = rate x' + through u': the rate of an input reaches no output, which linearize has made sure of
-    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ found.a)
-    d = system.D + system.Cv @ through + system.Ca @ (rate @ found.b)
+    q, rate = reduced.transform[:m], reduced.transform[m:]
+    through = reduced.through[m:]
+    # q'' = rate x' + through u': linearize ensures that no output depends on the rate of an input
+    c = system.Cq @ q + system.Cv @ rate + system.Ca @ (rate @ reduced.a)
+    d = system.D + system.Cv @ through + system.Ca @ (rate @ reduced.b)
     return StateSpace(
-        system.name, realization, found.a, found.b, c, d, found.transform, found.names, found.units, system.inputs,
-        system.input_units, system.outputs, system.output_units, found.through if system.massless else None,
+        system.name, realization, reduced.a, reduced.b, c, d, reduced.transform, reduced.names, reduced.units,
+        system.inputs, system.input_units, system.outputs, system.output_units,
+        reduced.through if system.massless else None,
     )  # fmt: skip
 
 
@@ -176,8 +177,8 @@ def _modal(basis: Basis) -> tuple[Array, Array, Array, tuple[str, ...], tuple[st
 
 
 def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, Array]:
-    """Columns T that turn the state matrix into companion blocks ``a``, in which those of close pairs are set, and the
-    inputs B of these.
+    """Columns T that transform the state matrix to companion blocks ``a`` (this sets those of close pairs), and the
+    inputs B.
     """
     from mbsvib.responses.energy_schur import energy_matrix
     from mbsvib.responses.modal_blocks import modal_inputs, pair_block
@@ -187,13 +188,14 @@ def _blocks(modal: Damped, a: Array, forces: Array, name: str) -> tuple[Array, A
     assert modal.vectors is not None
     scale, matrix = energy_matrix(modal)
     size = np.concatenate((scale, np.ones(m)))
-    for k, (one, two) in enumerate(modal.pairs):
+    for k, (first_value, second_value) in enumerate(modal.pairs):
         first, second = modal.vectors[:, k, 0], modal.vectors[:, k, 1]
-        if one == two == 0.0:  # a rigid-body mode that nothing brakes: z and z' themselves
+        if first_value == second_value == 0.0:  # an undamped rigid-body mode: z and z' themselves
             result[:m, 2 * k], result[m:, 2 * k + 1] = scale * first.real, first.real
             continue
-        v1, v2 = np.concatenate((scale * first, one * first)), np.concatenate((scale * second, two * second))
+        v1 = np.concatenate((scale * first, first_value * first))
+        v2 = np.concatenate((scale * second, second_value * second))
         at = slice(2 * k, 2 * k + 2)
-        a[at, at], result[:, at] = pair_block(matrix, one, two, v1, v2)
+        a[at, at], result[:, at] = pair_block(matrix, first_value, second_value, v1, v2)
     inputs = modal_inputs(matrix, a, result, [2] * m, forces, [f"mode{k // 2 + 1}" for k in range(2 * m)], name)
     return result / size[:, None], inputs

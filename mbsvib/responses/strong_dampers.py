@@ -1,4 +1,4 @@
-"""Dampers that are so strong that rounding in their products would be felt by motions that they lock."""
+"""Dampers so strong that rounding of their products would affect the motions that they nearly lock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STRONG = 200.0
 
 
 def strong_dampers(system: Equations, modal: Damped) -> Array | None:
-    """Return rows L (dampers, m) with Gamma = L^T L where rounding in Gamma is felt, else None.
+    """Return rows L (dampers, m) with Gamma = L^T L if rounding of Gamma is significant, else None.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""Time response: exact for inputs that are held or vary linearly between samples, whatever the step.
+"""Time response: exact for inputs that are constant or linear between samples, for any step.
 
-Every mode is carried from sample to sample by the closed form of its own solution (``modal_steps``), so that a step
-costs work in proportion to the number of modes. Equal steps run in many segments side by side: all segments from rest,
-one sample after the other; then what each inherits from the one before. Where eigenvectors of coupled damping are
-nearly dependent, the exponential of the whole state matrix takes the place of the modes.
+Every mode is advanced from sample to sample by its closed-form solution (``modal_steps``), so that a step costs work in
+proportion to the number of modes. Equal steps are computed in many parallel segments: first all segments from rest, one
+sample after the other, then the contributions of their initial states. If eigenvectors of coupled damping are nearly
+dependent, the exponential of the full state matrix is used instead of the modes.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 
 HOLDS = ("zero", "first")
-# Condition numbers of eigenvalues up to which a sum over modes loses less than the exponential beside strong dampers.
+# With strong dampers a sum over modes is more accurate than the exponential up to this condition number of eigenvalues.
 DEPENDENT = 1e3
-BESIDE = 1.001  # of the frequency of an undamped pole, where there is no response, it is looked at whether modes add up
+NEAR_POLE = 1.001  # factor of the poles' frequencies at which sums over modes are checked: at a pole they are infinite
 CHUNK = 4096  # samples whose states are held in memory at a time
 SEGMENTS = 64  # of one chunk, side by side
 STEPS_AT_ONCE = 256  # uneven steps whose closed forms are computed at a time
@@ -41,8 +41,8 @@ STEPS_AT_ONCE = 256  # uneven steps whose closed forms are computed at a time
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """States of one kind: ``motion`` steps them; ``force`` (k, inputs) drives, ``show`` (outputs, states, k) is the
-    share of each in the outputs, of which the real part counts; ``state`` (states, k) at the start.
+    """States of one kind: ``motion`` advances them; ``force`` (k, inputs) are the inputs, ``show`` (outputs, states, k)
+    the contributions to the outputs, of which the real part is taken; ``state`` (states, k) is the initial state.
     """
 
     motion: Oscillators | Exponentials
@@ -103,7 +103,7 @@ def time_response(
 
 
 def _independent(basis: Basis, modal: Damped) -> bool:
-    """Tell whether eigenvectors are good enough for initial states and inputs of any kind."""
+    """Tell whether eigenvectors are accurate enough for any initial states and inputs."""
     from mbsvib.responses.frequency_response import conditions, trusted
 
     if basis.strong_dampers is not None:  # a residual with Gamma would show its rounding, not that of the modes
@@ -140,9 +140,8 @@ def _complex(modal: Damped, b: Array, rates: tuple[Array, ...], start: Array) ->
 def _amplitudes(value: Any, left: Any, matrices: tuple[Array, Array, Array], initial: Array) -> Any:
     """Share of each eigenvalue in q and q' (2, m): y^T ((lambda M + C) q + M q') for rows y (k, m) of unit slope.
 
-    y^T (lambda M + C) q is -y^T K q / lambda as well: of both sums the one of smaller terms, as a spin or a damper
-    that makes lambda large beside K cancels in the first, a stiff spring that a slow motion hardly strains in the
-    second.
+    y^T (lambda M + C) q equals -y^T K q / lambda. The sum with smaller terms is taken: large spin or damping cancels in
+    the first, and a stiff spring that a slow motion hardly strains in the second.
     """
     (inertia, damping, stiffness), (q, v) = matrices, initial
 
@@ -162,7 +161,7 @@ def _run(block: _Block, time: Array, u: Array, first: bool) -> Array:
     y[:, 0] = np.tensordot(block.show, block.state, axes=2).real
     n = len(time) - 1
     h = (time[-1] - time[0]) / max(n, 1)
-    # stamps that differ from even ones by their own rounding are even
+    # time stamps that are even up to their rounding are treated as even
     even = np.abs(time - (time[0] + h * np.arange(n + 1))).max() <= 4.0 * EPS * np.abs(time[[0, -1]]).max()
     march = _even_steps(block, h) if even and n > 1 else _uneven_steps(block, np.diff(time))
     state = block.state
@@ -174,7 +173,7 @@ def _run(block: _Block, time: Array, u: Array, first: bool) -> Array:
 
 
 def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
-    """Return what carries a state through a chunk of even steps and gives the outputs."""
+    """Return the function that advances a state through a chunk of even steps and computes the outputs."""
     carry, held, ramp = block.motion.step(np.array([h]))
     hold, grow = held * block.force, ramp * block.force
     powers: dict[int, Any] = {}
@@ -205,7 +204,7 @@ def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, 
 
 
 def _forced(gain: Any, u: Array, length: int, count: int) -> Any:
-    """What the inputs add to the states at each sample, (length, states, k, count), segments side by side."""
+    """Contributions of the inputs to the states at each sample, (length, states, k, count), for parallel segments."""
     padded = np.zeros((len(u), length * count))
     padded[:, : u.shape[1]] = u
     parts = padded.reshape(len(u), count, length).transpose(2, 0, 1)
@@ -213,7 +212,7 @@ def _forced(gain: Any, u: Array, length: int, count: int) -> Any:
 
 
 def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
-    """Return what carries a state through a chunk of steps of any lengths and gives the outputs."""
+    """Return the function that advances a state through a chunk of steps of any length and computes the outputs."""
 
     def march(state: Any, u: Array, change: Array | None, start: int) -> tuple[Array, Any]:
         force = block.force @ u
@@ -235,7 +234,7 @@ def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | 
 
 
 def _by_exponential(system: Equations, modal: Damped, record: tuple[Array, Array, Array, bool]) -> Array:
-    """Outputs by the exponential of the whole state matrix; the step matrices of each length are made once."""
+    """Outputs by the exponential of the full state matrix; the step matrices of each length are computed once."""
     from mbsvib.responses.energy_schur import energy_matrix
 
     time, u, start, first = record
@@ -257,7 +256,7 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
 
     time, u, first = record
     n, k = len(a), len(u)
-    # the size of inputs must not decide how often expm squares
+    # the number of squarings in expm must not depend on the size of inputs
     size = np.abs(b).max(axis=0, initial=0.0)
     size[size == 0.0] = 1.0
     unit, u = b / size, u * size[:, None]
@@ -270,11 +269,11 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
         lengths[:] = even
     for i, h in enumerate(lengths.tolist()):
         if h not in steps:
-            whole = np.zeros((n + 2 * k, n + 2 * k))
-            whole[:n, :n] = a * h
-            whole[:n, n : n + k] = unit
-            whole[n : n + k, n + k :] = np.eye(k)
-            power = expm(whole)[:n]
+            augmented = np.zeros((n + 2 * k, n + 2 * k))
+            augmented[:n, :n] = a * h
+            augmented[:n, n : n + k] = unit
+            augmented[n : n + k, n + k :] = np.eye(k)
+            power = expm(augmented)[:n]
             steps[h] = power[:, :n], h * power[:, n : n + k], h * power[:, n + k :]
         carry, held, ramp = steps[h]
         x[:, i + 1] = carry @ x[:, i] + held @ u[:, i]
@@ -292,7 +291,7 @@ def _general(system: Equations, modal: General, record: tuple[Array, Array, Arra
     equations = responses.realization(system, state)
     start = state.position @ initial[0] + state.rate @ initial[1]
     speeds = np.sort(np.abs(modal.spectrum.values))
-    if not responses.trusted(modal, np.eye(len(state.basis)), BESIDE * speeds):
+    if not responses.trusted(modal, np.eye(len(state.basis)), NEAR_POLE * speeds):
         return equations.c @ _stepped(equations.a, equations.b, start, (time, u, first)) + equations.d @ u
     y: Array = equations.d @ u
     for block in _general_blocks(system, modal, (initial, start)):
@@ -302,10 +301,10 @@ def _general(system: Equations, modal: General, record: tuple[Array, Array, Arra
 
 
 def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Array]) -> list[_Block]:
-    """One state for each eigenvalue but 0, conjugates together; for 0 those that stand and those that drift."""
-    found, state = modal.spectrum, modal.state
-    value, x = found.values, found.right * np.where(found.turns, 2.0, 1.0)
-    left = found.left.T / found.slopes[:, None]
+    """One state for each nonzero eigenvalue, conjugates together; for 0 the motions at rest and those that drift."""
+    spectrum, state = modal.spectrum, modal.state
+    value, x = spectrum.values, spectrum.right * np.where(spectrum.turns, 2.0, 1.0)
+    left = spectrum.left.T / spectrum.slopes[:, None]
     begin = _amplitudes(value, left, (system.M, system.C, system.K), initial[0])
     show = system.Cq @ x + value * (system.Cv @ x + value * (system.Ca @ x))
     blocks = [_Block(Exponentials(value), left @ system.B, show[:, None], begin[None])]
@@ -315,7 +314,7 @@ def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Arr
         driven, held = state.left.T @ (state.force @ system.B), state.left.T @ initial[1]
         j, none = state.nilpotent, np.zeros(len(held))
         blocks.append(_Block(Exponentials(none.astype(complex)), driven, (stands + moves @ j)[:, None], held[None]))
-        # what drifts: J acts once, as a mass that nothing holds
+        # drift: J acts once, as for a free mass
         begin = np.stack((none, j @ held))
         blocks.append(_Block(Oscillators(none, none), j @ driven, np.stack((stands, moves * 0.0), axis=1), begin))
     return blocks

@@ -1,11 +1,11 @@
-"""Outputs that see next to nothing of what moves: where a sum over modes cannot tell them, the equations do.
+"""Outputs that are tiny compared with the motions: if a sum over modes is inaccurate, they are computed by refinement.
 
-Modes are right to rounding of the largest amplitudes. An output that sees 1e-12 of these (the slip of a joint that a
-strong damper locks, the force that is left in a soft spring far below resonance) has four digits then. A bound of that
-rounding, looked at in a few frequencies, tells which entries are in doubt: those that it leaves less than six digits,
-which no diagram shows and no margin needs; as it counts all terms at their largest, eight or more are there mostly.
-Most of them are zeros, by symmetry say, which rounding of the model's own numbers fills (``rounding``). Those that
-stand out of that are computed again from the equations (``refined``), in columns and at frequencies where it is asked.
+Modes are accurate to rounding of the largest amplitudes. An output of 1e-12 of these (the slip of a joint that a strong
+damper nearly locks, the force in a soft spring far below resonance) then has four digits. A bound of this rounding,
+evaluated at a few frequencies, shows which entries may have less than six digits. The bound is pessimistic: most have
+eight or more. Most of the doubtful entries are zeros, for example by symmetry, and their values are rounding of the
+model's own numbers (``rounding``). Entries that exceed this are computed again from the equations (``refined``), in the
+columns and at the frequencies concerned.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
 
     Solver = Callable[[Array], Callable[[Complex], Complex]]
 
-# Responses stand out from what an error of this many eps in every number of the model changes, or are zero.
+# A response is zero if an error of this many eps in every number of the model changes it by more than its value.
 LEFT = 64.0
-# Entries whose bound exceeds this part of themselves are computed again.
+# Entries whose error bound exceeds this part of their value are computed again.
 DIGITS = 1e-6
-# Zeros move with every correction by more than this part of themselves.
+# An entry that the last correction changes by more than this part of its value is zero.
 RESTLESS = 1e-3
 PROBES, CLOSER = 8, 4
 # Arrays of this size stay in the cache.
 BATCH_BYTES = 2**16
 
 
-def mended(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], solver: Solver) -> Complex:
-    """Return the responses with those that a sum over modes leaves in doubt from the equations themselves.
+def recomputed(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bool], solver: Solver) -> Complex:
+    """Return the responses; those that may be inaccurate are computed again from the equations.
 
     Parameters
     ----------
@@ -52,10 +52,10 @@ def mended(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], s
         Its modes.
     w : array, shape (n,)
         Angular frequencies [rad/s], none negative.
-    found : pair
+    responses : pair
         Responses (outputs, inputs, n), and whether they are sums over modes.
     solver : callable
-        Of some frequencies (k,): what solves the equations in the basis there for loads (m, inputs, k).
+        Takes frequencies (k,) and returns a solver of the equations in the basis for loads (m, inputs, k).
 
     Returns
     -------
@@ -63,11 +63,11 @@ def mended(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], s
         Transfer functions.
     """
     system = basis.equations
-    value, summed = found
+    value, summed = responses
     if not value.size or not system.dof:
         return value
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        entries = _entries(basis, modal, w, found, solver)
+        entries = _entries(basis, modal, w, responses, solver)
         if not entries.any():
             return value
         limit = basis.rounding.at(w, summed)
@@ -78,43 +78,43 @@ def mended(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], s
         for start in range(0, len(at), batch):
             part = at[start : start + batch]
             columns = np.flatnonzero(doubt[:, :, part].any(axis=(0, 2)))
-            place = np.ix_(np.arange(len(value)), columns, part)
+            block = np.ix_(np.arange(len(value)), columns, part)
             new = _forward(system, modal, w[part], solver, columns)
-            better = new.change + EPS * new.size <= limit[place]
-            result[place] = np.where(doubt[place] & better, new.value, value[place])
-            failed[place] = doubt[place] & ~(new.change <= limit[place])
+            better = new.change + EPS * new.size <= limit[block]
+            result[block] = np.where(doubt[block] & better, new.value, value[block])
+            failed[block] = doubt[block] & ~(new.change <= limit[block])
     result.imag[:, :, w == 0.0] = 0.0
     _warn(system, w, failed)
     return result
 
 
-def _entries(basis: Basis, modal: Damped, w: Array, found: tuple[Complex, bool], solver: Solver) -> Bools:
-    """Entries (outputs, inputs) that are in doubt at some of the frequencies, and stand out of rounding there."""
+def _entries(basis: Basis, modal: Damped, w: Array, responses: tuple[Complex, bool], solver: Solver) -> Bools:
+    """Entries (outputs, inputs) that are in doubt at some of the frequencies, and exceed rounding there."""
     system = basis.equations
     many = len(w) > PROBES
     probes = np.arange(PROBES) * (len(w) - 1) // (PROBES - 1) if many else np.arange(len(w))
-    value, at = np.abs(found[0][:, :, probes]), w[probes]
-    doubt: Bools = basis.rounding.at(at, found[1]) > DIGITS * value
+    value, at = np.abs(responses[0][:, :, probes]), w[probes]
+    doubt: Bools = basis.rounding.at(at, responses[1]) > DIGITS * value
     result: Bools = np.asarray(doubt.any(axis=2))
     if not result.any():
         return result
-    (quick, whole), motions = basis.rounding_changes, _motions(basis, modal, at, solver(at))
+    (quick, all_numbers), motions = basis.rounding_changes, _motions(basis, modal, at, solver(at))
     doubt &= value > LEFT * EPS * quick.at(at, motions)
-    if quick is not whole and doubt.any():
-        doubt &= value > LEFT * EPS * whole.at(at, motions)
+    if quick is not all_numbers and doubt.any():
+        doubt &= value > LEFT * EPS * all_numbers.at(at, motions)
     result = np.asarray(doubt.any(axis=2))
     if result.any():
         some = np.flatnonzero(doubt.any(axis=(0, 1)))
         at = w[probes[some[np.unique(np.linspace(0, len(some) - 1, CLOSER).astype(int))]]]
         both, inputs = _both(system, modal, at, solver), len(system.inputs)
         value, moved, floor = (a[:, :inputs] for a in (np.abs(both.value), both.change, both.floor))
-        change = whole.at(at, both.motion, both.felt)
+        change = all_numbers.at(at, both.motion, both.relative_motion)
         result &= (value > np.maximum(LEFT * EPS * change, np.maximum(moved / RESTLESS, floor))).any(axis=2)
     return result
 
 
 def _motions(basis: Basis, modal: Damped, w: Array, solve: Callable[[Complex], Complex]) -> Complex:
-    """Forward and adjoint motions (m, inputs + outputs, n), as ordinary solutions show them."""
+    """Forward and adjoint motions (m, inputs + outputs, n), in working precision."""
     return real_product(modal.shapes, solve(_loads(basis.rounding.b, basis.rounding.seen, w)))
 
 
@@ -144,7 +144,7 @@ def _warn(system: Equations, w: Array, failed: Bools) -> None:
     if failed.any():
         i, j, k = (int(v) for v in np.argwhere(failed)[0])
         warnings.warn(
-            f"frequency_response of {system.name}: {system.outputs[i]!r} sees so little of what {system.inputs[j]!r} "
-            f"moves at {w[k]:g} rad/s that rounding may leave no digit, and corrections from the equations do not "
-            f"settle ({np.count_nonzero(failed)} such values in all).", AccuracyWarning, stacklevel=4,
+            f"frequency_response of {system.name}: {system.outputs[i]!r} is so small compared with the "
+            f"motions due to {system.inputs[j]!r} at {w[k]:g} rad/s that it may be rounding only; its refinement does "
+            f"not converge ({np.count_nonzero(failed)} such values in total).", AccuracyWarning, stacklevel=4,
         )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Transmission zeros: where inputs and motions exist that no output shows.
+"""Transmission zeros: values of s at which some input and motion give zero output.
 
 The invariant zeros are the finite s at which [[K + s C + s^2 M, -B], [Cq + s Cv + s^2 Ca, D]] loses rank. In energy
-coordinates orthogonal transformations peel off what belongs to infinite zeros, level by level, until the feedthrough
-of what is left is regular; the zeros are eigenvalues of the rest. There is no polynomial anywhere. Each zero is then
+coordinates orthogonal transformations deflate the infinite zeros, level by level, until the feedthrough of the reduced
+system is regular; the zeros are eigenvalues of a matrix. No polynomial is formed. Each zero is then
 improved by Newton steps on the sum over modes, which has its full relative accuracy also where frequencies span many
 decades.
 
@@ -38,23 +38,23 @@ if TYPE_CHECKING:
 RANK = 2e-13
 # A feedthrough whose inverse is larger is not inverted; its zeros are those of a pencil.
 REGULAR = 1e3
-# A Newton step that moves a zero by more than this share of it is no correction of rounding errors.
+# A Newton step that changes a zero by more than this share does not correct rounding errors.
 CORRECTION, NEWTON_STEPS = 1e-3, 4
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
-# What belongs to zeros at infinity comes out finite where the peeling is ill-conditioned: along a chain of many masses,
-# for one. It is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the
-# nearest pole; elsewhere it is far from zero there, or lost in the rounding of its terms, which could put it anywhere.
+# Infinite zeros may come out finite if the deflation is ill-conditioned, for example along a chain of many masses. A
+# value is a zero of the transfer matrix only if that grows a thousandfold within a quarter of the way to the nearest
+# pole. Otherwise the transfer matrix is far from zero there, or it is rounding of its terms.
 GROWTH = 1e3
 COARSE = 0.25
-# A double zero at 0 comes out at the square root of rounding. It is at 0 if the static response is zero to rounding.
+# The error of a double zero at 0 is the square root of rounding. It is at 0 if the static response is zero to rounding.
 AT_REST, STATIC_ROUNDINGS = 1e-5, 30.0
-CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where a pole at 0 shows by its growth
+CLOSER = np.array([1e-2, 1e-3])  # points, in parts of the lowest pole, where growth indicates a pole at 0
 GROWS = 3.0
-# Zeros at 0 come out within these shares of the lowest pole, the farther off the more of them there are.
+# Computed zeros at 0 are within these shares of the lowest pole; the more there are, the larger their errors.
 NEAR_RIGID = (1e-3, 1e-4, 1e-5)
-# A power that is off a whole number by more is that of other zeros, which are near 0 but not there.
-WHOLE_POWER = 0.1
-AT_POLE = 1e-6  # zeros so near to a pole are those of modes that are not reached or not shown
+# If a power differs from an integer by more, some zeros are near 0 but not at 0.
+INTEGER_POWER = 0.1
+AT_POLE = 1e-6  # zeros so near to a pole are those of uncontrollable or unobservable modes
 
 
 def transmission_zeros(
@@ -74,8 +74,8 @@ def transmission_zeros(
     Returns
     -------
     array, shape (zeros,)
-        Zeros [1/s] in ascending magnitude. A mode that the inputs do not reach or the outputs do not show is one too:
-        exactly, or in double precision, as one that lives far along a chain from both.
+        Zeros [1/s] in ascending magnitude. An uncontrollable or unobservable mode is one too: exactly, or up to double
+        precision, such as a mode localized far along a chain from both.
 
     Raises
     ------
@@ -87,14 +87,14 @@ def transmission_zeros(
     if not system.dof or not sources or not results:
         return np.zeros(0, dtype=complex)
     a, b, c, d, still, unit = _realized(system, modal, sources, results)
-    found = _finite_zeros(a, b, c, d) * unit
-    total = _transfer(system, modal, (sources, results), found)
-    found = _refined(modal, total, found)
-    found = _at_rest(system, modal, total, found, (sources, results), still)
-    if isinstance(total, ModalSum) or total.finite_zeros() != len(found) + still:
-        found = found[_known(modal, total, found, _rounding(system, modal, total, (sources, results), found))]
-    found = np.concatenate((np.zeros(still), found))
-    return found[np.lexsort((-found.imag, np.abs(found)))]
+    zeros = _finite_zeros(a, b, c, d) * unit
+    total = _transfer(system, modal, (sources, results), zeros)
+    zeros = _refined(modal, total, zeros)
+    zeros = _at_rest(system, modal, total, zeros, (sources, results), still)
+    if isinstance(total, ModalSum) or total.finite_zeros() != len(zeros) + still:
+        zeros = zeros[_known(modal, total, zeros, _rounding(system, modal, total, (sources, results), zeros))]
+    zeros = np.concatenate((np.zeros(still), zeros))
+    return zeros[np.lexsort((-zeros.imag, np.abs(zeros)))]
 
 
 def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> list[int]:
@@ -244,11 +244,11 @@ def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Comple
         value = _smallest(total.at(z))[0]
         for _ in range(NEWTON_STEPS):
             distance = np.abs(z[:, None] - poles).min(axis=1)
-            beside = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
-            here, there = total.at(z), total.at(z + beside)
+            offset = SECANT * distance * np.where(z != 0.0, z / np.abs(z), 1.0)
+            here, there = total.at(z), total.at(z + offset)
             size, left, right = _smallest(here)
             change = np.einsum("no,oin,ni->n", left.conj(), there - here, right)
-            new = z - beside * (size / change)
+            new = z - offset * (size / change)
             if undamped:
                 new.real[z.real == 0.0] = 0.0
             new.imag[z.imag == 0.0] = 0.0
@@ -265,8 +265,8 @@ def _at_rest(
     system: Equations, modal: Damped | General, total: ModalSum | Resolvent, z: Complex,
     ports: tuple[list[int], list[int]], still: int,
 ) -> Complex:  # fmt: skip
-    """Put zeros next to 0 there if the static response is zero to rounding, or if poles are at 0 that it does not show:
-    rigid-body modes that no input reaches, or no output sees. ``still`` of the zeros at 0 are left out.
+    """Set zeros next to 0 to 0 if the static response is zero to rounding, or if poles at 0 do not appear in it:
+    uncontrollable or unobservable rigid-body modes. ``still`` of the zeros at 0 are left out.
     """
     poles = modal.pairs.reshape(-1) if isinstance(modal, Damped) else modal.values
     size = np.abs(poles)
@@ -276,7 +276,7 @@ def _at_rest(
             return z
         if len(ports[0]) == len(ports[1]):
             known = _known(modal, total, z, _rounding(system, modal, total, ports, z))
-            return _beside_rigid(total, poles, (z, known), lowest, still)
+            return _near_rigid_poles(total, poles, (z, known), lowest, still)
         near = np.abs(z) <= AT_REST * lowest
         if near.any():
             with np.errstate(all="ignore"):
@@ -294,10 +294,10 @@ def _at_rest(
     return z
 
 
-def _beside_rigid(
+def _near_rigid_poles(
     total: ModalSum | Resolvent, poles: Complex, zeros: tuple[Complex, NDArray[np.bool_]], lowest: float, still: int
 ) -> Complex:
-    """Put as many zeros of a square system at 0 as its determinant, c s^(zeros - poles) near 0, says with its poles.
+    """Set as many zeros of a square system to 0 as follow from its determinant, c s^(zeros - poles) near 0.
 
     Poles and zeros elsewhere, and those near 0 that are known, are divided out, so that the power is a whole number at
     any points near 0.
@@ -312,7 +312,7 @@ def _beside_rigid(
             left = size - np.log(np.abs(s[:, None] - far)).sum(axis=1)
             power = (left[0] - left[1]) / np.log(CLOSER[0] / CLOSER[1])
             count = np.round(power) + np.count_nonzero(poles == 0.0) - still
-            if np.abs(power - np.round(power)) < WHOLE_POWER and count == len(z) - len(far):
+            if np.abs(power - np.round(power)) < INTEGER_POWER and count == len(z) - len(far):
                 return np.concatenate((np.zeros(int(count)), far))
     return z
 
@@ -337,15 +337,15 @@ def _transfer(
 
 
 def _known(modal: Damped | General, total: ModalSum | Resolvent, z: Complex, noise: Array) -> NDArray[np.bool_]:
-    """Tell which zeros rounding leaves where they are."""
+    """Tell which zeros are determined despite rounding."""
     if not len(z):
         return np.zeros(0, dtype=bool)
     distance = np.abs(z[:, None] - np.unique(modal.pairs)).min(axis=1)
     size = np.abs(z)
-    beside = COARSE * distance * np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
+    offset = COARSE * distance * np.where(size > 0.0, z / np.where(size > 0.0, size, 1.0), 1.0)
     with np.errstate(all="ignore"):
         value, left, right = _smallest(total.at(z))
-        change = np.abs(np.einsum("no,oin,ni->n", left.conj(), total.at(z + beside), right))
+        change = np.abs(np.einsum("no,oin,ni->n", left.conj(), total.at(z + offset), right))
         rounding = np.einsum("no,oin,ni->n", np.abs(left), noise, np.abs(right))
         clear = change > GROWTH * np.maximum(value, rounding)
     return np.asarray(clear | (distance <= AT_POLE * size) | (size == 0.0))

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
 
-# Vectors that are new by less than this share of their length are rounding.
+# If less than this share of a vector remains after orthogonalization, the remainder is rounding.
 NEW = 1e-12
-# Ritz values are looked at when the basis has grown by this share.
+# Ritz values are computed when the basis has grown by this share.
 GROWTH = 0.3
 
 
@@ -57,7 +57,7 @@ def arnoldi(
     apply: Callable[[NDArray[Any]], NDArray[Any]], start: NDArray[Any], enough: Callable[[Ritz], bool],
     dimensions: tuple[int, int],
 ) -> Ritz:  # fmt: skip
-    """Return Ritz values and vectors of a linear operator, the largest first, until they are enough.
+    """Return Ritz values and vectors of a linear operator, the largest first.
 
     Parameters
     ----------
@@ -66,14 +66,14 @@ def arnoldi(
     start : array, shape (n, b)
         The first block.
     enough : callable
-        Tells whether Ritz values will do.
+        Tells whether the Ritz values suffice, which ends the iteration.
     dimensions : tuple of int
-        Dimension of the basis at which they are first looked at, and the largest.
+        Dimension of the basis at which they are first computed, and the maximum.
 
     Returns
     -------
     Ritz
-        The values; not enough if the basis has its largest dimension.
+        The values; they may not suffice if the basis has its maximum dimension.
     """
     block = np.linalg.qr(start)[0]
     n, limit = len(block), min(dimensions[1], len(block))
@@ -103,7 +103,7 @@ def arnoldi(
 
 
 def _independent(new: NDArray[Any], length: float) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Orthonormal columns of a block, less those that are rounding, and the block in these."""
+    """Orthonormal columns of a block, without those that are rounding, and the block in these."""
     from scipy.linalg import qr
 
     block, upper, order = qr(new, mode="economic", pivoting=True)

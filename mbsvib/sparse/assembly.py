@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from mbsvib.sparse.spin_forces import SpinForces
     from mbsvib.sparse.tree import Tree
 
-# Multipliers that pass through a joint fill the factors in the order leaves to root, quadratically; where there are
-# more than this on average (grids; a single spatial loop has 6) a general ordering fills less.
+# In the order from leaves to root, the fill grows with the square of the number of multipliers of loops through a
+# joint. If there are more than this on average (grids; a single spatial loop has 6), a general ordering fills less.
 OVERLAP = 12.0
 
 S = TypeVar("S", bound=SparseEquations)
@@ -60,7 +60,7 @@ def linearized(
     model: Mechanism, cut: Sequence[str] | None = None, gone: frozenset[str] = frozenset(),
     form: type[S] = SparseEquations,  # type: ignore[assignment]
 ) -> S:  # fmt: skip
-    """Return the linear equations of motion about the model's pose, held sparse.
+    """Return the linear equations of motion about the model's pose, as sparse matrices.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def linearized(
     cut : sequence of str, optional
         Joints at which loops are to be cut; default: chosen by the smallest cumulative degree of freedom.
     gone : frozenset of str, optional
-        Bodies that are no longer in the model, though springs and ports still name them: they stand still.
+        Bodies that are no longer in the model, though springs and ports still name them: they are fixed.
     form : type
         The class of the equations.
 
@@ -93,65 +93,65 @@ def linearized(
     structure = tree(topology, bodies)
     couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
     closure = constraints(topology, bodies, number, structure, couplers)
-    place = layout(structure, int(closure.kept.sum()), closure.touched)
+    unknowns = layout(structure, int(closure.kept.sum()), closure.touched)
     springs = _elements.stack(model.springs.values(), number)
-    elastic = relative_rows(structure, place, springs.rows)
+    elastic = relative_rows(structure, unknowns, springs.rows)
     acting = np.flatnonzero(np.diff(elastic.indptr))
     springs, elastic = springs.only(acting), elastic[acting]
     inertia = spatial_inertia(bodies)
-    of_bodies = inertia_rows(place, inertia)
+    of_bodies = inertia_rows(unknowns, inertia)
     rows, k, c, owner = elastic, springs.stiffness, springs.damping, springs.owner
     shared = None if model.pieces is None else shared_rows(model.pieces, number, len(model.springs))
     if shared is not None:
-        of_bodies, rows, k, c, owner = _with_shared(shared, structure, place, of_bodies, rows, k, c, owner)
+        of_bodies, rows, k, c, owner = _with_shared(shared, structure, unknowns, of_bodies, rows, k, c, owner)
     factor = _with_inerters(of_bodies, springs, elastic)
     names = (*model.springs, *(() if shared is None else shared.names))
     port = ports(model, bodies, number)
     loading: tuple[str, ...] = ()
     undetermined: tuple[Undetermined, ...] = ()
-    found = None
+    geometric_part = None
     shared_by = regions(topology, structure, closure, number, [k for _, kind, k, _ in port.wrench_outputs
                                                                if kind == "joint"])  # fmt: skip
     if is_loaded(model):
         from mbsvib.sparse.loads import geometric
 
-        found = geometric(nodes, topology, structure, place, closure, number, springs,
-                          dict.fromkeys(shared_by.values()))  # fmt: skip
-        rows, k, c, owner = _with_loads(found, rows, k, c, owner, len(names))
-        loading = found.names
-    circulatory = None if found is None else found.circulatory
-    gyroscopic, spins = None, spin_forces(model, bodies, structure, place)
+        geometric_part = geometric(nodes, topology, structure, unknowns, closure, number, springs,
+                                   dict.fromkeys(shared_by.values()))  # fmt: skip
+        rows, k, c, owner = _with_loads(geometric_part, rows, k, c, owner, len(names))
+        loading = geometric_part.names
+    circulatory = None if geometric_part is None else geometric_part.circulatory
+    gyroscopic, spins = None, spin_forces(model, bodies, structure, unknowns)
     if spins is not None:
         spin = spin_contribution(model, bodies, tuple(model.springs.values()))
-        spun = unknown_rows(spin, structure, place)
+        spun = unknown_rows(spin, structure, unknowns)
         gyroscopic, turning = antisymmetric(spin.gyroscopic, spun), antisymmetric(spin.circulatory, spun)
         if turning is not None:
             circulatory = turning if circulatory is None else circulatory + turning
-    loop_rows, moving = closure.over_unknowns(structure, place), kinematics(structure, place)
+    loop_rows, moving = closure.over_unknowns(structure, unknowns), kinematics(structure, unknowns)
     tableau = build(
-        structure, place, moving, rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
+        structure, unknowns, moving, rows, k, c, (factor.T @ factor).tocsr(), loop_rows,
         closure.slides, _ordering(closure), circulatory, gyroscopic,
     )  # fmt: skip
-    check_mobility(structure, closure, place, tableau)
-    seen = relative_rows(structure, place, port.rows)
-    inputs, outputs, through = _port_rows(port, seen, springs, elastic, of_bodies, inertia, place, structure.position,
-                                          shared)  # fmt: skip
+    check_mobility(structure, closure, unknowns, tableau)
+    seen = relative_rows(structure, unknowns, port.rows)
+    inputs, outputs, through = _port_rows(port, seen, springs, elastic, of_bodies, inertia, unknowns,
+                                          structure.position, shared)  # fmt: skip
     if spins is not None:
         outputs = (_with_spin(port, model, spins, outputs[0]), *outputs[1:])
     if port.wrench_outputs:
-        from mbsvib.sparse.forces import Acting
+        from mbsvib.sparse.forces import ForceSums
 
-        sums = Acting(topology, structure, place, closure, number, springs, elastic, inertia, of_bodies, port,
-                      seen[: len(port.force_inputs)], shared, found, shared_by, spins)  # fmt: skip
+        sums = ForceSums(topology, structure, unknowns, closure, number, springs, elastic, inertia, of_bodies, port,
+                         seen[: len(port.force_inputs)], shared, geometric_part, shared_by, spins)  # fmt: skip
         more, straight = sums.outputs()
         undetermined = sums.undetermined(tuple(model.outputs))
         outputs = (outputs[0] + more[0], outputs[1] + more[1], outputs[2] + more[2])
         through = through + straight
     separated = None
-    light = massless_motions(structure, place, inertia, shared, moving, factor, loop_rows)
+    light = massless_motions(structure, unknowns, inertia, shared, moving, factor, loop_rows)
     if light is not None:
         separated = separation(
-            light, structure, place, topology.bodies, (rows, k, c), (circulatory, gyroscopic), inputs, outputs,
+            light, structure, unknowns, topology.bodies, (rows, k, c), (circulatory, gyroscopic), inputs, outputs,
             (tuple(model.outputs), tuple(model.inputs)),
         )  # fmt: skip
         through = through + separated.at_once
@@ -159,7 +159,7 @@ def linearized(
         name=model.name, joint_coordinates=structure.names, inputs=tuple(model.inputs), input_units=port.input_units,
         outputs=tuple(model.outputs), output_units=port.output_units, bodies=topology.bodies,
         springs=names, topology=topology,
-        structure=structure, constraints=closure, layout=place,
+        structure=structure, constraints=closure, layout=unknowns,
         tableau=tableau, elastic_rows=rows, loop_rows=loop_rows, inertia_factor=factor, stiffness=k, damping=c,
         row_owner=owner, input_rows=inputs, output_rows=outputs, D=through,
         model=copy(model), loading=loading, undetermined=undetermined, circulatory=circulatory,
@@ -168,7 +168,7 @@ def linearized(
 
 
 def _with_inerters(factor: csr_matrix, springs: Elements, elastic: csr_matrix) -> csr_matrix:
-    """Put the rows of inerters, times the roots of their inertance, below those of bodies."""
+    """Append the rows of inerters, times the roots of their inertance, to those of bodies."""
     if springs.inertance is None:
         return factor
     from scipy.sparse import diags, vstack
@@ -178,17 +178,17 @@ def _with_inerters(factor: csr_matrix, springs: Elements, elastic: csr_matrix) -
 
 
 def _with_shared(
-    shared: Shared, structure: Tree, place: Layout, factor: csr_matrix, rows: csr_matrix, k: Array, c: Array,
+    shared: Shared, structure: Tree, layout: Layout, factor: csr_matrix, rows: csr_matrix, k: Array, c: Array,
     owner: Index,
 ) -> tuple[csr_matrix, csr_matrix, Array, Array, Index]:  # fmt: skip
-    """Put mass and elastic rows that more than two bodies share below those of bodies and springs."""
+    """Append mass and elastic rows that more than two bodies share to those of bodies and springs."""
     from scipy.sparse import vstack
 
     if shared.mass is not None:
-        factor = vstack((factor, shared.mass.of_sparse(relative_rows(structure, place, shared.mass.rows)))).tocsr()
+        factor = vstack((factor, shared.mass.of_sparse(relative_rows(structure, layout, shared.mass.rows)))).tocsr()
     if shared.elastic is not None:
         blend = shared.elastic
-        more = blend.composite.of_sparse(relative_rows(structure, place, blend.composite.rows))
+        more = blend.composite.of_sparse(relative_rows(structure, layout, blend.composite.rows))
         more.eliminate_zeros()
         acts = np.flatnonzero(np.diff(more.indptr))
         number = {name: shared.first + i for i, name in enumerate(shared.names)}
@@ -200,17 +200,18 @@ def _with_shared(
 
 
 def _with_loads(
-    found: Geometric, rows: csr_matrix, k: Array, c: Array, owner: Index, first: int
+    geometric_part: Geometric, rows: csr_matrix, k: Array, c: Array, owner: Index, first: int
 ) -> tuple[csr_matrix, Array, Array, Index]:
-    """Put rows of geometric stiffness, which damp nothing, below the elastic ones; ``first`` is their first owner."""
+    """Append rows of geometric stiffness, without damping, to the elastic ones; ``first`` is their first owner."""
     from scipy.sparse import vstack
 
-    return (vstack((rows, found.rows)).tocsr(), np.concatenate((k, found.stiffness)),
-            np.concatenate((c, np.zeros(len(found.owner)))), np.concatenate((owner, first + found.owner)))  # fmt: skip
+    added = geometric_part.owner
+    return (vstack((rows, geometric_part.rows)).tocsr(), np.concatenate((k, geometric_part.stiffness)),
+            np.concatenate((c, np.zeros(len(added)))), np.concatenate((owner, first + added)))  # fmt: skip
 
 
 def _with_spin(port: Ports, model: Mechanism, spins: SpinForces, rows: csr_matrix) -> csr_matrix:
-    """Rows of outputs with what dampers that turn along with spinning bodies add to the forces in their bushings."""
+    """Rows of outputs, with the contributions of rotating dampers to the forces in their bushings."""
     from scipy.sparse import csr_matrix
 
     elements = list(model.springs.values())
@@ -254,13 +255,13 @@ def _ordering(closure: Constraints) -> str:
     return "NATURAL" if not covered or len(row) / covered < OVERLAP else "COLAMD"
 
 
-def inertia_rows(place: Layout, inertia: SpatialInertia) -> csr_matrix:
+def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:
     """Return W of M = W^T W over the unknowns: three rows for the translation of each body and three for its rotation.
 
     Parameters
     ----------
-    place : Layout
-        Where displacements are among the unknowns.
+    layout : Layout
+        Positions of the displacements among the unknowns.
     inertia : SpatialInertia
         Square roots of the bodies' inertia.
 
@@ -275,29 +276,29 @@ def inertia_rows(place: Layout, inertia: SpatialInertia) -> csr_matrix:
     root = np.zeros((n, 6, 6))
     root[:, [0, 1, 2], [0, 1, 2]] = inertia.linear[:, None]
     root[:, 3:, 3:] = inertia.angular
-    body, row, direction = np.nonzero((root != 0.0) & (place.displacement >= 0)[:, None])
-    return csr_matrix((root[body, row, direction], (6 * body + row, place.displacement[body, direction])),
-                      shape=(6 * n, place.size))  # fmt: skip
+    body, row, direction = np.nonzero((root != 0.0) & (layout.displacement >= 0)[:, None])
+    return csr_matrix((root[body, row, direction], (6 * body + row, layout.displacement[body, direction])),
+                      shape=(6 * n, layout.size))  # fmt: skip
 
 
 def _port_rows(
     port: Ports, seen: csr_matrix, springs: Elements, elastic: csr_matrix, factor: csr_matrix, inertia: SpatialInertia,
-    place: Layout, position: Array, shared: Shared | None = None,
+    layout: Layout, position: Array, shared: Shared | None = None,
 ) -> tuple[csr_matrix, tuple[csr_matrix, csr_matrix, csr_matrix], Array]:  # fmt: skip
-    """Rows of the inputs, rows of the outputs by derivative, and what passes straight through (D)."""
+    """Rows of the inputs, rows of the outputs by derivative, and the feedthrough D."""
     from scipy.sparse import coo_matrix, csr_matrix
 
     forces = len(port.force_inputs)
-    shape = (len(port.input_units), place.size)
+    shape = (len(port.input_units), layout.size)
     entries = seen[:forces].tocoo()
     inputs = coo_matrix((entries.data, (port.force_inputs[entries.row], entries.col)), shape=shape).tocsr()
     through = np.zeros((len(port.output_units), len(port.input_units)))
     for column, motion in port.base_motions:
         linear, angular = np.array(motion.wrench[:3]), np.array(motion.wrench[3:])
-        carried = np.empty((len(position), 6, 1))
-        carried[:, :3, 0] = np.cross(angular, position - motion.position) + linear
-        carried[:, 3:, 0] = angular
-        moved = inertia.factor(carried)
+        base_acceleration = np.empty((len(position), 6, 1))
+        base_acceleration[:, :3, 0] = np.cross(angular, position - motion.position) + linear
+        base_acceleration[:, 3:, 0] = angular
+        moved = inertia.factor(base_acceleration)
         if shared is not None:
             moved = shared.carried(moved, linear, angular, np.array(motion.position))
         force = -(factor.T @ moved[:, 0])
@@ -306,7 +307,7 @@ def _port_rows(
         for row, output, point in port.inertial_outputs:
             here = np.cross(angular, np.subtract(point, motion.position)) + linear
             through[row, column] = np.dot(output.wrench, (*here, *angular))
-    shape = (len(port.output_units), place.size)
+    shape = (len(port.output_units), layout.size)
     outputs = []
     entries = seen[forces:].tocoo()
     for derivative in range(3):

@@ -1,4 +1,4 @@
-"""The choice between the dense and the sparse equations of motion, by what is asked for and by size."""
+"""The choice between the dense and the sparse equations of motion, by the arguments and by size."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ E = TypeVar("E", bound=Equations)
 S = TypeVar("S", bound=SparseEquations)
 
 METHODS = ("dense", "sparse")
-# Coordinates of the tree from which on the sparse equations are taken unless said otherwise. Linearized, with ten
-# modes, they are as quick as the dense ones at 150 to 300 coordinates (chains, ladders); dense equations answer more
-# questions (all modes, matrices), so they are kept up to where they cost ten times as much: some tenths of a second.
+# Number of tree coordinates from which on the sparse equations are the default. With ten modes, they are as fast as the
+# dense ones at 150 to 300 coordinates (chains, ladders). Dense equations provide more results (all modes, matrices), so
+# they are used until they cost ten times as much: some tenths of a second.
 MANY = 600
 
 
@@ -42,7 +42,7 @@ def wants_sparse(
     method : str or None
         "dense", "sparse", or None for a choice by size.
     independent, cut, values
-        As given to ``linearize``; minimal coordinates and variants are matters of the dense path.
+        As given to ``linearize``; minimal coordinates and variants need dense equations.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def wants_sparse(
     Raises
     ------
     ModelError
-        If the method is unknown or cannot do what is asked for.
+        If the method is unknown or does not support the arguments.
     """
     if method not in (None, *METHODS):
         raise ModelError(f"linearize: method = {method!r}; expected 'dense', 'sparse', or None for a choice by size."
@@ -95,7 +95,7 @@ def linearized(
     Raises
     ------
     ModelError
-        If the method is unknown or cannot do what is asked for.
+        If the method is unknown or does not support the arguments.
     """
     plain = expanded(model)
     if not (method is None and is_small(plain)) and wants_sparse(plain, method, independent, cut):

@@ -1,11 +1,11 @@
 """Constraints: which of the rows that cut joints lock are independent, loop by loop.
 
 Redundant rows are legal (planar loops in space have three each) but their multipliers are not determined, so the
-tableau holds independent rows only. Loops that share a coordinate form a group. A small group is decided by the dense
-path's own pivoted QR on the group's own coordinates. In a large one each loop is first freed of what is redundant in
-itself. Of what is left, the pivots of S S^T + delta, S the scaled rows, are the squared distances of a row from those
-before it: most rows are certainly independent by these, and the others are decided by a pivoted QR of what the certain
-ones leave of them.
+tableau contains independent rows only. Loops that share a coordinate form a group. The rank of a small group is decided
+by the dense path's pivoted QR on the coordinates of the group. In a large group, rows that are redundant within one
+loop are removed first. For the remaining rows S, scaled, the pivots of S S^T + delta are the squared distances of each
+row from the rows before it. By these most rows are certainly independent; the others are projected on the complement of
+the certain ones, and a pivoted QR decides.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     Scales = Callable[[Index, float], Array]
     Rod = tuple[int, int, int, int, Array, Array]
 
-# Groups up to this many entries (rows times coordinates) are decided whole by a dense QR: 0.1 s.
+# Groups up to this many entries (rows times coordinates) are decided by one dense QR: 0.1 s.
 WHOLE = 250_000
 
 
@@ -62,9 +62,9 @@ class Constraints:
     """Locked rows of the cut joints: all ``rows`` with their ``names``, the number ``loop`` of their cut joint and the
     mask ``kept`` of the independent ones; ``groups`` of loops; ``crossing``, the locked rotations that are normal to an
     axis of each body (row, axis in first, axis in second); ``rods`` of distance joints, cut or in the tree (row or -1,
-    coordinate or -1, first, second, start, end); and ``touched``, the row and body of every joint on the path of a kept
-    row (rows counted among the kept ones). Couplers come behind the rows, one each, in ``names``, ``loop``, ``kept``
-    and ``groups``.
+    coordinate or -1, first, second, start, end); and ``touched``, the row and body of every joint on the path of an
+    independent row (rows counted among these). In ``names``, ``loop``, ``kept`` and ``groups`` the couplers follow the
+    rows, one entry each.
     """
 
     rows: Rows
@@ -79,13 +79,13 @@ class Constraints:
 
     @property
     def independent(self) -> Rows:
-        """The rows of cut joints that the tableau holds."""
-        kept = self.kept[: len(self.rows.first)]
-        return Rows(*(getattr(self.rows, key)[..., kept] for key in Rows.__slots__))
+        """The rows of cut joints that the tableau contains."""
+        mask = self.kept[: len(self.rows.first)]
+        return Rows(*(getattr(self.rows, key)[..., mask] for key in Rows.__slots__))
 
     @property
     def slides(self) -> Mask:
-        """Which multipliers are forces, and not moments."""
+        """Mask of the multipliers that are forces, and not moments."""
         own = np.asarray(self.independent.force.any(axis=0), dtype=bool)
         if self.couplers is None:
             return own
@@ -101,15 +101,15 @@ class Constraints:
         used = self.kept[row]
         return (np.cumsum(self.kept) - 1)[row[used]], column[used], value[used]
 
-    def over_unknowns(self, tree: Tree, place: Layout) -> csr_matrix:
+    def over_unknowns(self, tree: Tree, layout: Layout) -> csr_matrix:
         """Return the independent rows over the unknowns of the tableau."""
-        rows = relative_rows(tree, place, self.independent)
+        rows = relative_rows(tree, layout, self.independent)
         if self.couplers is None:
             return rows
         from scipy.sparse import vstack
 
-        kept = np.flatnonzero(self.kept[len(self.rows.first) :])
-        return vstack((rows, self.couplers.rows(tree, place)[kept])).tocsr()
+        couplers = np.flatnonzero(self.kept[len(self.rows.first) :])
+        return vstack((rows, self.couplers.rows(tree, layout)[couplers])).tocsr()
 
 
 def constraints(
@@ -150,8 +150,8 @@ def constraints(
         point = joint.point or bodies[min(a, b)].position
         if joint.successive:
             row = next(i for i, (_, six) in enumerate(joint.locked) if any(six[3:]))
-            (_, one), (_, two) = joint.freedom[-2:]
-            crossing.append((len(names) + row, one[3:], two[3:]))
+            (_, first_twist), (_, second_twist) = joint.freedom[-2:]
+            crossing.append((len(names) + row, first_twist[3:], second_twist[3:]))
         for direction, six in joint.locked:
             tuples.append((a, b, *point, *six))
             names.append(f"{joint.name}.{direction}")
@@ -165,17 +165,17 @@ def constraints(
         cut += couplers.names
     entries = Entries(*locked_entries(tree, rows, couplers), np.array(loop, dtype=np.intp), len(names))
     scales, arms = partial(row_scale, rows, couplers), partial(arm, topology, tree.position)
-    kept = np.ones(len(names), dtype=bool)
-    found: list[LoopGroup] = []
+    independent = np.ones(len(names), dtype=bool)
+    groups: list[LoopGroup] = []
     for members in entries.groups():
         group = _decide(tree, rows, names, cut, entries, members, scales, arms)
-        found.append(group)
+        groups.append(group)
         redundant = set(group.redundant)
-        kept[[row for row in group.rows.tolist() if names[row] in redundant]] = False
-    place = np.cumsum(kept) - 1
-    used = kept[entries.row]
-    return Constraints(rows, tuple(names), entries.loop, kept, tuple(found), tuple(crossing), rods,
-                       (place[entries.row[used]], tree.carried[entries.column[used]]), couplers)  # fmt: skip
+        independent[[row for row in group.rows.tolist() if names[row] in redundant]] = False
+    number_of = np.cumsum(independent) - 1
+    used = independent[entries.row]
+    return Constraints(rows, tuple(names), entries.loop, independent, tuple(groups), tuple(crossing), rods,
+                       (number_of[entries.row[used]], tree.carried[entries.column[used]]), couplers)  # fmt: skip
 
 
 def _rods(topology: Topology, number: Mapping[str, int], tree: Tree, names: list[str]) -> tuple[Rod, ...]:
@@ -225,63 +225,65 @@ def _decide(
     columns = np.unique(entries.of(members)[1])
     loops = np.unique(entries.loop[members])
     if len(loops) == 1 or len(members) * len(columns) <= WHOLE:
-        return _whole(tree, rows, names, cut, entries, members, scales, arms)
-    parts = [_whole(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales, arms) for k in loops]
+        return _decide_dense(tree, rows, names, cut, entries, members, scales, arms)
+    parts = [_decide_dense(tree, rows, names, cut, entries, members[entries.loop[members] == k], scales, arms)
+             for k in loops]  # fmt: skip
     gone = {name for part in parts for name in part.redundant}
     left = np.array([row for row in members.tolist() if names[row] not in gone], dtype=np.intp)
     noise = max(part.noise for part in parts)
     limit = max(DEPENDENT_DISTANCE, RANK_FACTOR * noise)
-    redundant, kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales), limit)
-    _check_gap([name for part in parts for name in part.joints], kept, dropped)
+    redundant, smallest_kept, dropped = _dependent(_unit_rows(tree, entries, left, columns, scales), limit)
+    _check_gap([name for part in parts for name in part.joints], smallest_kept, dropped)
     gone |= {names[left[k]] for k in redundant.tolist()}
     return LoopGroup(
-        tuple(name for part in parts for name in part.joints), members, columns, len(left) - len(redundant), kept,
-        max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
+        tuple(name for part in parts for name in part.joints), members, columns, len(left) - len(redundant),
+        smallest_kept, max([dropped, *(part.dropped for part in parts)]), max(part.length for part in parts),
         noise, partial(tuple, [names[row] for row in members.tolist() if names[row] in gone]),
     )  # fmt: skip
 
 
-def _whole(
+def _decide_dense(
     tree: Tree, rows: Rows, names: list[str], cut: list[str], entries: Entries, members: Index, scales: Scales,
     arms: Arms, reach: float = 0.0,
 ) -> LoopGroup:  # fmt: skip
-    """The dense path's decision on some rows alone, in their own coordinates."""
+    """The dense path's rank decision for some rows, in the coordinates that they contain."""
     row, column, value = entries.of(members)
-    columns, place = np.unique(column, return_inverse=True)
+    columns, local_column = np.unique(column, return_inverse=True)
     phi = np.zeros((len(members), len(columns)))
-    phi[row, place] = value
+    phi[row, local_column] = value
     cut_rows = members[members < len(rows.first)]
     points = np.concatenate((rows.point[:, cut_rows], tree.point[:, columns]), axis=1)
     length, noise = measures(points, max(len(members), len(columns)), tree.pitch, reach)
     scale = np.where(tree.turns[columns], 1.0, length)
     scale *= 1.0 - TIE_BREAK / max(1, len(columns)) * np.arange(len(columns))
     a = phi * scales(members, length)[:, None] * scale
-    rank, kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
+    rank, smallest_kept, dropped, limit = decided(pivoted_qr(a)[0].diagonal().tolist(), noise)
     joints = tuple(cut[k] for k in dict.fromkeys(entries.loop[members].tolist()))
-    if not reach and (kept < NEAR_SINGULAR or limit > NEAR_SINGULAR):
+    if not reach and (smallest_kept < NEAR_SINGULAR or limit > NEAR_SINGULAR):
         reach = arms([*joints, *(tree.names[k].rpartition(".")[0] for k in columns.tolist())])
         if reach:
-            return _whole(tree, rows, names, cut, entries, members, scales, arms, reach)
+            return _decide_dense(tree, rows, names, cut, entries, members, scales, arms, reach)
     redundant: list[int] = []
     if rank < len(members):
         weight = 1.0 - TIE_BREAK * np.arange(len(members)) / len(members)
         redundant = sorted(pivoted_qr((a * weight[:, None]).T)[1][rank:].tolist())
-    _check_gap(joints, kept, dropped)
+    _check_gap(joints, smallest_kept, dropped)
     implied = partial(tuple, [names[members[k]] for k in redundant])
-    return LoopGroup(joints, members, columns, rank, kept, dropped, length, noise, implied)
+    return LoopGroup(joints, members, columns, rank, smallest_kept, dropped, length, noise, implied)
 
 
-def _check_gap(joints: Sequence[str], kept: float, dropped: float) -> None:
-    if dropped * RANK_GAP > kept:
+def _check_gap(joints: Sequence[str], smallest_kept: float, dropped: float) -> None:
+    if dropped * RANK_GAP > smallest_kept:
         raise SingularPoseError(
-            f"loops closed by {listed(joints)}: constraint pivots {kept:.1e} (kept) and {dropped:.1e} (dropped) are "
-            f"too close to tell how many constraints are independent. Move the pose away from the singular one, or "
-            f"give the geometry with all its digits."
+            f"loops closed by {listed(joints)}: constraint pivots {smallest_kept:.1e} (kept) and {dropped:.1e} "
+            f"(dropped) are too close to tell how many constraints are independent. Move the pose away from the "
+            f"singular one, or give the geometry with all its digits."
         )
-    if kept < NEAR_SINGULAR:
+    if smallest_kept < NEAR_SINGULAR:
         warnings.warn(
-            f"loops closed by {listed(joints)}: nearly singular pose (smallest pivot {kept:.1e}); modes and responses "
-            f"lose as many digits. Move the pose, or give joints that are meant to be in line all their digits.",
+            f"loops closed by {listed(joints)}: nearly singular pose (smallest pivot {smallest_kept:.1e}); modes and "
+            f"responses lose as many digits. Move the pose, or give joints that are meant to be in line all their "
+            f"digits.",
             NearSingularWarning, stacklevel=6,
         )  # fmt: skip
 
@@ -304,9 +306,9 @@ def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
     """
     distance, _ = _distances(s, REGULARISATION)
     sure = distance > CERTAIN_DISTANCE
-    kept = float(np.sqrt(distance[sure].min(initial=1.0)))
+    smallest_kept = float(np.sqrt(distance[sure].min(initial=1.0)))
     if sure.all():
-        return np.zeros(0, dtype=np.intp), kept, 0.0
+        return np.zeros(0, dtype=np.intp), smallest_kept, 0.0
     while True:
         distance, lu = _distances(s[sure], REGULARISATION)
         wrong = distance < 0.5 * CERTAIN_DISTANCE
@@ -314,13 +316,13 @@ def _dependent(s: csr_matrix, limit: float) -> tuple[Index, float, float]:
             break
         sure[np.flatnonzero(sure)[wrong]] = False
     certain, rest = s[sure], s[~sure].toarray().T
-    for _ in range(3):  # each time takes out what rounding and S S^T's conditioning left of the time before
+    for _ in range(3):  # each pass reduces the errors of the previous one by rounding and the condition of S S^T
         rest = rest - certain.T @ lu.solve(certain @ rest)
     qr, order, _ = pivoted_qr(rest)
     pivots = np.abs(qr.diagonal())
     rank = int(np.count_nonzero(pivots > limit))
     gone = np.sort(np.flatnonzero(~sure)[order[rank:]])
-    return gone, min([kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
+    return gone, min([smallest_kept, *pivots[:rank].tolist()]), float(pivots[rank:].max(initial=0.0))
 
 
 def _distances(s: csr_matrix, delta: float) -> tuple[Array, Any]:

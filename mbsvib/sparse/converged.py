@@ -1,8 +1,8 @@
-"""The modes of a large system in a subspace that grows until what is left of the whole system's equations is small.
+"""The modes of a large system in a subspace that grows until the residual of the full system is small.
 
-(lambda^2 M + lambda (C + G) + K + N) x = 0, and y^T from the left, are solved in one subspace for both: the small dense
-system that it makes (by the dense path) gives eigenvalues and vectors; a vector for which the whole system's equations
-do not hold brings P(lambda)^-1 P'(lambda) x, the step of inverse iteration, into the subspace.
+(lambda^2 M + lambda (C + G) + K + N) x = 0, and y^T from the left, are solved in one subspace for both: the projected
+small dense system (by the dense path) gives eigenvalues and vectors. If the residual of a vector in the full system is
+too large, P(lambda)^-1 P'(lambda) x, a step of inverse iteration, is added to the subspace.
 
 Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems; Schreiber, thesis, TU Berlin (2008),
 two-sided methods.
@@ -17,7 +17,7 @@ import numpy as np
 
 from mbsvib.modes import modes as dense_modes
 from mbsvib.modes.general import General
-from mbsvib.sparse.first_order import independent, told_apart
+from mbsvib.sparse.first_order import independent, split_massless
 from mbsvib.sparse.reduction import RTOL, reduced, rounding
 
 if TYPE_CHECKING:
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.quadratic import Quadratic
 
-# Right vectors are those of the whole system if no more than this is left of their equations, and eigenvalues if their
-# error, to which the product of what is left on both sides is a bound, is no more than the other.
+# Largest relative residual of right vectors, and largest relative error of eigenvalues, which is bounded by the product
+# of the residuals from both sides.
 CONVERGED, ACCURATE = 1e-9, 1e-13
 ROUNDS = 12
-# Directions that are new by less than this share of their length are left out: what is left of them has lost digits.
+# If less than this share of a direction remains after orthogonalization, it is left out: it has lost its digits.
 NEW, STILL_NEW = 1e-10, 0.1
-# P(s) measures what is left at a real s this much above |lambda|, where it is no eigenvalue of a stable system.
+# Residuals are measured with P(s) at a real s, this factor above |lambda|: it is no eigenvalue of a stable system.
 ABOVE = 1.3
 
 
@@ -53,14 +53,14 @@ class Eigenvectors:
     number: Index
 
 
-def eigenvectors(result: Modes, chosen: Index) -> Eigenvectors:
+def eigenvectors(result: Modes, numbers: Index) -> Eigenvectors:
     """Return the eigenvalues and vectors of some modes of a small system.
 
     Parameters
     ----------
     result : Modes
         Its modes.
-    chosen : array
+    numbers : array
         Numbers of modes.
 
     Returns
@@ -71,12 +71,12 @@ def eigenvectors(result: Modes, chosen: Index) -> Eigenvectors:
     modal, starts = result.damped, result.starts
     if isinstance(modal, General):
         spectrum = modal.spectrum
-        used = np.flatnonzero(np.isin(modal.mode, chosen))
+        used = np.flatnonzero(np.isin(modal.mode, numbers))
         at = starts[modal.mode[used]]
         second = result.eigenvalues[at] != spectrum.values[used]
         number = at + (second & (starts[modal.mode[used] + 1] - at > 1))
         return Eigenvectors(spectrum.values[used], spectrum.right[:, used], spectrum.left[:, used], number)
-    number = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
+    number = np.stack((2 * numbers, 2 * numbers + 1), axis=1).reshape(-1)
     values = result.eigenvalues[number]
     used = (values != 0.0) & (values.imag >= 0.0)
     number, shapes = number[used], modal.shapes.astype(complex)
@@ -90,7 +90,7 @@ def parts(z: NDArray[np.inexact]) -> Array:
 
 
 def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Array:
-    """Return a basis with what is new in some motions, orthonormal in kinetic energy, basis^T M basis = 1.
+    """Return a basis extended by some motions, orthonormal in kinetic energy, basis^T M basis = 1.
 
     Parameters
     ----------
@@ -101,8 +101,8 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
     more : array, shape (size, k)
         More of them.
     speed : float
-        A frequency [rad/s] at which what is new is made a motion again that joints allow, of which rounding leaves
-        little where that is a small part.
+        A frequency [rad/s] at which new directions are projected on motions that the joints allow. Small remainders
+        violate the constraints by rounding.
 
     Returns
     -------
@@ -122,8 +122,8 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
             share = old.T @ rows
             more, rows = more - basis @ share, rows - old @ share
         _, singular, right = np.linalg.svd(rows, full_matrices=False)
-        kept = singular > new
-        more = more @ (right[kept].T / singular[kept])
+        significant = singular > new
+        more = more @ (right[significant].T / singular[significant])
         if new == NEW:
             more = quadratic.solve(factor, quadratic.force(ABOVE * speed, more))
     return np.concatenate((basis, more), axis=1)
@@ -131,9 +131,9 @@ def joined(quadratic: Quadratic, basis: Array, more: Array, speed: float) -> Arr
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """The ``small`` system of motions with ``mass`` (size, n), of which the first ``rigid`` meet no spring, and
-    ``light`` ones without, its ``modes``, which of these were ``chosen``, and a ``bound`` of the relative error of each
-    eigenvalue by what the basis lacks.
+    """The ``small`` system of motions with ``mass`` (size, n), of which the first ``rigid`` deform no spring, and
+    ``light`` ones without mass; its ``modes``, the numbers ``selected`` of the wanted ones, and a ``bound`` of the
+    relative error of each eigenvalue by the truncation of the basis.
     """
 
     mass: Array
@@ -141,7 +141,7 @@ class Solution:
     rigid: int
     small: Equations
     modes: Modes
-    chosen: Index
+    selected: Index
     bound: Array
     vectors: Eigenvectors
     left_over: Array
@@ -154,8 +154,8 @@ class Solution:
 
 @dataclass(frozen=True)
 class Galerkin:
-    """How modes of a large system come from a subspace: ``choose`` numbers those that are wanted out of all modes of
-    the small system, of the class ``form``, and ``apart`` is the distance of eigenvalues from others not in the
+    """Modes of a large system from a subspace: ``choose`` returns the numbers of the wanted modes among all modes of
+    the small system, of the class ``form``, and ``apart`` is the distance of eigenvalues from those not in the
     subspace.
     """
 
@@ -165,20 +165,20 @@ class Galerkin:
     form: type[Equations]
 
     def solution(self, mass: Array, light: Array, rigid: int) -> Solution:
-        """Return the modes of a subspace as it is."""
+        """Return the modes of a given subspace."""
         basis = np.concatenate((mass, light), axis=1)
         small = reduced(self.quadratic.system, basis, rigid, self.form, light.shape[1])
         result: Modes = dense_modes(small, RTOL)
-        chosen = self.choose(result)
-        vectors = eigenvectors(result, chosen)
+        selected = self.choose(result)
+        vectors = eigenvectors(result, selected)
         sizes = left_over(self.quadratic, basis, vectors)
         apart = np.maximum(self.apart(vectors.values) / np.abs(vectors.values), CONVERGED)
         lacks = np.minimum(sizes.max(axis=0), sizes[0] * sizes[1] / apart)
         bound = error_bound(self.quadratic.system, small, result, vectors, lacks)
-        return Solution(mass, light, rigid, small, result, chosen, bound, vectors, sizes)
+        return Solution(mass, light, rigid, small, result, selected, bound, vectors, sizes)
 
     def converged(self, mass: Array, light: Array, rigid: int) -> Solution:
-        """Return the modes of a subspace that has grown until the whole system's equations hold for those chosen."""
+        """Return the modes of a subspace that grows until the selected ones satisfy the full system's equations."""
         for _ in range(ROUNDS):
             result = self.solution(mass, light, rigid)
             more = self._steps(result)
@@ -192,34 +192,34 @@ class Galerkin:
     def joined(
         self, mass: Array, light: Array, more: NDArray[Any], vectors: Eigenvectors
     ) -> tuple[Array, Array]:
-        """Return motions with mass, and those without, with what is new in more of them."""
-        new, massless = told_apart(self.quadratic.system, parts(more))
+        """Return motions with mass, and those without mass, extended by more of them."""
+        new, massless = split_massless(self.quadratic.system, parts(more))
         speed = float(np.abs(vectors.values).max(initial=1.0))
         return (joined(self.quadratic, mass, new, speed),
                 independent(self.quadratic.system, np.concatenate((light, massless), axis=1)))  # fmt: skip
 
-    def _steps(self, found: Solution) -> list[NDArray[Any]]:
-        """Steps of inverse iteration of the vectors for which the whole system's equations do not hold."""
-        vectors, inaccurate = found.vectors, found.bound[found.vectors.number] > ACCURATE
-        late = (inaccurate | (found.left_over[0] > CONVERGED), inaccurate)
+    def _steps(self, solution: Solution) -> list[NDArray[Any]]:
+        """Steps of inverse iteration for the vectors that do not satisfy the full system's equations."""
+        vectors, inaccurate = solution.vectors, solution.bound[solution.vectors.number] > ACCURATE
+        late = (inaccurate | (solution.left_over[0] > CONVERGED), inaccurate)
         return [_step(self.quadratic, s, z, transposed)
                 for transposed, side in ((False, vectors.right), (True, vectors.left))[: 2 - self.quadratic.symmetric]
-                for s, z, wanted in zip(vectors.values, (found.basis @ side).T, late[int(transposed)], strict=True)
+                for s, z, wanted in zip(vectors.values, (solution.basis @ side).T, late[int(transposed)], strict=True)
                 if wanted]  # fmt: skip
 
-    def narrowed(self, found: Solution) -> Solution:
-        """Return the modes chosen in the subspace of their own right and left vectors, and of free motions beside
-        these; in the one that they have where others would be as near in the smaller one, or grow.
+    def narrowed(self, solution: Solution) -> Solution:
+        """Return the selected modes in the subspace of their right and left vectors and of free motions. The larger
+        subspace is returned if other modes of the smaller one would be as near, or unstable.
         """
-        vectors, modal, rigid = found.vectors, found.modes.damped, found.rigid
+        vectors, modal, rigid = solution.vectors, solution.modes.damped, solution.rigid
         sides: list[NDArray[Any]] = [vectors.right, vectors.left][: 2 - self.quadratic.symmetric]
-        if isinstance(modal, General) and (found.modes.eigenvalues == 0.0).any():
+        if isinstance(modal, General) and (solution.modes.eigenvalues == 0.0).any():
             sides += [modal.state.show @ modal.state.right, modal.state.force.T @ modal.state.left]
-        own = found.basis @ parts(np.concatenate(sides, axis=1))
-        result = self.solution(*self.joined(found.mass[:, :rigid], found.light[:, :0], own, vectors), rigid)
-        others = np.setdiff1d(np.arange(len(result.modes)), result.chosen)
+        own = solution.basis @ parts(np.concatenate(sides, axis=1))
+        result = self.solution(*self.joined(solution.mass[:, :rigid], solution.light[:, :0], own, vectors), rigid)
+        others = np.setdiff1d(np.arange(len(result.modes)), result.selected)
         if len(self._steps(result)) or result.modes.growing[others].any():
-            return found
+            return solution
         return result
 
 
@@ -238,7 +238,7 @@ def _step(quadratic: Quadratic, s: complex, z: Complex, transposed: bool) -> NDA
 
 
 def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Array:
-    """Return what is left of the whole system's equations, as motion, relative to the vectors, in energy.
+    """Return the residual of the full system's equations as a motion, relative to the vectors, in energy.
 
     |P(s)^-1 P(lambda) x| / |x| with s = |lambda| to a power of two, and the same from the left
 
@@ -260,8 +260,8 @@ def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
     octave = np.round(np.log2(ABOVE * np.abs(values)))
     result = np.zeros((2, len(values)))
     sides = (vectors.right,) if quadratic.symmetric else (vectors.right, vectors.left)
-    for each in np.unique(octave):
-        used, speed = np.flatnonzero(octave == each), float(2.0**each)
+    for exponent in np.unique(octave):
+        used, speed = np.flatnonzero(octave == exponent), float(2.0**exponent)
         factor = quadratic.system.tableau.factor(s=speed)
         for i, side in enumerate(sides):
             z = basis @ side[:, used]
@@ -274,14 +274,14 @@ def left_over(quadratic: Quadratic, basis: Array, vectors: Eigenvectors) -> Arra
 def error_bound(
     system: SparseEquations, small: Equations, result: Modes, vectors: Eigenvectors, lacks: Array
 ) -> Array:
-    """Return bounds of the relative errors of eigenvalues: what the subspace lacks, and rounding of displacements.
+    """Return bounds of the relative errors of eigenvalues: truncation of the subspace and rounding of displacements.
 
     |x| |y| / |lambda y^T P'(lambda) x| times both, in energy at the speed |lambda|
 
     Parameters
     ----------
     system : SparseEquations
-        The whole system.
+        The full system.
     small : Equations
         That of the subspace.
     result : Modes
@@ -289,7 +289,7 @@ def error_bound(
     vectors : Eigenvectors
         Those that are bounded.
     lacks : array, shape (h,)
-        What is left of their equations, on both sides.
+        Products of their residuals from both sides.
 
     Returns
     -------

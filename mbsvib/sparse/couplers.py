@@ -1,7 +1,7 @@
-"""Couplers of many bodies: linear relations of joint coordinates as sparse rows, behind the locked rows of cut joints.
+"""Couplers of many bodies: linear relations of joint coordinates as sparse rows, after the locked rows of cut joints.
 
-The coordinate of a joint in the tree is an unknown of the tableau; that of a cut joint is what its bodies do relative
-to each other. Each coupler is a loop of its own, with one multiplier.
+The coordinate of a joint in the tree is an unknown of the tableau; that of a cut joint is the relative motion of its
+bodies. Each coupler is a loop of its own, with one multiplier.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ class Coupled:
 
     @property
     def slides(self) -> NDArray[np.bool_]:
-        """Which couplers have a distance among their coordinates, shape (couplers,)."""
+        """Mask of the couplers with a translation among their coordinates, shape (couplers,)."""
         return np.asarray(self.largest[1] > 0.0)
 
     def scale(self, length: float, members: Index | slice = slice(None)) -> Array:
-        """Return what brings rows to the size of one, where distances are measured in ``length`` [m]."""
+        """Return factors that scale rows to order one, with distances in units of ``length`` [m]."""
         angle, distance = self.largest[:, members]
         return np.asarray(1.0 / np.maximum(angle, distance * length))
 
@@ -77,26 +77,26 @@ class Coupled:
         summed = coo_matrix((values, (rows, columns)), shape=(len(self.names), len(tree.names))).tocsr().tocoo()
         return summed.row.astype(np.intp), summed.col.astype(np.intp), summed.data
 
-    def rows(self, tree: Tree, place: Layout) -> csr_matrix:
-        """Return the rows over the unknowns, (couplers, size), scaled to coefficients of the size of one."""
+    def rows(self, tree: Tree, layout: Layout) -> csr_matrix:
+        """Return the rows over the unknowns, (couplers, size), scaled to coefficients of order one."""
         from scipy.sparse import csr_matrix, diags
 
-        shape = (len(self.names), place.size)
+        shape = (len(self.names), layout.size)
         inside = np.flatnonzero(self.terms.column >= 0)
-        at = (self.terms.row[inside], place.coordinate[self.terms.column[inside]])
+        at = (self.terms.row[inside], layout.coordinate[self.terms.column[inside]])
         own = csr_matrix((self.terms.value[inside], at), shape=shape)
         coupler, coefficient = self.measured
         share = csr_matrix((coefficient, (coupler, np.arange(len(coupler)))), shape=(shape[0], len(coupler)))
-        whole = own + share @ relative_rows(tree, place, self.terms.measured)
+        total = own + share @ relative_rows(tree, layout, self.terms.measured)
         unit = 2.0 ** np.round(np.log2(self.scale(tree.length)))
-        unit[self.slides] *= tree.length  # what the scale of the multiplier takes back
-        return (diags(unit) @ whole).tocsr()
+        unit[self.slides] *= tree.length  # the scale of the multiplier divides by it
+        return (diags(unit) @ total).tocsr()
 
 
 def coupled(
     parts: Sequence[Coupling], topology: Topology, bodies: Sequence[Body], number: Mapping[str, int], tree: Tree
 ) -> Coupled | None:
-    """Return the couplers of a mechanism in numbers.
+    """Return the couplers of a mechanism as arrays.
 
     Parameters
     ----------
@@ -114,18 +114,18 @@ def coupled(
     Returns
     -------
     Coupled or None
-        Their terms; None where there is none.
+        Their terms; None if there is none.
     """
     if not parts:
         return None
-    found, of_joint = terms(parts, tree.names, topology, bodies, number)
+    coupling_terms, of_joint = terms(parts, tree.names, topology, bodies, number)
     largest = np.zeros((2, len(parts)))
-    np.maximum.at(largest, (np.where(found.turns, 0, 1), found.row), np.abs(found.value))
-    return Coupled(tuple(part.name for part in parts), found, of_joint, largest)
+    np.maximum.at(largest, (np.where(coupling_terms.turns, 0, 1), coupling_terms.row), np.abs(coupling_terms.value))
+    return Coupled(tuple(part.name for part in parts), coupling_terms, of_joint, largest)
 
 
 def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
-    """Return the entries of all that loops lock over the joint coordinates.
+    """Return the entries of all locked rows and couplers over the joint coordinates.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
     rows : Rows
         Locked rows of the cut joints.
     couplers : Coupled or None
-        The couplers, whose rows come behind these.
+        The couplers, whose rows follow.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def locked_entries(tree: Tree, rows: Rows, couplers: Coupled | None) -> Entry:
 
 
 def row_scale(rows: Rows, couplers: Coupled | None, members: Index, length: float) -> Array:
-    """Return the factors by which some locked rows know no units.
+    """Return the factors that make some locked rows dimensionless.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def row_scale(rows: Rows, couplers: Coupled | None, members: Index, length: floa
     members : array, shape (n,)
         Numbers of the rows.
     length : float
-        What lengths are measured in [m].
+        Unit of length [m].
 
     Returns
     -------

@@ -1,9 +1,9 @@
 """Cuts: a spanning tree whose loops are short.
 
-The shortest paths from ground, by which small mechanisms are cut, make two long rails side by side two branches, and
-every rung between them a loop back to ground: rows as long as the mechanism, which nearly depend on each other.
-Sparse equations have no minimal coordinates to choose, so any tree will do. Where many loops are long this one is
-tried: bodies join their neighbours in stars, the stars join theirs, and so on: most loops close within a star.
+Small mechanisms are cut by shortest paths from ground. In a ladder these make each rail a branch, and every rung closes
+a loop through ground: rows as long as the mechanism, which are nearly dependent. Sparse equations need no minimal
+coordinates, so any tree is possible. If many loops are long, this one is tried: bodies are joined to their neighbours
+in stars, the stars to neighbouring stars, and so on. Then most loops close within a star.
 
 Source: Alon, Karp, Peleg & West, SIAM J. Comput. 24 (1995), trees of low average stretch.
 """
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
 
-# A loop over more joints than this is long; a few of them are a matter of course, as in a ring.
+# A loop over more joints than this is long; a few long loops are unavoidable, such as a ring.
 LONG = 64
 FEW = 8
 
 
 def short_span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
-    """Return the spanning tree of smallest cumulative degree of freedom, or where its loops are long a better one.
+    """Return the spanning tree of smallest cumulative degree of freedom, or one with shorter loops.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
     cut : sequence of str, optional
-        Joints that must not be in the tree; nothing is chosen then.
+        Joints that must not be in the tree; then the tree is not optimized.
 
     Returns
     -------
@@ -48,8 +48,8 @@ def short_span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     many = _long_loops(topology)
     if many <= FEW:
         return topology
-    other = span(model, [topology.joints[k].name for k in _outside_stars(topology)])
-    return other if _long_loops(other) < many else topology
+    star_tree = span(model, [topology.joints[k].name for k in _outside_stars(topology)])
+    return star_tree if _long_loops(star_tree) < many else topology
 
 
 def _long_loops(topology: Topology) -> int:
@@ -73,7 +73,7 @@ def _outside_stars(topology: Topology) -> list[int]:
     """Joints that are not in the tree of stars."""
     number = {name: i for i, name in enumerate(topology.bodies)} | {"ground": len(topology.bodies)}
     joints = topology.joints
-    # joints of few freedoms first: cutting those of many leaves fewer constraints
+    # joints with few freedoms first: cutting those with many gives fewer constraints
     order = sorted(range(len(joints)), key=lambda k: len(joints[k].freedom))
     edges = [(k, number[joints[k].first], number[joints[k].second]) for k in order]
     taken = [False] * len(joints)
@@ -87,16 +87,16 @@ def _outside_stars(topology: Topology) -> list[int]:
         for centre in range(nodes):
             if star[centre] >= 0:
                 continue
-            free = [(k, other) for k, other in neighbours[centre] if star[other] < 0]
+            free = [(k, neighbour) for k, neighbour in neighbours[centre] if star[neighbour] < 0]
             if free or not neighbours[centre]:
                 star[centre] = stars
                 stars += 1
-                for k, other in free:
-                    if star[other] < 0:
-                        star[other], taken[k] = star[centre], True
-            else:  # all neighbours have their star: join the first one's
-                k, other = neighbours[centre][0]
-                star[centre], taken[k] = star[other], True
+                for k, neighbour in free:
+                    if star[neighbour] < 0:
+                        star[neighbour], taken[k] = star[centre], True
+            else:  # all neighbours are in stars: join that of the first neighbour
+                k, neighbour = neighbours[centre][0]
+                star[centre], taken[k] = star[neighbour], True
         edges = [(k, star[a], star[b]) for k, a, b in edges if star[a] != star[b]]
         nodes = stars
     return [k for k, used in enumerate(taken) if not used]

@@ -1,8 +1,8 @@
-"""Damped modes of many bodies: are the undamped ones modes still, and if not, what is missing from them.
+"""Damped modes of many bodies: the test whether damping couples the undamped modes, and the coupled modes.
 
-(lambda^2 M + lambda C + K) phi = 0 is solved in a subspace that starts with the undamped modes: the small dense system
-that it makes (by the dense path, left vectors included) gives eigenvalues and shapes; what is left of the whole
-system's equations, through the factors that are there already, joins the subspace, until nothing that counts is left.
+(lambda^2 M + lambda C + K) phi = 0 is solved in a subspace that starts with the undamped modes: the projected small
+dense system (by the dense path, left vectors included) gives eigenvalues and shapes. The residuals of the full system,
+multiplied by the existing factors, extend the subspace until they are small.
 
 Source: Voss, BIT 44 (2004), an Arnoldi method for nonlinear eigenvalue problems.
 """
@@ -27,42 +27,42 @@ if TYPE_CHECKING:
     from mbsvib.sparse.operator import Operator
     from mbsvib.sparse.subspace import Subspace
 
-# Shapes are modes if no more than this is left of their equations: eigenvalues are off by its square.
+# Largest relative residual of shapes: the error of eigenvalues is its square.
 CONVERGED = 1e-9
-# Where the subspace has not all that is wanted by then, eigenvalues are searched without the undamped modes.
+# If the subspace does not converge in so many rounds, eigenvalues are searched without the undamped modes.
 ROUNDS = 12
-# The subspace starts anew from the modes found when it has grown to this many vectors for each of them.
+# The subspace is restarted from the current modes when it has grown to this many vectors per mode.
 GROWTH = 8
-# Directions that are new by less than this share of their length are left out: what is left of them has lost digits.
+# If less than this share of a direction remains after orthogonalization, it is left out: it has lost its digits.
 NEW = 1e-4
 
 
-def decoupled(found: Subspace, result: Modes, z: Array) -> bool:
-    """Tell whether undamped modes, as they are, are modes of the damped system too.
+def decoupled(space: Subspace, result: Modes, z: Array) -> bool:
+    """Tell whether the undamped modes are also modes of the damped system.
 
     Parameters
     ----------
-    found : Subspace
-        Where they come from.
+    space : Subspace
+        The subspace that contains them.
     result : Modes
-        Modes of the small system that they make.
+        Modes of the projected small system.
     z : array, shape (size, n)
         Their displacements and coordinates.
 
     Returns
     -------
     bool
-        Whether the whole system's equations hold for each eigenvalue and shape.
+        Whether each eigenvalue and shape satisfies the full system's equations.
     """
-    system, t = found.operator.system, found.operator
+    system, t = space.operator.system, space.operator
     if not system.damping.any():
         return True
     brakes = system.elastic_rows[system.damping != 0.0]
     rigid = z[:, : result.rigid]
-    felt = np.abs(brakes @ rigid) > ZERO_SUM * (abs(brakes) @ np.abs(rigid))
-    if not result.classical or felt.any():
+    resisted = np.abs(brakes @ rigid) > ZERO_SUM * (abs(brakes) @ np.abs(rigid))
+    if not result.classical or resisted.any():
         return False
-    # what C does to a shape must be inertia of that same shape, Gamma_ii M phi, which a solve brings to common units
+    # C phi must equal Gamma_ii M phi; a solve brings both to the same units
     damping, inertia = _forces(t, z)
     gamma = np.einsum("ij,ij->j", z, damping)
     left = _kinetic(t, result.eigenvalues[0::2] * (damping - gamma * inertia))[1]
@@ -70,13 +70,13 @@ def decoupled(found: Subspace, result: Modes, z: Array) -> bool:
 
 
 def coupled(
-    found: Subspace, k: int, near: float, form: type[Equations]
+    space: Subspace, k: int, near: float, form: type[Equations]
 ) -> tuple[Equations, Modes, Array, Index]:
     """Return the damped modes whose natural frequencies are nearest to a frequency, of rigid-body modes the slowest.
 
     Parameters
     ----------
-    found : Subspace
+    space : Subspace
         The undamped subspace.
     k : int
         Number of modes.
@@ -90,18 +90,18 @@ def coupled(
     tuple
         The small system, its modes, a bound of the relative error of each eigenvalue (2n,), and which modes to take.
     """
-    t, rigid = found.operator, found.rigid
-    whole = not np.isfinite(found.reach)
-    basis = found.z
+    t, rigid = space.operator, space.rigid
+    complete = not np.isfinite(space.reach)
+    basis = space.z
     limit = rigid + GROWTH * (k + 4)
     for _ in range(ROUNDS):
         small = reduced(t.system, basis, rigid, form)
         result: Modes = dense_modes(small, RTOL)
-        speed = np.abs(result.eigenvalues).reshape(-1, 2).max(axis=1)  # tells rigid-body modes apart
-        chosen = np.sort(np.lexsort((speed, np.abs(result.natural - 2.0 * np.pi * near)))[:k])
-        if whole:
-            return small, result, np.repeat(found.noise, 2) * (result.eigenvalues != 0.0), chosen
-        eigenvalues, shapes, pair = _flexible(result, chosen)
+        speed = np.abs(result.eigenvalues).reshape(-1, 2).max(axis=1)  # orders rigid-body modes
+        selected = np.sort(np.lexsort((speed, np.abs(result.natural - 2.0 * np.pi * near)))[:k])
+        if complete:
+            return small, result, np.repeat(space.noise, 2) * (result.eigenvalues != 0.0), selected
+        eigenvalues, shapes, pair = _flexible(result, selected)
         rest, left = _kinetic(t, _residual(t, eigenvalues, basis, shapes))
         size = np.linalg.norm(left, axis=0)
         late = size > CONVERGED
@@ -111,13 +111,13 @@ def coupled(
             basis = _joined(t, basis[:, :rigid], _parts(basis @ shapes))
         basis = _joined(t, basis, _parts(rest[:, late]))
     bound = np.zeros(len(result.eigenvalues))
-    np.maximum.at(bound, pair, _bound(found, eigenvalues, size))
-    return small, result, bound, chosen
+    np.maximum.at(bound, pair, _bound(space, eigenvalues, size))
+    return small, result, bound, selected
 
 
-def _flexible(result: Modes, chosen: Index) -> tuple[Complex, Complex, Index]:
+def _flexible(result: Modes, selected: Index) -> tuple[Complex, Complex, Index]:
     """Eigenvalues that are not zero, with shapes in the small system, and their numbers; one for a conjugate pair."""
-    number = np.stack((2 * chosen, 2 * chosen + 1), axis=1).reshape(-1)
+    number = np.stack((2 * selected, 2 * selected + 1), axis=1).reshape(-1)
     values = result.eigenvalues[number]
     used = (values != 0.0) & (values.imag >= 0.0)
     number = number[used]
@@ -130,7 +130,7 @@ def _flexible(result: Modes, chosen: Index) -> tuple[Complex, Complex, Index]:
 
 
 def _residual(t: Operator, values: Complex, basis: Array, shapes: Complex) -> Complex:
-    """Generalised forces Q(lambda) phi that are left."""
+    """Residual forces Q(lambda) phi."""
     z = basis @ shapes
     damping, inertia = _forces(t, z)
     rows = t.system.elastic_rows
@@ -145,7 +145,7 @@ def _forces(t: Operator, z: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], N
 
 
 def _kinetic(t: Operator, force: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], NDArray[np.inexact]]:
-    """Motion under generalised forces through the factors, and its rows of kinetic energy, rigid-body modes apart."""
+    """Motion under generalised forces from the factors, without rigid-body modes, and its rows of kinetic energy."""
     motion = t.factor.solve(t.right(force))
     rows = t.w @ motion
     if t.rigid.shape[1]:
@@ -159,7 +159,7 @@ def _parts(z: NDArray[np.inexact]) -> Array:
 
 
 def _joined(t: Operator, basis: Array, more: Array) -> Array:
-    """The basis with what is new in some motions, M-orthonormal."""
+    """The basis extended by some motions, M-orthonormal."""
     old = t.w @ basis
     for _ in range(2):
         rows = t.w @ more
@@ -170,13 +170,13 @@ def _joined(t: Operator, basis: Array, more: Array) -> Array:
         used = new > NEW * length
         more, rows = (more - basis @ share)[:, used] / new[used], rows[:, used] / new[used]
         _, singular, right = np.linalg.svd(rows, full_matrices=False)
-        kept = singular > NEW * singular.max(initial=0.0)
-        more = more @ (right[kept].T / singular[kept])
+        significant = singular > NEW * singular.max(initial=0.0)
+        more = more @ (right[significant].T / singular[significant])
     return np.concatenate((basis, more), axis=1)
 
 
-def _bound(found: Subspace, values: Complex, left: Array) -> Array:
+def _bound(space: Subspace, values: Complex, left: Array) -> Array:
     """Second-order error of eigenvalues, by the distance to the modes that are not in the subspace."""
-    apart = np.abs(np.abs(values) ** 2 - found.operator.sigma)
-    gap = np.maximum(found.reach / np.maximum(apart, 1e-300) - 1.0, CONVERGED)
+    apart = np.abs(np.abs(values) ** 2 - space.operator.sigma)
+    gap = np.maximum(space.reach / np.maximum(apart, 1e-300) - 1.0, CONVERGED)
     return np.minimum(left, left**2 / gap)

@@ -1,9 +1,9 @@
 """The eigenvalues of P(lambda) in a disc: shift-invert Arnoldi on motions and rates, z and (lambda - sigma) z.
 
 P(lambda) z = 0 is theta (z, w) = (-P(sigma)^-1 (P'(sigma) z + M w), z) with theta = 1 / (lambda - sigma). The state
-holds only what M, C and G act on, in units of the square root of energy: W z, what dampers and spin act on, and W w.
-Motions without mass have no part in w, infinite eigenvalues are theta = 0. Eigenvalues that are equal, of equal parts
-above all, are searched for again beside those that are known.
+contains only the motions on which M, C and G act, in units of the square root of energy: W z, the rows of dampers and
+spin, and W w. Motions without mass do not contribute to w; infinite eigenvalues have theta = 0. Repeated eigenvalues,
+for example of equal parts, are found by further searches with the known ones deflated.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 
 # Residual of the eigenvectors.
 TOLERANCE = 1e-10
-# Vectors of a block: equal eigenvalues of up to so many parts are seen at once.
+# Vectors of a block: the maximum multiplicity of eigenvalues that one search finds.
 BLOCK = 4
-# Largest dimension of a search for each eigenvalue wanted, and beside these, as bands of frequencies need; those that
-# may come up at once; and the dimension at which eigenvalues are first looked at beside those wanted.
-EACH, MORE, FEW, FIRST = 10, 300, 4, 20
-# An eigenvalue is as near as the last one if it is so within this share of the distance.
-BESIDE = 1e-6
+# Maximum dimension of a search: the first number per eigenvalue, plus the second for bands of frequencies. Number of
+# eigenvalues that may converge together; dimension, beyond the wanted ones, at which eigenvalues are first computed.
+PER_EIGENVALUE, MORE, FEW, FIRST = 10, 300, 4, 20
+# Eigenvalues are equally distant from the shift if their distances agree to this relative difference.
+SAME_DISTANCE = 1e-6
 # Ritz values may still grow by as much as this share of them.
 UNSURE = 0.1
-# Eigenvalues theta below this share of the largest are 0, and below the other one rounding has them.
+# Eigenvalues theta below the first share of the largest are 0; below the second they are rounding.
 NOTHING, UNTOLD = 1e-13, 1e-10
 # Rounds of searching for eigenvalues that were missed.
 SEARCHES = 8
@@ -45,7 +45,7 @@ SEARCHES = 8
 
 @dataclass(frozen=True)
 class Shifted:
-    """The operator at a shift ``sigma`` [1/s], with a ``speed`` [rad/s] that brings w to the size of z."""
+    """The operator at a shift ``sigma`` [1/s], with a ``speed`` [rad/s] that scales w to the size of z."""
 
     quadratic: Quadratic
     sigma: complex
@@ -111,14 +111,14 @@ class Shifted:
         return state
 
     def rough(self, steps: int) -> Ritz:
-        """Return what a few steps tell of the eigenvalues nearest to the shift."""
+        """Return approximations of the eigenvalues nearest to the shift from a few steps."""
         return arnoldi(self.apply, self.start(0)[:, :1], lambda _: False, (steps, steps))
 
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """The eigenvalues ``values`` nearest to the shift, which are all up to a distance of ``reach`` from it, with an
-    orthonormal ``basis`` of the states that belong to them; the largest search had so many ``dimension``s.
+    """All eigenvalues ``values`` up to a distance of ``reach`` from the shift, with an orthonormal ``basis`` of their
+    states; ``dimension`` is that of the largest search.
     """
 
     shifted: Shifted
@@ -136,21 +136,21 @@ class Disc:
         return Disc(replace(self.shifted, transposed=True), self.values[:0], self.basis[:, :0], 0.0)
 
     def apart(self, values: Complex) -> Array:
-        """Return how far eigenvalues are at least from those that are not among these."""
+        """Return lower bounds of the distances of eigenvalues from those that are not in the disc."""
         return np.asarray(np.maximum(self.reach - np.abs(values - self.shifted.sigma), 0.0))
 
     def grown(self, wanted: int) -> Disc:
-        """Return the disc with so many eigenvalues, or a few more; with less where they do not converge."""
+        """Return the disc with ``wanted`` eigenvalues or a few more, or fewer if they do not converge."""
         disc = self
         if wanted > len(self.values):
             missing = wanted - len(self.values)
             more = self._more(lambda ritz: ritz.converged(TOLERANCE) >= missing, missing + FIRST, missing)
             disc = self._with(more, more.converged(TOLERANCE))
-        return disc.filled(disc.reach * (1.0 - BESIDE), disc.dimension)
+        return disc.filled(disc.reach * (1.0 - SAME_DISTANCE), disc.dimension)
 
     def filled(self, reach: float, dimension: int = 2 * FIRST) -> Disc:
-        """Return the disc with all eigenvalues up to a distance from the shift; with a smaller reach where they do not
-        converge. Every search has a basis of some dimension at least.
+        """Return the disc with all eigenvalues up to a distance from the shift, or with a smaller reach if they do not
+        converge. ``dimension`` is the minimum dimension of each search.
         """
         disc = self
         for _ in range(SEARCHES):
@@ -171,7 +171,7 @@ class Disc:
         return replace(disc, reach=max(disc.reach, reach))
 
     def _with(self, more: Ritz, count: int) -> Disc:
-        """The disc with some more eigenvalues."""
+        """The disc with the first ``count`` eigenvalues of a search added."""
         sigma = self.shifted.sigma
         largest = float(np.abs(np.append(more.values, 1.0 / (self.values - sigma))).max())
         count = min(count, int(np.count_nonzero(np.abs(more.values) > UNTOLD * largest)))
@@ -189,7 +189,8 @@ class Disc:
             return state - known @ (known.conj().T @ state) if known.shape[1] else state
 
         start = without(shifted.start(known.shape[1]))
-        return arnoldi(lambda state: without(shifted.apply(state)), start, enough, (dimension, EACH * wanted + MORE))
+        dimensions = dimension, PER_EIGENVALUE * wanted + MORE
+        return arnoldi(lambda state: without(shifted.apply(state)), start, enough, dimensions)
 
 
 def disc(quadratic: Quadratic, sigma: complex, speed: float | None = None) -> Disc:
@@ -202,12 +203,12 @@ def disc(quadratic: Quadratic, sigma: complex, speed: float | None = None) -> Di
     sigma : complex
         The shift [1/s], real or not; not 0.
     speed : float, optional
-        Size of the eigenvalues wanted [1/s], or more; default: that of the shift.
+        Upper estimate of the magnitude of the wanted eigenvalues [1/s]; default: that of the shift.
 
     Returns
     -------
     Disc
-        Without eigenvalues; ``grown`` finds some.
+        Without eigenvalues; ``grown`` adds them.
     """
     factor = quadratic.system.tableau.factor(s=sigma)
     shifted = Shifted(quadratic, sigma, abs(sigma) if speed is None else speed, factor)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
     from mbsvib.sparse.layout import Layout
-    from mbsvib.sparse.massless import Told
+    from mbsvib.sparse.massless import SparseSeparation
     from mbsvib.sparse.tableau import Tableau
     from mbsvib.sparse.tree import Tree
 
@@ -25,17 +25,17 @@ class SparseEquations:
     """The linear equations of motion of a large mechanism, as sparse rows over displacements and joint coordinates.
 
     Names and units are those of ``Equations``. ``joint_coordinates`` are all coordinates of the spanning tree, the
-    dependent ones of loops included. Nothing in here is larger than a constant times the number of bodies.
+    dependent ones of loops included. The size of all data is proportional to the number of bodies.
 
     ``elastic_rows`` (rows, unknowns) with ``stiffness``, ``damping`` and ``row_owner`` (rows,), ``inertia_factor``
     W of M = W^T W (6 bodies, unknowns), ``input_rows`` (inputs, unknowns) and ``output_rows`` (three of them, for
     displacement, velocity and acceleration, each (outputs, unknowns)) are scipy sparse; ``D`` (outputs, inputs).
-    ``model`` is what was linearized, ``dropped`` what ``reachable`` left out. Owners of rows are ``springs`` and then
-    ``loading``: loads, preloads, joints and bodies whose forces make geometric stiffness; ``undetermined`` is what
-    redundant constraints leave open of the forces in joints that are outputs. ``circulatory`` and ``gyroscopic``
-    (unknowns, unknowns) are the antisymmetric parts of K and C that follower loads, torques and rotors add, or None.
-    ``separation`` tells what became of motions without mass, None where there is none. They stay among the unknowns;
-    ``D`` has what those do at once that follow from statics, ``separation.at_once``, as that of dense equations has.
+    ``model`` is the linearized model, ``dropped`` are the bodies that ``reachable`` left out. Owners of rows are
+    ``springs`` and then ``loading``: loads, preloads, joints and bodies whose forces cause geometric stiffness;
+    ``undetermined`` lists output forces in joints that redundant constraints do not determine. ``circulatory`` and
+    ``gyroscopic`` (unknowns, unknowns) are the antisymmetric parts of K and C from follower loads, torques and rotors,
+    or None. ``separation`` describes the motions without mass, None if there is none. They stay among the unknowns;
+    ``D`` includes the direct contribution of the static ones, ``separation.at_once``, as in dense equations.
     """
 
     kind: ClassVar[str] = "sparse system"
@@ -68,13 +68,13 @@ class SparseEquations:
     undetermined: tuple[Undetermined, ...] = ()
     circulatory: csr_matrix | None = None
     gyroscopic: csr_matrix | None = None
-    separation: Told | None = None
+    separation: SparseSeparation | None = None
 
     @property
     def dof(self) -> int:
-        """Number of degrees of freedom: coordinates of the tree less independent rows of the loops and what is static.
+        """Number of degrees of freedom: tree coordinates minus independent loop rows and static motions.
 
-        Motions that feel neither mass nor damper follow from statics: they are none.
+        Motions with neither mass nor damping follow from statics and are no degrees of freedom.
         """
         static = 0 if self.separation is None else len(self.separation.condensed)
         return len(self.joint_coordinates) - len(self.layout.multiplier) - static

@@ -1,8 +1,8 @@
-"""Bases of motions in which those without mass that dampers resist stand apart: small systems tell them by structure.
+"""Bases in which damped motions without mass are separate columns: the structure of small systems shows them.
 
-A motion z is z_m + N a, with N the damped motions without mass and z_m one in which their own coordinates rest. Both
-parts join the basis, so that M is regular in the first columns and exactly zero in the last ones, however little mass
-z moves.
+A motion z is z_m + N a, with N the damped motions without mass and z_m a motion in which their own coordinates are 0.
+Both parts are added to the basis, so that M is regular in the first columns and exactly zero in the last ones, even if
+z moves little mass.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.sparse.equations import SparseEquations
 
-# Motions that are new by less than this share of their length are left out: what is left of them has lost digits.
+# If less than this share of a motion remains after orthogonalization, it is left out: it has lost its digits.
 NEW = 1e-10
-# What is left of a motion without those that move no mass is rounding below this share of it.
+# Below this share of a motion, its part with mass is rounding.
 NOTHING = 1e-12
 
 
-def told_apart(system: SparseEquations, motions: Array) -> tuple[Array, Array]:
-    """Return what motions are where the own coordinates of massless motions rest, and their massless parts.
+def split_massless(system: SparseEquations, motions: Array) -> tuple[Array, Array]:
+    """Split motions into parts in which the own coordinates of massless motions are 0, and massless parts.
 
     Parameters
     ----------
     system : SparseEquations
-        The whole system.
+        The full system.
     motions : array, shape (size, n)
         Motions.
 
     Returns
     -------
     array, shape (size, k)
-        Motions that move mass; those of which no more than rounding is left are none of them.
+        Motions with mass; those that are only rounding are omitted.
     array, shape (size, r)
-        Independent motions that move none, of unit damping.
+        Independent motions without mass, of unit damping.
     """
     if system.separation is None or not system.massless:
         return motions, np.zeros((len(motions), 0))
@@ -46,13 +46,13 @@ def told_apart(system: SparseEquations, motions: Array) -> tuple[Array, Array]:
     light = n @ (motions[own] / np.asarray(n[own, np.arange(len(own))]).reshape(-1, 1))
     left = motions - light
     size = np.sqrt(np.abs(system.stiffness) + np.abs(system.damping))[:, None]
-    rest, whole = (np.linalg.norm(size * (system.elastic_rows @ part), axis=0)
+    rest, total = (np.linalg.norm(size * (system.elastic_rows @ part), axis=0)
                    + np.linalg.norm(system.inertia_factor @ part, axis=0) for part in (left, motions))  # fmt: skip
-    return left[:, rest > NOTHING * whole], independent(system, light)
+    return left[:, rest > NOTHING * total], independent(system, light)
 
 
 def independent(system: SparseEquations, light: Array) -> Array:
-    """Return independent motions (size, r), of unit damping, that span some (size, n) that move no mass."""
+    """Return independent motions (size, r), of unit damping, with the span of motions (size, n) without mass."""
     acts = np.flatnonzero(system.damping)
     rates = np.sqrt(np.abs(system.damping[acts]))[:, None] * (system.elastic_rows[acts] @ light)
     length = np.linalg.norm(rates, axis=0)
@@ -60,26 +60,26 @@ def independent(system: SparseEquations, light: Array) -> Array:
     if not used.any():
         return light[:, used]
     _, singular, right = np.linalg.svd(rates[:, used] / length[used], full_matrices=False)
-    kept = singular > NEW
-    return np.asarray((light[:, used] / length[used]) @ (right[kept].T / singular[kept]))
+    significant = singular > NEW
+    return np.asarray((light[:, used] / length[used]) @ (right[significant].T / singular[significant]))
 
 
 def heaviest(system: SparseEquations, mass: Array) -> Array:
-    """Return as many of all motions (size, n), in which own coordinates of massless motions rest, as move mass."""
+    """Return the independent motions with mass among all motions (size, n) without massless parts."""
     rows = system.inertia_factor @ mass
     rows = rows / np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
     return np.asarray(mass[:, np.sort(pivoted_qr(rows)[1][: system.dof - system.massless])])
 
 
 def following(system: SparseEquations, basis: Array) -> Array:
-    """Return motions in which those that springs alone hold, of no mass, follow the others from statics.
+    """Return motions in which massless, undamped motions follow the others from statics.
 
     z - N (N^T K N)^-1 N^T K z, and no more of them than there are degrees of freedom
 
     Parameters
     ----------
     system : SparseEquations
-        The whole system.
+        The full system.
     basis : array, shape (size, n)
         Motions that span all.
 
@@ -94,10 +94,10 @@ def following(system: SparseEquations, basis: Array) -> Array:
 
     n, rows = system.separation.static, system.elastic_rows
     force = n.T @ (rows.T.multiply(system.stiffness))
-    own, other = (force @ (rows @ n)).tocsc(), force @ (rows @ basis)
+    own, coupling = (force @ (rows @ n)).tocsc(), force @ (rows @ basis)
     if system.circulatory is not None:
-        own, other = (own + n.T @ system.circulatory @ n).tocsc(), other + n.T @ (system.circulatory @ basis)
-    result = basis - n @ splu(own).solve(other)
+        own, coupling = (own + n.T @ system.circulatory @ n).tocsc(), coupling + n.T @ (system.circulatory @ basis)
+    result = basis - n @ splu(own).solve(coupling)
     unit = 1.0 / np.maximum(np.abs(basis).max(axis=0), 1e-300)
     order = pivoted_qr(result[system.layout.coordinate] * unit)[1]
     return np.asarray(result[:, np.sort(order[: system.dof])])

@@ -1,9 +1,10 @@
 """Forces in joints, and all forces on a body or the ground, as outputs of many bodies.
 
-A force in a joint is the work that all else does, inertia included, in a motion in which the joint gives way along it:
-all that hangs behind moves as one body, and where loops cross the joint their coordinates follow so that no other
-constraint is broken. Where constraints are redundant none gives way alone; the other joints of the loops then give way
-as well, so that forces are those of least norm. All forces on a body are its change of momentum.
+A force in a joint is the virtual work of all other forces, inertia included, in a unit virtual displacement that
+releases the joint in its direction. All bodies behind the joint move as one rigid body. In loops the other coordinates
+follow so that no other constraint is violated. With redundant constraints a single joint cannot be released; then the
+other joints of the loops are released too, so that the forces are those of least norm. The sum of all forces on a body
+is its rate of change of momentum.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from mbsvib.elements.rows import Rows
 from mbsvib.equations.joint_carriers import carrier_of
 from mbsvib.equations.joint_carriers import place as place_of
 from mbsvib.mechanism.topology import FLOATS
-from mbsvib.sparse.rotated_forces import Turning
+from mbsvib.sparse.rotated_forces import RotatedForces
 from mbsvib.sparse.rows import relative_rows
 from mbsvib.sparse.virtual_displacements import Release
 from mbsvib.sparse.virtual_motions import Motion, Virtual, Yielding, all_turns
@@ -44,16 +45,16 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Acting:
-    """All that acts on the bodies, in numbers: ``springs`` with their ``elastic`` rows over the unknowns, ``inertia``
-    with its ``factor``, ``port`` with the rows that its inputs have (``pushed``), what more bodies have ``shared``, the
-    forces ``found`` at the pose and those of ``spin``, if there are any, and the ``regions`` in which redundant
-    constraints share forces, by joint.
+class ForceSums:
+    """All forces on the bodies: ``springs`` with their ``elastic`` rows over the unknowns, ``inertia`` with its
+    ``factor``, ``port`` with the rows of its inputs (``pushed``), ``shared`` contributions of several bodies, the
+    ``geometric`` stiffness with the forces at the pose, those of ``spin``, if there are any, and the ``regions`` in
+    which redundant constraints share forces, by joint.
     """
 
     topology: Topology
     tree: Tree
-    place: Layout
+    layout: Layout
     closure: Constraints
     number: Mapping[str, int]
     springs: Elements
@@ -63,14 +64,14 @@ class Acting:
     port: Ports
     pushed: csr_matrix
     shared: Shared | None
-    found: Geometric | None
+    geometric: Geometric | None
     regions: Mapping[int, Region]
     spin: SpinForces | None = None
 
     @cached_property
     def release(self) -> Release:
-        """Motions in which cut joints give way."""
-        return Release(self.tree, self.place, self.closure)
+        """Virtual displacements that release cut joints."""
+        return Release(self.tree, self.layout, self.closure)
 
     def outputs(self) -> tuple[tuple[csr_matrix, csr_matrix, csr_matrix], Array]:
         """Return rows of all outputs that are forces in joints or sums of forces, and zeros for the others.
@@ -82,7 +83,7 @@ class Acting:
         """
         from scipy.sparse import csr_matrix
 
-        shape = (len(self.port.output_units), self.place.size)
+        shape = (len(self.port.output_units), self.layout.size)
         through = np.zeros((shape[0], len(self.port.input_units)))
         entries: tuple[list[Any], list[Any], list[Any]] = ([], [], [])
         for row, kind, number, wrench in self.port.wrench_outputs:
@@ -90,14 +91,14 @@ class Acting:
             for derivative, line in lines.items():
                 at = np.flatnonzero(line)
                 entries[derivative].append((line[at], np.full(len(at), row), at))
-        found = []
+        matrices = []
         for parts in entries:
             value, row_of, column = (np.concatenate([part[i] for part in parts] or [()]) for i in range(3))
-            found.append(csr_matrix((value, (row_of.astype(int), column.astype(int))), shape=shape))
-        return (found[0], found[1], found[2]), through
+            matrices.append(csr_matrix((value, (row_of.astype(int), column.astype(int))), shape=shape))
+        return (matrices[0], matrices[1], matrices[2]), through
 
     def undetermined(self, names: tuple[str, ...]) -> tuple[Undetermined, ...]:
-        """Return what redundant constraints leave open of the outputs with these ``names``."""
+        """Return the outputs, by ``names``, that redundant constraints do not determine."""
         outputs: dict[Region, list[str]] = {region: [] for region in self.regions.values()}
         for row, kind, number, wrench in self.port.wrench_outputs:
             if kind == "joint" and number in self.regions:
@@ -107,7 +108,7 @@ class Acting:
         return tuple([region.undetermined(tuple(which)) for region, which in outputs.items() if which])
 
     def _sum(self, body: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """All forces on a body, its change of momentum; on the ground, what bodies and its own nodes lack of theirs."""
+        """Sum of all forces on a body, its rate of change of momentum; on the ground, minus the sum of the others."""
         n = len(self.tree.parent)
         if body < n:
             moved = np.zeros(n + 1)
@@ -116,7 +117,7 @@ class Acting:
             inertia, base = self._of_inertia(motion)
             turns = motion.turns
         else:
-            inertia, base = self._resisted(self._carried(wrench, np.zeros(3)))
+            inertia, base = self._resisted(self._rigid_inertia(wrench, np.zeros(3)))
             turns = np.tile(wrench[3:], (n + 1, 1))
         lines = {2: inertia}
         if self.spin is not None:
@@ -126,8 +127,8 @@ class Acting:
         return lines, base
 
     def _in_joint(self, number: int, wrench: Array) -> tuple[dict[int, Array], Array]:
-        """The force with which a joint pulls its first body to its second."""
-        lines = dict(enumerate(np.zeros((3, self.place.size))))
+        """Rows of the force or moment in a joint along a wrench."""
+        lines = dict(enumerate(np.zeros((3, self.layout.size))))
         region = self.regions.get(number)
         if region is None:
             motion: Motion = self._giving_way(number, wrench)
@@ -144,7 +145,7 @@ class Acting:
             lines[0] += self._turning.of_joints(motion)
         if self.spin is not None:
             lines[0] += self.spin.of_dampers(motion)
-            lines[1] += self.spin.of_rotors(all_turns(motion, self.place))
+            lines[1] += self.spin.of_rotors(all_turns(motion, self.layout))
         inertia, through = self._of_inertia(motion)
         lines[2] += inertia
         forces = self.port.force_inputs
@@ -153,29 +154,29 @@ class Acting:
         return lines, through
 
     def _step(self, number: int, wrench: Array) -> Array:
-        """A step (6, j) of one joint's gap along its axes, among the joints of its region."""
+        """A unit displacement (6, j) of one joint's gap along its axes, among the joints of its region."""
         region, axes = self.regions[number], np.array(self.topology.joints[number].axes)
         result = np.zeros((6, len(region.joints)))
         result[:, region.joints.searchsorted(number)] = *(axes @ wrench[:3]), *(axes @ wrench[3:])
         return result
 
     def _yielding(self, region: Region, step: Array) -> Yielding:
-        """The motion in which the joints of a region give way by the part of a step that its bodies can do."""
+        """The motion that releases the joints of a region by the compatible part of a displacement of the gaps."""
         held, motion = region.split(step)
         centre = np.concatenate((self.tree.position, np.zeros((1, 3))))
         return Yielding(region.displacements(motion, centre), centre, region.joints, step - region.scale**2 * held)
 
     def _in_every_pose(self, region: Region, held: Array) -> Array:
-        """What keeps forces of least norm as the pose, and with it a state of self-stress, changes; a row (size,)."""
-        assert self.found is not None
-        rest = self.found.joints[:, region.joints]
+        """Change of the forces of least norm by the change of a state of self-stress with the pose; a row (size,)."""
+        assert self.geometric is not None
+        rest = self.geometric.joints[:, region.joints]
         motion = self._yielding(region, region.scale**2 * rest)
-        state = Turning(self.tree, self.place, self.found.of_joints(region.joints, held))
+        state = RotatedForces(self.tree, self.layout, self.geometric.of_joints(region.joints, held))
         work = float((rest[3:] * held[3:]).sum())
         return self._longer(region) * work - state.of_joints(motion)
 
     def _giving_way(self, number: int, wrench: Array) -> Virtual:
-        """The motion of a joint's second body against its first, and of all that has to follow."""
+        """The relative motion of a joint's bodies, and the motion of all others that follow."""
         joint, rows = self.topology.joints[number], self.closure.rows
         centre = np.concatenate((self.tree.position, np.zeros((1, 3)))).T
         axes, point = np.array(joint.axes), np.array(place_of(joint, dict(self.number), centre), dtype=float)
@@ -198,7 +199,7 @@ class Acting:
         return replace(motion, follows=self.release.unknowns(target)) if target.any() else motion
 
     def _elastic(self, motion: Motion) -> Iterator[tuple[csr_matrix, Array, tuple[tuple[int, Array], ...]]]:
-        """Elastic rows, how far a motion goes along them, and their weights by derivative."""
+        """Elastic rows, the displacements of a motion along them, and their weights by derivative."""
         follows = motion.follows
         along = motion.along(self.springs.rows)
         yield (self.elastic, along if follows is None else along + self.elastic @ follows, self.springs.weights)
@@ -209,7 +210,7 @@ class Acting:
                    ((0, blend.stiffness), (1, blend.damping)))  # fmt: skip
 
     def _of_inertia(self, motion: Motion) -> tuple[Array, Array]:
-        """What inertia does in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""
+        """Work of inertia forces in a motion, per unit of the unknowns' acceleration (size,) and of the inputs."""
         moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])[:, 0]
         if self.shared is not None and self.shared.mass is not None:
             moved = np.concatenate((moved, _rigidly(self.shared.mass, motion)))
@@ -220,31 +221,31 @@ class Acting:
     def _resisted(self, moved: Array) -> tuple[Array, Array]:
         """The same for square roots of inertia times a motion."""
         through = np.zeros(len(self.port.input_units))
-        for column, carried in self._base:
-            through[column] = -(moved @ carried)
+        for column, base_motion in self._base:
+            through[column] = -(moved @ base_motion)
         return -(self.factor.T @ moved), through
 
     def _longer(self, region: Region) -> Array:
-        """How the weight 1 / L^2 of moments in a region changes with the pose, a row (size,)."""
+        """Derivative of the weight 1 / L^2 of moments in a region with respect to the pose, a row (size,)."""
         point = region.point[:, region.bearing]
         apart = point - point.mean(axis=1, keepdims=True)
         carrier = np.array([carrier_of(self.topology.joints[k], self.number)
                             for k in region.joints[region.bearing].tolist()])  # fmt: skip
         ground = np.full(len(carrier), len(self.tree.parent))
-        rows = relative_rows(self.tree, self.place, Rows(ground, carrier, point, apart, np.zeros_like(apart)))
+        rows = relative_rows(self.tree, self.layout, Rows(ground, carrier, point, apart, np.zeros_like(apart)))
         return np.asarray(rows.sum(axis=0)).reshape(-1) * (-2.0 / (len(carrier) * region.length**4))
 
     @cached_property
-    def _turning(self) -> Turning | None:
-        return None if self.found is None else Turning(self.tree, self.place, self.found)
+    def _turning(self) -> RotatedForces | None:
+        return None if self.geometric is None else RotatedForces(self.tree, self.layout, self.geometric)
 
     @cached_property
     def _base(self) -> list[tuple[int, Array]]:
-        """Square roots of inertia times the acceleration of all that the moving ground carries along."""
-        return [(column, self._carried(np.array(source.wrench), np.array(source.position)))
+        """Square roots of inertia times the rigid-body acceleration of the base motions."""
+        return [(column, self._rigid_inertia(np.array(source.wrench), np.array(source.position)))
                 for column, source in self.port.base_motions]  # fmt: skip
 
-    def _carried(self, six: Array, origin: Array) -> Array:
+    def _rigid_inertia(self, six: Array, origin: Array) -> Array:
         """Square roots of inertia times a rigid motion (6,) of everything, the ground included, about an origin."""
         motion = Virtual(np.ones(len(self.tree.parent)), six[:3], six[3:], origin)
         moved = self.inertia.factor(motion.of_bodies(self.tree.position)[:, :, None])
@@ -256,16 +257,16 @@ class Acting:
         if self.shared is None or self.shared.elastic is None:
             return None
         composite = self.shared.elastic.composite
-        return composite.of_sparse(relative_rows(self.tree, self.place, composite.rows))
+        return composite.of_sparse(relative_rows(self.tree, self.layout, composite.rows))
 
     @cached_property
     def _hung(self) -> dict[int, tuple[int, int]]:
-        """The body that hangs on each joint of the tree, and its sign there."""
+        """The outer body of each joint of the tree, and its sign there."""
         return {b.joint: (b.body, b.sign) for b in self.topology.branches if b.joint != FLOATS}
 
     @cached_property
     def _subtrees(self) -> tuple[Index, Index]:
-        """Numbers of bodies such that those behind each of them are a range: its begin and its end, (bodies,)."""
+        """Numbering of bodies in which each subtree is a range: begin and end of the ranges, (bodies,)."""
         n, held, outward = len(self.tree.parent), self.tree.parent.tolist(), self.tree.outward.tolist()
         size, begin, free = [1] * (n + 1), [0] * (n + 1), [0] * (n + 1)
         for body in reversed(outward):
@@ -279,5 +280,5 @@ class Acting:
 
 
 def _rigidly(composite: Composite, motion: Motion) -> Array:
-    """How far the rigid part of a motion goes along composite rows."""
+    """Displacements of the rigid part of a motion along composite rows."""
     return composite.of((motion.along(composite.rows) * composite.rides)[:, None])[:, 0]

@@ -1,10 +1,10 @@
-"""Layout: where the unknowns of the tableau are, body after body from the leaves of the tree to its root.
+"""Layout: positions of the unknowns of the tableau, body after body from the leaves of the tree to its root.
 
-A body brings its displacements x (those directions in which it can move), the forces h that its joint hands on, and
-its joint's coordinates q; multipliers of a loop come right behind the last body that the loop touches. Equations stand
-where the unknown stands that they are solved for: the joint's kinematics at x, the balance of forces at h, the joint's
-own force law at q. The diagonal is then 1, 1 and a stiffness, and eliminating in this order is the recursion of
-articulated bodies: no zero to pivot on, no fill beyond the parent's block.
+Each body has its displacements x (in the directions in which it can move), the forces h that its joint transmits, and
+its joint's coordinates q; multipliers of a loop follow the last body on the loop. Each equation has the index of the
+unknown that it is solved for: the joint's kinematics that of x, the balance of forces that of h, the force law of the
+joint that of q. The diagonal is then 1, 1 and a stiffness, and elimination in this order is the recursion of
+articulated bodies: no zero pivots, no fill beyond the parent's block.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Places of the unknowns: ``displacement`` (bodies, 6), -1 where a body cannot move, ``coordinate`` (m,) and
-    ``multiplier`` (rows,); ``behind`` (bodies,) is the distance from x to h of a body. ``size`` counts them all.
+    """Positions of the unknowns: ``displacement`` (bodies, 6), -1 where a body cannot move, ``coordinate`` (m,) and
+    ``multiplier`` (rows,); ``behind`` (bodies,) is the offset from x to h of a body. ``size`` is their number.
     """
 
     displacement: Index
@@ -43,11 +43,11 @@ class Layout:
 
     @property
     def force(self) -> Index:
-        """Place of h for every body and direction, -1 where the body cannot move, shape (bodies, 6)."""
+        """Position of h for every body and direction, -1 where the body cannot move, shape (bodies, 6)."""
         return np.where(self.displacement >= 0, self.displacement + self.behind[:, None], -1)
 
     def balance(self) -> tuple[Index, Array]:
-        """Return for every unknown the equation that holds the forces which work on it, and their sign there.
+        """Return for every unknown the equation that contains the forces which do work on it, and their sign there.
 
         Returns
         -------
@@ -73,12 +73,12 @@ def layout(tree: Tree, loops: int = 0, touched: tuple[Index, Index] | None = Non
     loops : int
         Number of multipliers.
     touched : pair of arrays, optional
-        Multiplier and body of every joint on a loop's path.
+        Multiplier and body of every joint on the path of a loop.
 
     Returns
     -------
     Layout
-        Places of all unknowns.
+        Positions of all unknowns.
     """
     n = len(tree.parent)
     inward = tree.outward[::-1]
@@ -102,41 +102,41 @@ def layout(tree: Tree, loops: int = 0, touched: tuple[Index, Index] | None = Non
     return Layout(displacement, coordinate, multiplier, own, int(ends[-1]))
 
 
-def kinematics(tree: Tree, place: Layout) -> csr_matrix:
-    """Return what joints demand, whatever the stiffness: x = X(c - c_parent) x_parent + T q, and the forces' balance.
+def kinematics(tree: Tree, layout: Layout) -> csr_matrix:
+    """Return the equations of the joints, without stiffness: x = X(c - c_parent) x_parent + T q, and force balance.
 
     Parameters
     ----------
     tree : Tree
         The spanning tree.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
 
     Returns
     -------
     csr_matrix, shape (size, size)
-        The equations of kinematics, and in the other equations what the joints' forces contribute.
+        The equations of kinematics, and the contributions of the joints' forces to the other equations.
     """
     from scipy.sparse import csr_matrix
 
-    x, force = place.displacement, place.force
+    x, force = layout.displacement, layout.force
     here = x[tree.moves]
     parts = [(here, here, np.ones(len(here))), (force[tree.moves], force[tree.moves], np.ones(len(here)))]
     # x - X x_parent - T q = 0,  h - sum of X^T h_child - ... = 0,  T^T h + ... = 0
     child = np.flatnonzero(tree.parent < len(tree.parent))
     parent = tree.parent[child]
     rx, ry, rz = (tree.position[child] - tree.position[parent]).T
-    one = np.ones(len(child))
-    carried = [(i, i, one) for i in range(6)]
-    carried += [(0, 4, rz), (0, 5, -ry), (1, 5, rx), (1, 3, -rz), (2, 3, ry), (2, 4, -rx)]
-    for i, j, value in carried:
+    ones = np.ones(len(child))
+    transport = [(i, i, ones) for i in range(6)]
+    transport += [(0, 4, rz), (0, 5, -ry), (1, 5, rx), (1, 3, -rz), (2, 3, ry), (2, 4, -rx)]
+    for i, j, value in transport:
         used = (value != 0.0) & (x[child, i] >= 0) & (x[parent, j] >= 0)
         a, b = child[used], parent[used]
         parts.append((x[a, i], x[b, j], -value[used]))
         parts.append((force[b, j], force[a, i], -value[used]))
     k, direction = np.nonzero(tree.motion)
     twist, body = tree.motion[k, direction], tree.carried[k]
-    parts.append((x[body, direction], place.coordinate[k], -twist))
-    parts.append((place.coordinate[k], force[body, direction], twist))
+    parts.append((x[body, direction], layout.coordinate[k], -twist))
+    parts.append((layout.coordinate[k], force[body, direction], twist))
     row, column, entry = (np.concatenate([part[i] for part in parts]) for i in range(3))
-    return csr_matrix((entry, (row, column)), shape=(place.size, place.size))
+    return csr_matrix((entry, (row, column)), shape=(layout.size, layout.size))

@@ -1,9 +1,10 @@
 """Loads on many bodies: joint forces from the leaves to the root, and geometric stiffness as sparse signed rows.
 
-A joint of the tree carries all that acts on what hangs behind it, which one pass from the leaves to the root adds up.
-In loops the forces of the cut joints act there as well: with Phi their independent rows per joint coordinate, Phi^T
-lambda = -B'^T W by sparse least squares, whose rest is what the pose lacks of balance. The second-order terms are those
-of the dense path; as rows they hold rotations of bodies and joint coordinates, each of them an unknown of the tableau.
+A joint of the tree transmits the sum of all forces on the bodies behind it; one pass from the leaves to the root
+computes it. In loops this includes the forces of the cut joints: with Phi their independent rows per joint coordinate,
+Phi^T lambda = -B'^T W by sparse least squares, and the residual is the unbalanced force of the pose. The second-order
+terms are those of the dense path; as rows they contain rotations of bodies and joint coordinates, which are unknowns of
+the tableau.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Geometric:
     """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,); ``owner`` (n,) are
     numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies; ``pairs`` are
     all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the bodies that their points move
-    with, and ``feels`` what they feel.
+    with, and ``feels`` the rows of their second-order terms.
     """
 
     rows: csr_matrix
@@ -65,7 +66,7 @@ class Geometric:
     circulatory: csr_matrix | None = None
 
     def of_joints(self, joints: Index, wrench: Array) -> Geometric:
-        """Return the same with wrenches (6, j) in some joints alone."""
+        """Return the same with only wrenches (6, j) in some joints."""
         force, torque = np.zeros((2, *self.pairs.force.shape))
         count = len(self.applied.names)
         force[:, count + joints], torque[:, count + joints] = wrench[:3], wrench[3:]
@@ -73,7 +74,7 @@ class Geometric:
 
 
 def geometric(
-    model: Mechanism, topology: Topology, tree: Tree, place: Layout, closure: Constraints, number: Mapping[str, int],
+    model: Mechanism, topology: Topology, tree: Tree, layout: Layout, closure: Constraints, number: Mapping[str, int],
     springs: Elements, regions: Iterable[Region] = (),
 ) -> Geometric:  # fmt: skip
     """Return the geometric stiffness of a loaded mechanism.
@@ -86,16 +87,16 @@ def geometric(
         The spanning tree.
     tree : Tree
         The same in arrays.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
     closure : Constraints
         Locked rows of the cut joints.
     number : mapping
         Number of each body, ground included.
     springs : Elements
-        What the rounding of the pose makes forces of.
+        Springs and dampers; rounding of the pose causes forces in them.
     regions : iterable of Region
-        Where redundant constraints are to share forces, so that they are of least norm; elsewhere they hold nothing.
+        Loops in which redundant constraints share forces of least norm; elsewhere redundant constraints have none.
 
     Returns
     -------
@@ -124,27 +125,27 @@ def geometric(
     known = dict(number)
     point = np.array([place_of(joint, known, position) for joint in joints]).reshape(-1, 3).T
     start = point.copy()
-    carried = np.zeros((6, len(joints)))
+    joint_wrenches = np.zeros((6, len(joints)))
     for branch in topology.branches:
         if branch.joint != FLOATS:
-            carried[:, branch.joint] = -branch.sign * behind[:, branch.body]
+            joint_wrenches[:, branch.joint] = -branch.sign * behind[:, branch.body]
     body = np.zeros(len(joints), dtype=np.intp)
     hung = [(branch.joint, branch.body) for branch in topology.branches if branch.joint != FLOATS]
     at, body_of = np.array(hung, dtype=np.intp).reshape(-1, 2).T
     body[at] = body_of
-    carried[3:, at] += crossed_product(position[:, body_of] - point[:, at], carried[:3, at])
+    joint_wrenches[3:, at] += crossed_product(position[:, body_of] - point[:, at], joint_wrenches[:3, at])
     if cut is not None:
         here = np.array(topology.cut, dtype=np.intp)[closure.loop[: len(closure.rows.first)]]
         if closure.couplers is not None:
             here = np.concatenate((here, closure.couplers.joint))
         moment = cut.torque + crossed_product(cut.end - point[:, here], cut.force)
-        np.add.at(carried.T, here, np.concatenate((cut.force, moment)).T)
+        np.add.at(joint_wrenches.T, here, np.concatenate((cut.force, moment)).T)
     for region in regions:
-        carried[:, region.joints] = region.least(carried[:, region.joints])
+        joint_wrenches[:, region.joints] = region.least(joint_wrenches[:, region.joints])
     for k, joint in enumerate(joints):
         if joint.kind == "distance" and joint.position is not None:
             start[:, k] = joint.position
-    every = Pairs.join(acting.pairs, Pairs(first, second, start, point, carried[:3], carried[3:]))
+    every = Pairs.join(acting.pairs, Pairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:]))
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
     feels = felt(acting, joints, number, coupled)
@@ -153,12 +154,12 @@ def geometric(
     if unsymmetric is not None:
         parts.append(unsymmetric)
     part = Contribution.join(parts)
-    moved = unknown_rows(part, tree, place)
+    moved = unknown_rows(part, tree, layout)
     rows, stiffness, owner = signed_squares(part.stiffness, moved)
     moved_with = [carrier_of(joint, number) for joint in joints]
     carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
     circulatory = antisymmetric(part.circulatory, moved)
-    return Geometric(rows, stiffness, owner, names, carried, every, carrier, feels, acting, circulatory)
+    return Geometric(rows, stiffness, owner, names, joint_wrenches, every, carrier, feels, acting, circulatory)
 
 
 def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
@@ -173,7 +174,7 @@ def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
 
 
 def _rounding(springs: Elements, reach: float, position: Array) -> Array:
-    """Sizes (2, bodies + 1) of forces and moments of which ``BALANCE`` is what springs make of rounded positions."""
+    """Magnitudes (2, bodies + 1) of forces and moments; ``BALANCE`` times these are due to rounding of positions."""
     rows = springs.rows
     along, about = (np.linalg.norm(part, axis=0) for part in (rows.force, rows.moment))
     amount = LEAST * np.abs(springs.stiffness) * (reach * along + about)
@@ -182,7 +183,8 @@ def _rounding(springs: Elements, reach: float, position: Array) -> Array:
 
 
 def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
-    """What acts on each body and all behind it, about its centre of mass (6, bodies), and the sizes of all that."""
+    """Wrench on each body and all bodies behind it, about its centre of mass (6, bodies), and magnitudes of its terms.
+    """
     fx, fy, fz, mx, my, mz = wrench[:, :-1].tolist()
     force, moment = sizes[:, :-1].tolist()
     held = tree.parent.tolist()
@@ -206,34 +208,35 @@ def _behind(tree: Tree, wrench: Array, sizes: Array) -> tuple[Array, Array]:
 
 
 def _closed(
-    tree: Tree, closure: Constraints, behind: Array, size: Array, said: tuple[str, Topology], reach: float
+    tree: Tree, closure: Constraints, behind: Array, size: Array, context: tuple[str, Topology], reach: float
 ) -> Pairs | None:
-    """Forces in the cut joints that bring all into balance, row by row; refused where they do not."""
-    motion, carried = tree.motion.T, tree.carried
-    lacks = np.einsum("ck,ck->k", motion, behind[:, carried])
+    """Forces in the cut joints that balance all others, row by row; an error if there are none."""
+    motion, body = tree.motion.T, tree.carried
+    lacks = np.einsum("ck,ck->k", motion, behind[:, body])
     lengths = np.sqrt(np.square(motion.reshape(2, 3, -1)).sum(axis=1))
-    limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, carried]), LEAST * reach * lengths[1] * size[0, carried])
+    limit = np.maximum(np.einsum("ck,ck->k", lengths, size[:, body]), LEAST * reach * lengths[1] * size[0, body])
     count = int(closure.kept.sum())
     if not count:
-        _check(lacks, limit, tree, said)
+        _check(lacks, limit, tree, context)
         return None
     row, column, entry = closure.kept_entries(tree)
     value, rest, least = _least_squares((column, row, entry), len(lacks), count, -lacks)
     held = np.zeros(len(lacks))
     np.add.at(held, column, np.abs(entry) * np.maximum(np.abs(value), LEAST * least)[row])
-    _check(-rest, limit + held, tree, said)
-    every, whole = closure.rows, np.zeros(len(closure.names))
-    whole[closure.kept] = value
-    if closure.couplers is not None:  # in joints of the tree they act as parts of these
+    _check(-rest, limit + held, tree, context)
+    every, multipliers = closure.rows, np.zeros(len(closure.names))
+    multipliers[closure.kept] = value
+    if closure.couplers is not None:  # in joints of the tree they are part of the forces of these
         coupler, share = closure.couplers.measured
-        whole = np.concatenate((whole[: len(every.first)], share * whole[len(every.first) + coupler]))
+        multipliers = np.concatenate((multipliers[: len(every.first)], share * multipliers[len(every.first) + coupler]))
         every = Rows.join([every, closure.couplers.terms.measured])
-    return Pairs(every.first, every.second, every.point, every.point, every.force * whole, every.moment * whole)
+    force, moment = every.force * multipliers, every.moment * multipliers
+    return Pairs(every.first, every.second, every.point, every.point, force, moment)
 
 
 def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: Array) -> tuple[Array, Array, Array]:
-    """The solution of an overdetermined sparse system of full rank, what is left of the right side, and the size (n,)
-    whose rounding the solution has: that of the largest unknown, in units in which columns are alike.
+    """The solution of an overdetermined sparse system of full rank, the residual, and the magnitude (n,) to which
+    rounding of the solution is relative: that of the largest unknown, with columns scaled to unit length.
     """
     from scipy.sparse import bmat, csc_matrix, eye
     from scipy.sparse.linalg import splu
@@ -243,19 +246,19 @@ def _least_squares(entries: tuple[Index, Index, Array], m: int, n: int, right: A
     a = a.multiply(scale).tocsc()
     matrix = bmat([[eye(m), a], [a.T, None]], format="csc")
     factor = splu(matrix)
-    whole = np.concatenate((right, np.zeros(n)))
-    found = factor.solve(whole)
-    found += factor.solve(whole - matrix @ found)
-    return found[m:] * scale, right - a @ found[m:], scale * np.abs(found[m:]).max(initial=0.0)
+    right_side = np.concatenate((right, np.zeros(n)))
+    solution = factor.solve(right_side)
+    solution += factor.solve(right_side - matrix @ solution)
+    return solution[m:] * scale, right - a @ solution[m:], scale * np.abs(solution[m:]).max(initial=0.0)
 
 
-def _check(residual: Array, size: Array, tree: Tree, said: tuple[str, Topology]) -> None:
-    """Refuse a pose in which more than ``BALANCE`` of the forces along a coordinate is left over."""
+def _check(residual: Array, size: Array, tree: Tree, context: tuple[str, Topology]) -> None:
+    """Refuse a pose in which the unbalanced force along a coordinate exceeds the share ``BALANCE``."""
     off = np.flatnonzero(np.abs(residual) > BALANCE * size)
     if not len(off):
         return
     share = np.abs(residual[off]) / np.where(size[off] > 0.0, size[off], 1.0)
     worst = int(off[np.argmax(share)])
-    name, topology = said
+    name, topology = context
     missing = -float(residual[worst])
     raise unbalanced(name, tree.names[worst], bool(tree.turns[worst]), missing, float(share.max()), topology)

@@ -1,9 +1,9 @@
-"""What becomes of motions without mass in equations over sparse unknowns, in which nothing has to be condensed.
+"""Classification of motions without mass in equations over sparse unknowns, without condensation.
 
-K + s C + s^2 M is regular there but for poles, so that responses need no more than a look at what holds these motions.
-Springs and dampers tie them into parts, mostly of one motion; each part is resolved by the dense path itself, in the
-amplitudes of its motions: what neither spring nor damper resists is refused, what dampers do not resist follows from
-statics and is no degree of freedom, and the others have one first-order state each.
+K + s C + s^2 M is regular there except at poles, so that responses only need the stiffness and damping of these
+motions. Springs and dampers couple them into parts, mostly of one motion; the dense path resolves each part, in the
+amplitudes of its motions. Motions with neither stiffness nor damping are an error. Motions without damping follow from
+statics and are no degrees of freedom. The others have one first-order state each.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told(Separation):
-    """What became of the motions without mass, over the unknowns: ``static`` (size, n) are the motions that follow from
-    statics, ``damped`` (size, n) those that dampers resist, in which the static ones follow, each the only one at its
-    ``own`` (n,) unknown; ``at_once`` (outputs, inputs) is what static ones add to the outputs at once,
+class SparseSeparation(Separation):
+    """The motions without mass, over the unknowns: ``static`` (size, n) are those that follow from statics, ``damped``
+    (size, n) those with damping, including the static motions that follow; only one of them is nonzero at each of the
+    ``own`` (n,) unknowns. ``at_once`` (outputs, inputs) is the direct contribution of static motions to the outputs,
     Cq N (N^T K N)^-1 N^T B.
     """
 
@@ -45,11 +45,11 @@ class Told(Separation):
 
 
 def separation(
-    motions: Motions, tree: Tree, place: Layout, bodies: Sequence[str], elastic: tuple[csr_matrix, Array, Array],
+    motions: Motions, tree: Tree, layout: Layout, bodies: Sequence[str], elastic: tuple[csr_matrix, Array, Array],
     antisymmetric: tuple[csr_matrix | None, csr_matrix | None], inputs: csr_matrix,
     outputs: tuple[csr_matrix, csr_matrix, csr_matrix], ports: tuple[Sequence[str], Sequence[str]],
-) -> Told:  # fmt: skip
-    """Return what becomes of the motions without mass.
+) -> SparseSeparation:  # fmt: skip
+    """Return the classification of the motions without mass.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def separation(
         The motions.
     tree : Tree
         The spanning tree.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
     bodies : sequence of str
         Names of the bodies.
     elastic : tuple of csr_matrix, shape (rows, size), and arrays, shape (rows,)
@@ -74,52 +74,55 @@ def separation(
 
     Returns
     -------
-    Told
-        Names, motions, and what inputs do at once.
+    SparseSeparation
+        Names, motions, and the direct contribution of inputs to outputs.
 
     Raises
     ------
     ModelError
-        If nothing holds one of the motions, or an output would need the derivative of an input.
+        If one of the motions has neither stiffness nor damping, or an output would need the derivative of an input.
     """
     from scipy.sparse import hstack
 
     z = motions.shapes
     acts = np.flatnonzero((elastic[1] != 0.0) | (elastic[2] != 0.0))
     parts = _Parts(
-        motions, place, np.array([tree.names[k] for k in motions.own.tolist()], dtype=object), bodies, ports,
+        motions, layout, np.array([tree.names[k] for k in motions.own.tolist()], dtype=object), bodies, ports,
         _clean(elastic[0][acts], z).tocsc(), elastic[1][acts], elastic[2][acts],
         tuple([None if matrix is None else _clean(matrix, z) for matrix in antisymmetric]),
         _clean(inputs, z).T.tocsr(), tuple([_clean(rows, z).tocsc() for rows in outputs]),
     )  # fmt: skip
-    tied, alone = parts.tied()
-    told = [parts.single(alone)]
-    told += [parts.resolved(part) for part in [*tied, *told[0].others[:, None]]]
+    tied, isolated = parts.tied()
+    results = [parts.single(isolated)]
+    results += [parts.resolved(part) for part in [*tied, *results[0].others[:, None]]]
     at_once = np.zeros((outputs[0].shape[0], inputs.shape[0]))
-    for part in told:
+    for part in results:
         at_once[part.outputs] += part.at_once
     number = {name: i for i, name in enumerate(tree.names)}
-    gone = sorted([number[name] for part in told for name in part.condensed])
-    own = np.array([number[name] for part in told for name in part.first_order], dtype=np.intp)
+    gone = sorted([number[name] for part in results for name in part.condensed])
+    own = np.array([number[name] for part in results for name in part.first_order], dtype=np.intp)
     order = np.argsort(own)
-    static, damped = ((z @ hstack([getattr(part, key) for part in told])).tocsc() for key in ("static", "damped"))
-    return Told(tuple([tree.names[i] for i in gone]), tuple([tree.names[i] for i in own[order].tolist()]),
-                motions.kept, motions.dropped, at_once=at_once, static=static, damped=damped[:, order],
-                own=place.coordinate[own[order]])  # fmt: skip
+    static, damped = ((z @ hstack([getattr(part, key) for part in results])).tocsc() for key in ("static", "damped"))
+    return SparseSeparation(
+        tuple([tree.names[i] for i in gone]), tuple([tree.names[i] for i in own[order].tolist()]), motions.kept_pivot,
+        motions.dropped_pivot, at_once=at_once, static=static, damped=damped[:, order],
+        own=layout.coordinate[own[order]],
+    )  # fmt: skip
 
 
 def _clean(rows: csr_matrix, z: csc_matrix) -> csr_matrix:
-    """Rows times motions with zeros where terms cancel to rounding."""
+    """Rows times motions, with zeros where terms cancel to rounding."""
     result = (rows @ z).tocsr()
-    kept = result.multiply(abs(result) > DEPENDENT_ROWS * (abs(rows) @ abs(z))).tocsr()
-    kept.eliminate_zeros()
-    return kept
+    significant = result.multiply(abs(result) > DEPENDENT_ROWS * (abs(rows) @ abs(z))).tocsr()
+    significant.eliminate_zeros()
+    return significant
 
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """What became of some motions: names of those ``condensed`` and of ``first_order``, numbers of ``outputs`` and what
-    is added to them ``at_once``, amplitudes (n, k) of the ``static`` and ``damped`` ones; and ``others``, undecided.
+    """Classification of some motions: names of those ``condensed`` and of ``first_order``, numbers of ``outputs`` and
+    their direct contributions ``at_once``, amplitudes (n, k) of the ``static`` and ``damped`` ones; and ``others``,
+    which are undecided.
     """
 
     condensed: list[str]
@@ -139,7 +142,7 @@ class _Parts:
     """
 
     motions: Motions
-    place: Layout
+    layout: Layout
     names: NDArray[np.object_]
     bodies: Sequence[str]
     ports: tuple[Sequence[str], Sequence[str]]
@@ -151,7 +154,7 @@ class _Parts:
     c: tuple[csc_matrix, ...]
 
     def tied(self) -> tuple[list[Index], Index]:
-        """Motions that springs and dampers tie together, part by part, and those that are tied to no other."""
+        """Motions that springs and dampers couple, part by part, and uncoupled motions."""
         from scipy.sparse import vstack
         from scipy.sparse.csgraph import connected_components
 
@@ -163,25 +166,25 @@ class _Parts:
         single = np.array([part[0] for part in parts if len(part) == 1], dtype=np.intp)
         return [part for part in parts if len(part) > 1], single
 
-    def single(self, alone: Index) -> _Answer:
-        """What becomes of motions that are tied to no other, all at once, and those that want a closer look."""
+    def single(self, isolated: Index) -> _Answer:
+        """Classification of uncoupled motions, all at once, and the numbers of undecided ones."""
         from scipy.sparse import diags
 
-        square = self.rows[:, alone].power(2).T
+        square = self.rows[:, isolated].power(2).T
         size, sums = ((square @ kind(part) for part in (self.stiffness, self.damping)) for kind in (np.abs, np.array))
         (k_size, c_size), (k, c) = size, sums
-        velocity, acceleration = (np.diff(matrix[:, alone].indptr) > 0 for matrix in self.c[1:])
+        velocity, acceleration = (np.diff(matrix[:, isolated].indptr) > 0 for matrix in self.c[1:])
         damped = (c_size > 0.0) & (c == c_size) & ~acceleration
         static = (c_size == 0.0) & (k_size > 0.0) & (k == k_size) & ~velocity & ~acceleration
         if any(matrix is not None for matrix in self.antisymmetric):
             damped[:] = static[:] = False
-        still, slow = alone[static], alone[damped]
+        still, slow = isolated[static], isolated[damped]
         at_once = (self.c[0][:, still] @ diags(1.0 / k[static]) @ self.b[still]).toarray()
         return _Answer([*self.names[still]], [*self.names[slow]], np.arange(len(at_once)), at_once, self._unit(still),
-                       self._unit(slow), alone[~static & ~damped])  # fmt: skip
+                       self._unit(slow), isolated[~static & ~damped])  # fmt: skip
 
     def _unit(self, part: Index, shapes: Array | None = None) -> Any:
-        """Amplitudes (n, k) of all motions where some of them have ``shapes``, or one by one."""
+        """Amplitudes (n, k) of all motions for ``shapes`` of some of them; default: unit amplitudes."""
         from scipy.sparse import coo_matrix
 
         n, count = len(self.names), len(part)
@@ -191,7 +194,7 @@ class _Parts:
         return coo_matrix((shapes[row, column], (part[row], column)), shape=(n, shapes.shape[1]))
 
     def resolved(self, part: Index) -> _Answer:
-        """What becomes of some motions that are tied together."""
+        """Classification of some coupled motions."""
         on = self.rows[:, part].tocsr()
         row = np.flatnonzero(np.diff(on.indptr))
         rows, k, c = on[row].toarray(), self.stiffness[row], self.damping[row]
@@ -224,12 +227,12 @@ class _Parts:
         return _Answer(gone, list(slow), which, terms.D, self._unit(part, static), self._unit(part, damped))
 
     def _moved(self, part: Index) -> tuple[Index, Array]:
-        """Numbers of the bodies that some motions move, and their displacements (bodies, 6, n)."""
+        """Numbers of the bodies in some motions, and their displacements (bodies, 6, n)."""
         z = self.motions.shapes[:, part].tocsr()
-        used = np.zeros(self.place.size + 1, dtype=bool)
+        used = np.zeros(self.layout.size + 1, dtype=bool)
         used[:-1] = np.diff(z.indptr) > 0
-        body = np.flatnonzero(used[self.place.displacement].any(axis=1))
-        x = self.place.displacement[body]
+        body = np.flatnonzero(used[self.layout.displacement].any(axis=1))
+        x = self.layout.displacement[body]
         result = np.zeros((*x.shape, len(part)))
         result[x >= 0] = z[x[x >= 0]].toarray()
         return body, result

@@ -1,9 +1,9 @@
-"""Motions of many bodies that move no mass: found part by part, with what moves mass standing still.
+"""Motions of many bodies without mass, determined part by part, with all bodies with mass at rest.
 
-A body whose inertia resists every motion stands still in such a motion, and so does one that hangs on a still body and
-whose inertia resists every motion of its joint. What is left falls into small parts, mostly one light body each; in
-each part a pivoted QR decides, as that of the dense path does. Motions are columns over the unknowns, scaled so that
-no point of the part moves by more than about one metre.
+A body whose inertia resists every motion is at rest in such a motion. So is a body whose parent is at rest and whose
+inertia resists every motion of its joint. The remaining bodies form small parts, mostly one light body each; in each
+part a pivoted QR decides, as in the dense path. Motions are columns over the unknowns, scaled so that no point of the
+part moves by more than about one metre.
 """
 
 from __future__ import annotations
@@ -37,22 +37,23 @@ TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True, slots=True)
 class Motions:
-    """``shapes`` (size, n) of the motions over the unknowns, the coordinate ``own`` (n,) of each, the bodies ``light``
-    (bodies,) that they may move; the smallest pivot ``kept`` and the largest ``dropped`` of the inertia rows.
+    """``shapes`` (size, n) of the motions over the unknowns, the coordinate ``own`` (n,) of each, the mask ``light``
+    (bodies,) of the bodies that may move; the smallest pivot ``kept_pivot`` and the largest ``dropped_pivot`` of the
+    inertia rows.
     """
 
     shapes: csc_matrix
     own: Index
     light: Mask
-    kept: float
-    dropped: float
+    kept_pivot: float
+    dropped_pivot: float
 
 
 def massless_motions(
-    tree: Tree, place: Layout, inertia: SpatialInertia, shared: Shared | None, kinematics: csr_matrix,
+    tree: Tree, layout: Layout, inertia: SpatialInertia, shared: Shared | None, kinematics: csr_matrix,
     factor: csr_matrix, loops: csr_matrix,
 ) -> Motions | None:  # fmt: skip
-    """Return the motions that joints and loops allow and that move no mass.
+    """Return the motions without mass that joints and loops allow.
 
     x - X x_parent - T q = 0,  W x = 0,  Phi (x, q) = 0
 
@@ -60,12 +61,12 @@ def massless_motions(
     ----------
     tree : Tree
         The spanning tree.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
     inertia : SpatialInertia
         Square roots of the bodies' inertia.
     shared : Shared or None
-        Mass that more than one body carries.
+        Inertia shared by several bodies.
     kinematics : csr_matrix, shape (size, size)
         The equations of kinematics.
     factor : csr_matrix, shape (inertia rows, size)
@@ -76,23 +77,23 @@ def massless_motions(
     Returns
     -------
     Motions or None
-        None where every motion moves mass.
+        None if every motion has mass.
 
     Raises
     ------
     SingularPoseError
-        If it is in doubt which motions move mass.
+        If rounding does not allow to decide which motions have mass.
     """
     if inertia.whole:
         return None
     light = ~_still(tree, inertia, shared)
     if not light.any():
         return None
-    return _by_parts(tree, place, light, kinematics, factor, loops)
+    return _by_parts(tree, layout, light, kinematics, factor, loops)
 
 
 def _still(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
-    """Bodies that stand still, beyond doubt, where no mass moves."""
+    """Bodies that are certainly at rest in every motion without mass."""
     n = len(tree.parent)
     still = _carrying(tree, shared)
     heavy = np.flatnonzero(inertia.linear > 0.0)
@@ -103,7 +104,7 @@ def _still(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
     rows = np.zeros((len(rest), 6, 6))
     rows[:, [0, 1, 2], [0, 1, 2]] = inertia.linear[rest, None]
     rows[:, 3:, 3:] = inertia.angular[rest]
-    # what inertia does not resist in a joint: columns of W T, of the size that they could have at most
+    # motions of a joint without inertia: columns of W T, relative to their maximum size
     joint = np.zeros((n, 6, 6))
     nth = np.arange(len(tree.carried)) - tree.first[tree.carried]
     joint[tree.carried, :, nth] = tree.motion
@@ -120,14 +121,14 @@ def _still(tree: Tree, inertia: SpatialInertia, shared: Shared | None) -> Mask:
 
 
 def _smallest(rows: Array) -> Array:
-    """The smallest singular value (n,) of square matrices (n, k, k) whose rows are brought to unit length."""
+    """The smallest singular value (n,) of square matrices (n, k, k) with rows scaled to unit length."""
     size = np.sqrt((rows**2).sum(axis=2, keepdims=True))
     unit = np.divide(rows, size, out=np.zeros_like(rows), where=size > 0.0)
     return np.asarray(np.linalg.svd(unit, compute_uv=False)[:, -1])
 
 
 def _carrying(tree: Tree, shared: Shared | None) -> Mask:
-    """Nodes of beams and superelements whose shared mass resists every motion of theirs."""
+    """Nodes of beams and superelements whose shared mass resists all of their motions."""
     n = len(tree.parent)
     result = np.zeros(n + 1, dtype=bool)
     if shared is None or shared.mass is None:
@@ -162,37 +163,37 @@ def _carrying(tree: Tree, shared: Shared | None) -> Mask:
 
 
 def _by_parts(
-    tree: Tree, place: Layout, light: Mask, kinematics: csr_matrix, factor: csr_matrix, loops: csr_matrix
+    tree: Tree, layout: Layout, light: Mask, kinematics: csr_matrix, factor: csr_matrix, loops: csr_matrix
 ) -> Motions | None:
     """The motions of light bodies, part by part; the unknowns are their displacements and all coordinates at them."""
     from scipy.sparse import csc_matrix, vstack
 
     near = light | np.concatenate((light, [False]))[tree.parent]
     inward = np.argsort(tree.depth[:-1], kind="stable")
-    moving, held = (place.displacement[inward[mask[inward]]] for mask in (light, near & ~light))
+    moving, held = (layout.displacement[inward[mask[inward]]] for mask in (light, near & ~light))
     moving, held = moving[moving >= 0], held[held >= 0]
     coordinate = np.flatnonzero(near[tree.carried])
-    column = np.concatenate((moving, place.coordinate[coordinate]))
+    column = np.concatenate((moving, layout.coordinate[coordinate]))
     rows = vstack((kinematics[moving], kinematics[held], factor, loops)).tocsr()
-    turns = np.zeros(place.size, dtype=bool)
-    turns[place.displacement[:, 3:][place.displacement[:, 3:] >= 0]] = True
-    turns[place.coordinate[tree.turns]] = True
+    turns = np.zeros(layout.size, dtype=bool)
+    turns[layout.displacement[:, 3:][layout.displacement[:, 3:] >= 0]] = True
+    turns[layout.coordinate[tree.turns]] = True
     size = np.stack([np.asarray(abs(rows) @ kind.astype(float)) for kind in (~turns, turns)])
     entries = rows.tocsc()[:, column].tocoo()
-    body = np.zeros(place.size, dtype=np.intp)
-    body[place.displacement[place.displacement >= 0]] = np.nonzero(place.displacement >= 0)[0]
-    body[place.coordinate] = tree.carried
+    body = np.zeros(layout.size, dtype=np.intp)
+    body[layout.displacement[layout.displacement >= 0]] = np.nonzero(layout.displacement >= 0)[0]
+    body[layout.coordinate] = tree.carried
     points = tree.position[body[column]]
     points[len(moving) :] = tree.point[:, coordinate].T
     shapes: list[tuple[Index, Index, Array]] = []
     own: list[Index] = []
-    kept, dropped, count, length = 1.0, 0.0, 0, tree.length
+    kept_pivot, dropped_pivot, count, length = 1.0, 0.0, 0, tree.length
     for row, columns, block in _connected(entries.row, entries.col, entries.data, rows.shape[0], len(column)):
         ahead = int(np.searchsorted(columns, len(moving)))
         part = _Part(block, ahead, size[:, row], turns[column[columns]], points[columns], length)
         numbers = coordinate[columns[ahead:] - len(moving)]
         motions, least, most, first = part.null(tuple([tree.names[k] for k in numbers.tolist()]))
-        kept, dropped = min(kept, least), max(dropped, most)
+        kept_pivot, dropped_pivot = min(kept_pivot, least), max(dropped_pivot, most)
         at, which = np.nonzero(motions)
         shapes.append((column[columns[at]], count + which, motions[at, which]))
         own.append(numbers[first])
@@ -200,14 +201,14 @@ def _by_parts(
     if not count:
         return None
     unknown, number, value = (np.concatenate([shape[i] for shape in shapes]) for i in range(3))
-    matrix = csc_matrix((value, (unknown, number)), shape=(place.size, count))
-    return Motions(matrix, np.concatenate(own), light, kept, dropped)
+    matrix = csc_matrix((value, (unknown, number)), shape=(layout.size, count))
+    return Motions(matrix, np.concatenate(own), light, kept_pivot, dropped_pivot)
 
 
 def _connected(
     row: Index, column: Index, value: Array, rows: int, columns: int
 ) -> Iterator[tuple[Index, Index, Array]]:
-    """Rows, columns (ascending) and dense block of each part of a sparse matrix that has nothing to do with others."""
+    """Rows, columns (ascending) and dense block of each connected part of a sparse matrix."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 

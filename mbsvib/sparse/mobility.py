@@ -1,7 +1,7 @@
 """Mobility of many bodies: redundant constraints must be redundant in neighbouring poses too.
 
-The test of the dense path, without its matrices: the mechanism moves a little along all its freedoms at once, and the
-rank of every group of loops with redundant rows is taken again. Large groups are looked at loop by loop.
+This is the test of the dense path, without its matrices: the mechanism moves a little along all its freedoms, and the
+rank of every group of loops with redundant rows is determined again. Large groups are checked loop by loop.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.tree import Tree
 
 
-def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tableau) -> None:
+def check_mobility(tree: Tree, closure: Constraints, layout: Layout, tableau: Tableau) -> None:
     """Refuse a pose in which fewer constraints are independent than in neighbouring poses.
 
     Parameters
@@ -34,8 +34,8 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
         The spanning tree.
     closure : Constraints
         Locked rows and rank decisions.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
     tableau : Tableau
         The equations, of which the kinematics are used.
 
@@ -45,17 +45,17 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
         If the rank of the constraints is higher in neighbouring poses.
     """
     groups = [group for group in closure.groups if group.redundant]
-    if not groups or len(tree.names) <= len(place.multiplier):
+    if not groups or len(tree.names) <= len(layout.multiplier):
         return
     length = min(group.length for group in groups)
-    moved_tree, moved = _moved(tree, closure, _displacement(tree, place, tableau, length))
+    moved_tree, moved = _moved(tree, closure, _displacement(tree, layout, tableau, length))
     entries = (closure.entries(tree), moved.entries(moved_tree))
     for group in groups:
         members = [group.rows]
         if len(group.rows) * len(group.columns) > WHOLE:
             members = [group.rows[closure.loop[group.rows] == k] for k in np.unique(closure.loop[group.rows])]
         for rows in members:
-            # a loop by itself may be nearly singular, which is no reason to refuse it
+            # a single loop may be nearly singular without being an error
             limits = DEPENDENT_DISTANCE, NEIGHBOUR_PIVOT
             here, nearby = (_rank(tree, closure, part, rows, group.length, max(limit, RANK_FACTOR * group.noise))
                             for part, limit in zip(entries, limits, strict=True))  # fmt: skip
@@ -68,18 +68,18 @@ def check_mobility(tree: Tree, closure: Constraints, place: Layout, tableau: Tab
                 )
 
 
-def _displacement(tree: Tree, place: Layout, tableau: Tableau, length: float) -> Array:
+def _displacement(tree: Tree, layout: Layout, tableau: Tableau, length: float) -> Array:
     """Displacements (bodies + 1, 6) of a small motion that every loop allows, with every joint on an equal spring."""
     data = tableau.fixed.copy()
-    data[tableau.diagonal[place.coordinate]] += 1.0
-    right = np.zeros(place.size)
-    # a direction that no symmetry of the mechanism can single out
-    right[place.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[place.coordinate]
+    data[tableau.diagonal[layout.coordinate]] += 1.0
+    right = np.zeros(layout.size)
+    # an arbitrary direction, which no symmetry of the mechanism favours
+    right[layout.coordinate] = np.cos(1.0 + np.arange(len(tree.names))) / tableau.row_scale[layout.coordinate]
     motion = tableau.factor_data(data).solve(right)
-    q = motion[place.coordinate]
+    q = motion[layout.coordinate]
     motion *= NEIGHBOUR_STEP / float(np.max(np.abs(q) / np.where(tree.turns, 1.0, length), initial=1e-300))
     result = np.zeros((len(tree.parent) + 1, 6))
-    result[:-1][tree.moves] = motion[place.displacement[tree.moves]]
+    result[:-1][tree.moves] = motion[layout.displacement[tree.moves]]
     return result
 
 
@@ -102,7 +102,7 @@ def _moved(tree: Tree, closure: Constraints, displacement: Array) -> tuple[Tree,
             force[:, row] = line
         else:
             linear[:, column : column + 2] -= np.outer(line, line @ linear[:, column : column + 2])
-    angular, moment = (0.5 * (turn(one, axes) + turn(two, axes)) for one, two, axes in (
+    angular, moment = (0.5 * (turn(first_body, axes) + turn(second_body, axes)) for first_body, second_body, axes in (
         (carrier, tree.halfway, tree.angular), (rows.first, rows.second, rows.moment)))  # fmt: skip
     moved = replace(tree, linear=linear, angular=angular, point=shift(tree.holder, tree.point))
     for row, first_axis, second_axis in closure.crossing:

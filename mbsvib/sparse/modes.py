@@ -1,9 +1,9 @@
 """Some modes of many bodies: shift-invert Lanczos, and frequencies from the factors.
 
-The subspace comes from Lanczos on T = W (K - sigma M)^-1 W^T and one more solve; the frequencies come from the small
-dense system that it makes, M = |W x|^2 and K = |sqrt(k) D q|^2, through the same ladder as those of small mechanisms.
-Since springs act on relative coordinates q that the solve yields with all their digits, nothing is lost where the
-frequencies are many orders below those of a single body on its spring.
+The subspace comes from Lanczos on T = W (K - sigma M)^-1 W^T and one more solve. The frequencies come from the
+projected small dense system, M = |W x|^2 and K = |sqrt(k) D q|^2, by the same solvers as for small mechanisms. Springs
+act on relative coordinates q, which the solve gives with full accuracy; so frequencies many orders below those of a
+single body on its spring lose no digits.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.subspace import Subspace
 
-# Modes whose eigenvalues are off by more are not found from the undamped ones: others are near, or they are too many.
+# If the errors of eigenvalues are larger, the damped modes are not computed from the undamped ones.
 CONVERGED = 1e-6
 # Modes are counted up to this many times the last natural frequency.
 BEYOND = 1.0 + 1e-6
@@ -36,11 +36,11 @@ BEYOND = 1.0 + 1e-6
 
 @dataclass(frozen=True, repr=False, eq=False)
 class SomeModes(Modes):
-    """Some modes of a large system, in ascending natural frequency: ``Modes`` with the system that they make.
+    """Some modes of a large system, in ascending natural frequency: ``Modes`` with the projected system.
 
     ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
-    ``missed`` is the number of modes that the count of eigenvalues says are below the highest one and not among these
-    (0; None where they cannot be counted: rows were exchanged, or the equations have no symmetry).
+    ``missed`` is the number of modes below the highest one that are not among these, by a count of eigenvalues (0; None
+    if they cannot be counted: rows were exchanged, or the matrices are not symmetric).
     """
 
     reduced: Equations = field(repr=False, kw_only=True)
@@ -80,22 +80,22 @@ def modes(
     Raises
     ------
     ResponseError
-        If k or the frequency are not such numbers.
+        If k or the frequency are not valid.
     """
     _check(system, k, near)
     missed = None
     if system.circulatory is not None or system.gyroscopic is not None or system.massless:
-        small, result, left, chosen = general_modes(system, k, near, dense)
+        small, result, left, selected = general_modes(system, k, near, dense)
         errors = result.errors + left
     else:
-        small, result, errors, chosen, missed = _symmetric(system, k, near, dense)
+        small, result, errors, selected, missed = _symmetric(system, k, near, dense)
     errors = np.minimum(errors, 1.0)
-    pairs = np.concatenate([np.arange(*result.starts[i : i + 2]) for i in chosen])
+    pairs = np.concatenate([np.arange(*result.starts[i : i + 2]) for i in selected])
     return form(
         result.name, result.coordinates, result.bodies, result.eigenvalues[pairs], errors[pairs],
-        result.shapes[:, chosen], result.classical, int(np.count_nonzero(chosen < result.rigid)),
+        result.shapes[:, selected], result.classical, int(np.count_nonzero(selected < result.rigid)),
         result.body_motion, result.inertia_factor, result.damped,
-        None if result.first_order is None else result.first_order[chosen], reduced=small, dof=system.dof,
+        None if result.first_order is None else result.first_order[selected], reduced=small, dof=system.dof,
         missed=missed,
     )  # fmt: skip
 
@@ -103,38 +103,38 @@ def modes(
 def _symmetric(
     system: SparseEquations, k: int, near: float, dense: type[Equations]
 ) -> tuple[Equations, Modes, Array, Index, int | None]:
-    """The small system, its modes with errors, which of them to take, and how many were missed."""
-    found = subspace(system, k, near)
-    basis, bound, rigid = _nearest(system, found, k)
+    """The small system, its modes with errors, the numbers of the wanted ones, and how many were missed."""
+    space = subspace(system, k, near)
+    basis, bound, rigid = _nearest(system, space, k)
     wanted = k
     while basis is None:
         wanted += max(4, k // 2)
-        found = subspace(system, min(wanted, system.dof), near)
-        basis, bound, rigid = _nearest(system, found, k)
+        space = subspace(system, min(wanted, system.dof), near)
+        basis, bound, rigid = _nearest(system, space, k)
     small = reduced(system, basis, rigid, dense)
     result: Modes = dense_modes(small, RTOL)
-    if decoupled(found, result, basis):
+    if decoupled(space, result, basis):
         errors = result.errors + np.repeat(bound, 2) * (result.eigenvalues != 0.0)
-        return small, result, errors, np.arange(k), found.missed
-    small, result, left, chosen = coupled(found, k, near, dense)
-    missed = found.missed
-    certain = result.rigid == found.rigid and float(left.max(initial=0.0)) < CONVERGED
-    unknown = _unknown_overdamped(system, result, chosen) if certain else 1
-    if unknown:  # strong dampers make slow modes of what is fast without them
-        small, result, left, chosen = general_modes(system, k, near, dense)
+        return small, result, errors, np.arange(k), space.missed
+    small, result, left, selected = coupled(space, k, near, dense)
+    missed = space.missed
+    certain = result.rigid == space.rigid and float(left.max(initial=0.0)) < CONVERGED
+    unknown = _unknown_overdamped(system, result, selected) if certain else 1
+    if unknown:  # strong dampers make slow modes of fast undamped ones
+        small, result, left, selected = general_modes(system, k, near, dense)
     if unknown is None or unknown:
         missed = None
     errors = result.errors + left + rounding(system) * (result.eigenvalues != 0.0)
-    return small, result, errors, chosen, missed
+    return small, result, errors, selected, missed
 
 
-def _unknown_overdamped(system: SparseEquations, result: Modes, chosen: Index) -> int | None:
-    """How many pairs of real eigenvalues there are on both sides of -s, beyond those of a small system.
+def _unknown_overdamped(system: SparseEquations, result: Modes, selected: Index) -> int | None:
+    """Number of pairs of real eigenvalues with one on each side of -s that the small system does not contain.
 
-    s is beyond all chosen modes. Of the pair (a, b) of a mode, one on either side makes one eigenvalue of P(-s), which
-    is symmetric, negative; their number is that of the negative pivots. None where it cannot be counted.
+    s is beyond all selected modes. Each pair (a, b) of a mode with one eigenvalue on each side of -s gives one negative
+    eigenvalue of P(-s), which is symmetric; their number is that of the negative pivots. None if it cannot be counted.
     """
-    size = np.abs(result.pairs[chosen])
+    size = np.abs(result.pairs[selected])
     s = BEYOND * float(np.sqrt(size.prod(axis=1)).max(initial=0.0) or size.max(initial=0.0))
     if not s:
         return 0
@@ -160,14 +160,14 @@ def _check(system: SparseEquations, k: int, near: float) -> None:
         raise ResponseError(f"modes: near = {near!r}; expected a frequency [Hz], or 0 for the lowest modes.")
 
 
-def _nearest(system: SparseEquations, found: Subspace, k: int) -> tuple[Array | None, Array, int]:
-    """The k modes nearest to the shift out of the subspace, M-orthonormal, what is unsure of their frequencies, and how
-    many of them are rigid-body modes.
+def _nearest(system: SparseEquations, space: Subspace, k: int) -> tuple[Array | None, Array, int]:
+    """The k modes of the subspace nearest to the shift, M-orthonormal, error bounds of their frequencies, and how many
+    of them are rigid-body modes.
 
-    None if the subspace is too small to tell which are nearest.
+    None if the subspace is too small to decide which are nearest.
     """
-    sigma = found.operator.sigma
-    small = reduced(system, found.z, found.rigid)
+    sigma = space.operator.sigma
+    small = reduced(system, space.z, space.rigid)
     try:
         ritz = undamped(small, RTOL)
     except np.linalg.LinAlgError:
@@ -176,29 +176,29 @@ def _nearest(system: SparseEquations, found: Subspace, k: int) -> tuple[Array | 
             f"beside motions that hardly any stiffness holds; take linearize(method='dense')."
         ) from None  # fmt: skip
     if sigma > 0.0:
-        centre = found.centre
+        centre = space.centre
         distance = np.abs(np.sqrt(np.abs(ritz.square)) - centre)
         last = float(np.sort(distance)[k - 1])
         needed = max((centre + last) ** 2 - sigma, sigma - max(0.0, centre - last) ** 2)
-        if needed <= found.reach and found.operator.diverging() > int(np.count_nonzero(ritz.square < 0.0)):
+        if needed <= space.reach and space.operator.diverging() > int(np.count_nonzero(ritz.square < 0.0)):
             needed = sigma + (centre + last) ** 2
-        if needed > found.reach:
-            return None, np.zeros(0), 0  # one that was not found may be nearer: all are known by their squares only
+        if needed > space.reach:
+            return None, np.zeros(0), 0  # a mode outside the subspace may be nearer
     else:
         distance = np.abs(ritz.square)
-        distance[: found.rigid] = -1.0
-    chosen = np.sort(np.argsort(distance, kind="stable")[:k])
-    y = ritz.shapes[:, chosen]
-    basis = found.z @ y
-    residual = np.sqrt(np.abs(y.T) ** 2 @ found.residual**2)
-    noise = np.abs(y.T) ** 2 @ found.noise
-    square = np.abs(ritz.square[chosen])
-    apart = np.abs(ritz.square[chosen] - sigma)
-    gap = np.maximum(found.reach - apart, 0.0)
+        distance[: space.rigid] = -1.0
+    selected = np.sort(np.argsort(distance, kind="stable")[:k])
+    y = ritz.shapes[:, selected]
+    basis = space.z @ y
+    residual = np.sqrt(np.abs(y.T) ** 2 @ space.residual**2)
+    noise = np.abs(y.T) ** 2 @ space.noise
+    square = np.abs(ritz.square[selected])
+    apart = np.abs(ritz.square[selected] - sigma)
+    gap = np.maximum(space.reach - apart, 0.0)
     flexible = square > 0.0
     first = residual * apart / np.where(flexible, square, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         second = np.where(gap > 0.0, residual**2 * apart**2 / (gap * np.where(flexible, square, 1.0)), np.inf)
     bound = np.where(flexible, 0.5 * (np.minimum(first, second) + noise) + rounding(system), 0.0)
-    return basis, bound, int(np.count_nonzero(chosen < found.rigid))
+    return basis, bound, int(np.count_nonzero(selected < space.rigid))
 

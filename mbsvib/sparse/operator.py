@@ -1,8 +1,8 @@
 """The operator whose largest eigenvalues are the modes nearest to a shift: T = W (K - sigma M)^-1 W^T, M = W^T W.
 
 T is symmetric, acts on h = W x, and has the eigenvalues 1 / (omega^2 - sigma). One application is one solve with the
-factored tableau. At sigma = 0 rigid-body modes are held: the coordinates that no spring holds are locked by a spring of
-their own, which a load in balance with itself does not feel, and the modes are taken out on both sides.
+factored tableau. At sigma = 0 rigid-body modes are constrained: each coordinate without stiffness is locked by an
+additional spring, which a self-equilibrated load does not deform, and the modes are deflated on both sides.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.tableau import Factor
 
-# Shifts, as shares of the highest frequency's square, at which modes are counted where springs do not say which
-# coordinates are free. Below the last one rounding of the stiffness takes over.
+# Shifts, as shares of the highest frequency's square, at which modes are counted if the springs do not determine which
+# coordinates are free. Below the last one rounding of the stiffness dominates.
 SHARES = 10.0 ** -np.arange(2.0, 13.5, 0.5)
-# Dampers may couple all rigid-body modes, of which the slowest are then sums: so many are computed together, even where
-# fewer modes are asked for.
+# Dampers may couple all rigid-body modes, so that the slowest ones are combinations of all: up to this many are
+# computed together, even if fewer modes are wanted.
 BRAKED = 200
 
 
 @dataclass(frozen=True)
 class Operator:
-    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and ``away`` (h, r), vectors that are taken out.
+    """T at ``sigma``, with ``rigid`` modes (size, r) of the equations and ``away`` (h, r), the deflated vectors.
 
-    ``total`` is the number of all rigid-body modes, None where it is not known beforehand; at a shift they are not
-    taken out but found like all others.
+    ``total`` is the number of all rigid-body modes, None if it is not known beforehand; at a shift they are not
+    deflated but computed like all others.
     """
 
     system: SparseEquations
@@ -80,11 +80,11 @@ class Operator:
         return self.without_rigid(self.w @ self.solve(h))
 
     def without_rigid(self, h: NDArray[Any]) -> NDArray[Any]:
-        """Return vectors (h, n) without their parts along the rigid-body modes that are taken out."""
+        """Return vectors (h, n) without their components along the deflated rigid-body modes."""
         return h - self.away @ (self.away.T @ h) if self.away.shape[1] else h
 
     def diverging(self) -> int:
-        """Return how many modes negative stiffness makes diverge; all of them where they cannot be counted."""
+        """Return the number of modes that diverge by negative stiffness; all modes if they cannot be counted."""
         if (self.system.stiffness >= 0.0).all():
             return 0
         try:
@@ -95,13 +95,13 @@ class Operator:
         return self.system.dof if count is None else count
 
     def deflated(self, more: Array) -> Operator:
-        """Return the operator with more vectors (h, n) taken out."""
+        """Return the operator with more vectors (h, n) deflated."""
         vectors = np.linalg.qr(np.concatenate((self.away, more), axis=1))[0]
         return replace(self, away=vectors)
 
 
 def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Operator:
-    """Return T at a shift, or at zero where nothing is nearer.
+    """Return T at a shift, or near zero for the lowest modes.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Opera
     sigma : float, optional
         Square of an angular frequency [rad^2/s^2]; None for the lowest modes.
     wanted : int
-        Number of modes asked for: no more rigid-body modes are computed.
+        Number of wanted modes, which limits the number of rigid-body modes.
 
     Returns
     -------
@@ -128,13 +128,13 @@ def operator(system: SparseEquations, sigma: float | None, wanted: int) -> Opera
     if len(lock):
         try:
             return _locked(first, lock, wanted)
-        except np.linalg.LinAlgError:  # rows of loads hold a motion one by one, and cancel
+        except np.linalg.LinAlgError:  # stiffness of loads cancels in some motion
             pass
     return _shifted(first)
 
 
 def _locked(first: Operator, lock: Index, wanted: int) -> Operator:
-    """T at zero with the motions locked that no spring holds, and without them; shifted where these are not all."""
+    """T at zero with the free motions locked and deflated; with a shift if the locks do not cover all of them."""
     system, far, modes = first.system, far_rows(first.system), None
     if far.any():
         near = with_stiffness(system, system.stiffness * ~far)
@@ -158,7 +158,7 @@ def _factor(system: SparseEquations, sigma: float) -> Any:
 
 
 def _holds(held: Operator, lock: Index | None = None) -> bool:
-    """Tell whether springs (and locks) hold everything: work and strain energy of a random load agree."""
+    """Tell whether springs (and locks) resist all motions: work and strain energy of a random load agree."""
     system = held.system
     h = np.random.default_rng(0).standard_normal(held.w.shape[0])
     z = held.factor.solve(held.right(held.wt @ h), 0)
@@ -166,25 +166,25 @@ def _holds(held: Operator, lock: Index | None = None) -> bool:
     e = system.elastic_rows @ z
     strain = float(system.stiffness @ (e * e))
     if lock is not None:
-        place = system.layout.coordinate[lock]
-        scale = held.factor.column_scale[place] * held.factor.row_scale[place]
-        strain += float(np.sum(z[place] ** 2 / scale))
+        index = system.layout.coordinate[lock]
+        scale = held.factor.column_scale[index] * held.factor.row_scale[index]
+        strain += float(np.sum(z[index] ** 2 / scale))
     size = float(np.abs(system.stiffness) @ (e * e))
     return bool(np.isfinite(work)) and abs(work - strain) <= SAME_ENERGY * max(abs(work), size)
 
 
 def _locked_motions(held: Operator, lock: Index) -> Array:
-    """Free motions: what the locked stiffness does under a unit load on each lock, which only the lock feels."""
-    place = held.system.layout.coordinate[lock]
-    right = np.zeros((held.system.layout.size, len(place)))
-    right[place, np.arange(len(place))] = 1.0 / held.factor.row_scale[place]
+    """Free motions: the response of the locked stiffness to a unit load on each lock, which strains only the lock."""
+    index = held.system.layout.coordinate[lock]
+    right = np.zeros((held.system.layout.size, len(index)))
+    right[index, np.arange(len(index))] = 1.0 / held.factor.row_scale[index]
     return np.asarray(held.factor.solve(right))
 
 
 def _free(held: Operator, modes: Array) -> Operator:
-    """The operator without rigid-body modes, which are made M-orthonormal."""
+    """The operator with deflated rigid-body modes, which are M-orthonormalized."""
     h = held.w @ modes
-    for _ in range(2):  # the second time takes out what rounding left of the first
+    for _ in range(2):  # the second pass removes the rounding of the first
         root = np.linalg.qr(h)[1]
         modes = np.linalg.solve(root.T, modes.T).T
         h = held.w @ modes
@@ -192,7 +192,7 @@ def _free(held: Operator, modes: Array) -> Operator:
 
 
 def _shifted(first: Operator) -> Operator:
-    """A shift below zero, of the size of the lowest flexible mode: where counts of modes begin to grow."""
+    """A shift below zero, of the size of the lowest flexible mode, from counts of modes."""
     system = first.system
     highest = float(np.abs(system.stiffness) @ np.asarray(system.elastic_rows.power(2).sum(axis=1))[:, 0])
     highest /= float(system.inertia_factor.power(2).sum()) or 1.0

@@ -1,7 +1,7 @@
 """P(s) = s^2 M + s (C + G) + K + N over the unknowns: products from the factors, and solves from both sides.
 
-P(s)^T has G and N with the other sign. The tableau is symmetric but for these, once equations stand where the unknowns
-stand that they balance, so that one factor solves with both.
+P(s)^T has G and N with the opposite sign. Apart from these the tableau is symmetric, after the equations are permuted
+to the unknowns that they balance, so that one factorisation serves both.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class Quadratic:
 
     @property
     def symmetric(self) -> bool:
-        """Whether left vectors are right ones: neither spin nor circulatory forces."""
+        """Whether left and right vectors are equal: neither spin nor circulatory forces."""
         return self.system.gyroscopic is None and self.system.circulatory is None
 
     @property
     def conservative(self) -> bool:
-        """Whether a sum of squares is kept, so that all eigenvalues are imaginary and left vectors conjugate."""
+        """Whether energy is conserved, so that all eigenvalues are imaginary and left vectors conjugate."""
         system = self.system
         return not system.damping.any() and system.circulatory is None and bool((system.stiffness >= 0.0).all())
 
@@ -77,7 +77,7 @@ class Quadratic:
         return result
 
     def energy(self, z: NDArray[Any], speed: float) -> NDArray[Any]:
-        """Return rows (n, columns) whose squares add up to an energy: inertia at a speed [rad/s], springs, dampers."""
+        """Return rows (n, columns) whose sum of squares is an energy: inertia at a speed [rad/s], springs, dampers."""
         weights = np.sqrt(np.abs(self.system.stiffness) + speed * np.abs(self.system.damping))[:, None]
         return np.concatenate((speed * (self.w @ z), weights * (self.system.elastic_rows @ z)))
 

@@ -1,8 +1,8 @@
 """Controllable and observable part of many bodies: machines coupled only through ground move independently.
 
-What a sparse system knows of its parts is where joints and springs are, so that bodies are left out and not single
-directions of them, as ``equations.controllable_part`` does. Ports of what is left out are on ground then: an input
-does nothing there, and an output sees nothing.
+A sparse system only knows the graph of joints and springs. So entire bodies are left out, and not single directions as
+in ``equations.controllable_part``. Ports on bodies that are left out are moved to ground: an input has no effect there,
+and an output is zero.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _parts(model: Mechanism) -> dict[str, int]:
     for coupler in model.couplers.values():
         joints = [model.joints[name.rpartition(".")[0]] for name, _ in coupler.terms]
         moved = [number[body] for joint in joints for body in (joint.first, joint.second) if body in number]
-        links += [(moved[0], other) for other in moved[1:]]
+        links += [(moved[0], body_number) for body_number in moved[1:]]
     row, column = np.array(links, dtype=np.intp).reshape(-1, 2).T
     n = len(number)
     graph = csr_matrix((np.ones(len(links), dtype=bool), (row, column)), shape=(n, n))
@@ -95,7 +95,7 @@ def _parts(model: Mechanism) -> dict[str, int]:
 
 
 def _touched(model: Mechanism, part: Any, label: dict[str, int]) -> NDArray[np.intp]:
-    """Parts that a port touches; a moving ground touches all."""
+    """Parts with a port; base motion acts on all parts."""
     if isinstance(part, BaseMotion):
         return np.array(sorted(set(label.values())), dtype=np.intp)
     if isinstance(part, ForceOutput) and part.element == "ground":
@@ -109,13 +109,13 @@ def _touched(model: Mechanism, part: Any, label: dict[str, int]) -> NDArray[np.i
 
 
 def _without(model: Mechanism, gone: set[str], inputs: set[str], outputs: set[str]) -> Mechanism:
-    """The model without some bodies and their joints; what else mentions them is on ground, and stays."""
+    """The model without some bodies and their joints; other elements on these bodies are attached to ground."""
     bodies = {name: body for name, body in model.bodies.items() if name not in gone}
     joints = {name: joint for name, joint in model.joints.items() if not {joint.first, joint.second} & gone}
     couplers = {name: coupler for name, coupler in model.couplers.items()
                 if all(term.rpartition(".")[0] in joints for term, _ in coupler.terms)}  # fmt: skip
     loads = {name: load for name, load in model.loads.items() if load.body not in gone}
-    # a spring to a body that is gone does nothing, but a Maxwell element would keep its node
+    # a spring to a removed body has no effect, but a Maxwell element would keep its node
     springs = {name: spring for name, spring in model.springs.items()
                if not (isinstance(spring, Maxwell) and {spring.first, spring.second} & gone)}  # fmt: skip
 
@@ -125,7 +125,7 @@ def _without(model: Mechanism, gone: set[str], inputs: set[str], outputs: set[st
         on = part.body if part.body in model.bodies else part.relative_to
         return replace(part, position=model.bodies[on].position)
 
-    kept = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
-    seen = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
-    return model.with_parts(bodies=bodies, joints=joints, springs=springs, couplers=couplers, loads=loads, inputs=kept,
-                            outputs=seen)  # fmt: skip
+    kept_inputs = {name: placed(part) for name, part in model.inputs.items() if name in inputs}
+    kept_outputs = {name: placed(part) for name, part in model.outputs.items() if name in outputs}
+    return model.with_parts(bodies=bodies, joints=joints, springs=springs, couplers=couplers, loads=loads,
+                            inputs=kept_inputs, outputs=kept_outputs)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Reduction: the small dense system that some shapes of a large one make, with its factors and names."""
+"""Reduction: the small dense system in the amplitudes of some shapes of a large one, with its factors and names."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.sparse.equations import SparseEquations
 
-# Displacements are sums along the path from ground whose roundings add up at random. Calibrated in the tests.
+# Displacements are sums along the path from ground with random rounding errors. Calibrated in the tests.
 ACCUMULATE = 0.25
-# Relative accuracy asked of the modes of the small dense problem; at its size the extra steps cost little.
+# Required relative accuracy of the modes of the small dense problem; at its size the extra steps cost little.
 RTOL = 1e-13
 
 
@@ -37,11 +37,11 @@ def reduced(
     z : array, shape (size, n)
         Displacements and coordinates of the shapes, one column each.
     rigid : int
-        Number of the first shapes that meet no spring.
+        Number of the first shapes that deform no spring.
     form : type
         The class of the small dense equations.
     massless : int
-        Number of the last shapes that move no mass but dampers.
+        Number of the last shapes, which have damping but no mass.
 
     Returns
     -------
@@ -78,7 +78,7 @@ def reduced(
 
 
 def rounding(system: SparseEquations) -> float:
-    """Return the relative error of sums along the longest path, and of what nearly singular loops do to coordinates.
+    """Return the relative error of a frequency by sums along the longest path and by nearly singular loops.
 
     Parameters
     ----------
@@ -88,11 +88,11 @@ def rounding(system: SparseEquations) -> float:
     Returns
     -------
     float
-        That of a frequency.
+        The relative error.
     """
-    kept = min((group.kept for group in system.constraints.groups), default=1.0)
+    smallest_pivot = min((group.kept for group in system.constraints.groups), default=1.0)
     path = ACCUMULATE * float(np.sqrt(system.structure.depth.max(initial=1)))
-    return EPS * (1.0 + path + (1.0 / kept if kept < WELL_CLOSED else 0.0))
+    return EPS * (1.0 + path + (1.0 / smallest_pivot if smallest_pivot < WELL_CLOSED else 0.0))
 
 
 def _antisymmetric(matrix: csr_matrix | None, z: Array) -> Array | None:

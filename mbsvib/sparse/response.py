@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from mbsvib.sparse.layout import Layout
 
 
-# A step of refinement larger than this share of the solution says that the next residual wants more digits ...
+# If a step of refinement is larger than this share of the solution, the next residual has extended precision.
 FINE = 1e-11
-# ... and that the matrix is singular, to rounding, if it is still larger than this once it had them.
+# If the step after that is still larger than this, the matrix is singular to rounding.
 SINGULAR = 1e-3
 
 
-def forces(place: Layout, rows: Any) -> Array:
+def forces(layout: Layout, rows: Any) -> Array:
     """Return right sides of the tableau for unit forces that act along rows of relative displacement.
 
     Parameters
     ----------
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
     rows : csr_matrix, shape (n, size)
         The rows.
 
@@ -38,9 +38,9 @@ def forces(place: Layout, rows: Any) -> Array:
     array, shape (size, n)
         One column per row.
     """
-    row_of, sign = place.balance()
+    row_of, sign = layout.balance()
     entries = rows.tocoo()
-    right = np.zeros((place.size, rows.shape[0]))
+    right = np.zeros((layout.size, rows.shape[0]))
     np.add.at(right, (row_of[entries.col], entries.row), sign[entries.col] * entries.data)
     return right
 
@@ -112,7 +112,7 @@ def static_compliance(system: SparseEquations) -> Array:
 
 
 def _through(system: SparseEquations) -> Array:
-    """What passes beside the unknowns: they have all of what massless motions do at once."""
+    """Feedthrough without the direct contribution of massless motions, which are among the unknowns."""
     return system.D if system.separation is None else system.D - system.separation.at_once
 
 

@@ -1,4 +1,4 @@
-"""Coordinates that no spring holds: rigid-body modes are counted where springs touch, not by what is small."""
+"""Coordinates without stiffness: rigid-body modes are counted by the structure of the springs, not by tolerances."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array, Index
     from mbsvib.sparse.equations import SparseEquations
 
-# Coordinates that springs and loops tie together in larger parts than this are taken to be held.
+# In larger parts of coordinates that springs and loops couple, all coordinates are assumed to have stiffness.
 PART = 600
 
 
@@ -30,10 +30,11 @@ def far_rows(system: SparseEquations) -> NDArray[np.bool_]:
 
 
 def unsprung(system: SparseEquations) -> Index:
-    """Return coordinates which, locked, leave no motion that meets none of the springs along short paths.
+    """Return coordinates that must be locked so that every motion deforms a spring along a short path.
 
-    Springs and loops tie coordinates into parts; within each part a pivoted QR of all its rows tells which coordinates
-    are free. What a row of its own holds is held, whatever else acts on it; parts that are too large are taken to be.
+    Springs and loops couple coordinates into parts; within each part a pivoted QR of all its rows determines the free
+    coordinates. A coordinate that is the only entry of some row is not free. Parts that are too large are assumed to
+    have no free coordinates.
 
     Parameters
     ----------
@@ -49,23 +50,23 @@ def unsprung(system: SparseEquations) -> Index:
     row, column, value = _entries(system)
     held = np.zeros(m, dtype=bool)
     while True:
-        alone = np.bincount(row, minlength=1)[row] == 1
-        if not alone.any():
+        single_entry = np.bincount(row, minlength=1)[row] == 1
+        if not single_entry.any():
             break
-        held[column[alone]] = True
+        held[column[single_entry]] = True
         left = ~held[column]
         row, column, value = row[left], column[left], value[left]
     touched = np.zeros(m, dtype=bool)
     touched[column] = True
     free = np.flatnonzero(~held & ~touched).tolist()
     for rows, columns, values in _parts(row, column, value):
-        names, place = np.unique(columns, return_inverse=True)
+        names, local_column = np.unique(columns, return_inverse=True)
         if len(names) > PART:
             continue
         here, at = np.unique(rows, return_inverse=True)
         block = np.zeros((len(here), len(names)))
-        block[at, place] = values
-        # unit rows and columns: neither the size of a stiffness nor the unit of a coordinate decides a rank
+        block[at, local_column] = values
+        # unit rows and columns: the rank depends neither on the size of a stiffness nor on the unit of a coordinate
         block /= np.linalg.norm(block, axis=1)[:, None]
         block /= np.linalg.norm(block, axis=0)
         qr, order, _ = pivoted_qr(block)
@@ -77,11 +78,12 @@ def unsprung(system: SparseEquations) -> Index:
 def _entries(system: SparseEquations) -> tuple[Index, Index, Array]:
     """Entries of springs along short paths and of all loops over the joint coordinates."""
     near = system.elastic_rows[(system.stiffness != 0.0) & ~far_rows(system)].tocoo()
-    place = np.full(system.layout.size, -1)
-    place[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
+    coordinate_number = np.full(system.layout.size, -1)
+    coordinate_number[system.layout.coordinate] = np.arange(len(system.joint_coordinates))
     row, column, value = system.constraints.kept_entries(system.structure)
     used = value != 0.0
-    return (np.concatenate((near.row, near.shape[0] + row[used])), np.concatenate((place[near.col], column[used])),
+    return (np.concatenate((near.row, near.shape[0] + row[used])),
+            np.concatenate((coordinate_number[near.col], column[used])),
             np.concatenate((near.data, value[used])))  # fmt: skip
 
 
@@ -101,7 +103,7 @@ def _parts(row: Index, column: Index, value: Array) -> list[tuple[Index, Index, 
 
 
 def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Index, Array]:
-    """Return which locks are left, and the free motions, once springs along long paths hold what they hold.
+    """Return the remaining locks and free motions, after springs along long paths are taken into account.
 
     Parameters
     ----------
@@ -115,7 +117,7 @@ def without_far(system: SparseEquations, lock: Index, modes: Array) -> tuple[Ind
     Returns
     -------
     tuple
-        The locks, and the motions that meet no spring at all.
+        The locks, and the motions that deform no spring.
     """
     rows = system.elastic_rows[far_rows(system)]
     block = np.asarray(rows @ modes)

@@ -1,7 +1,7 @@
-"""What a motion changes in the forces of the pose, for outputs that are forces: they turn, and their arms change.
+"""Changes of the forces at the pose by a motion, for outputs that are forces: directions and lever arms change.
 
-The terms are those of the dense path (``loads/joint_forces.py``), each multiplied by the motion in which a joint gives
-way: vectors for every force, and one row over the unknowns in the end.
+The terms are those of the dense path (``equations/joint_forces.py``), each multiplied by the virtual displacement that
+releases a joint: vectors for every force, summed to one row over the unknowns.
 """
 
 from __future__ import annotations
@@ -28,40 +28,40 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Turning:
-    """The forces of the pose, ``found`` in balance, on the unknowns of the tableau."""
+class RotatedForces:
+    """Changes of the balanced forces at the pose, in ``geometric``, over the unknowns of the tableau."""
 
     tree: Tree
-    place: Layout
-    found: Geometric
+    layout: Layout
+    geometric: Geometric
 
     @cached_property
     def _gaps(self) -> csr_matrix:
-        """How far each pair's second body moves against its first at the end of the force, three rows a pair."""
-        pairs = self.found.pairs
+        """Relative displacement of each pair's bodies at the end of the force, three rows a pair."""
+        pairs = self.geometric.pairs
         count = len(pairs.first)
         axes, end = np.tile(np.eye(3), count), pairs.end.repeat(3, axis=1)
         rows = Rows(pairs.first.repeat(3), pairs.second.repeat(3), end, axes, np.zeros_like(axes))
-        return relative_rows(self.tree, self.place, rows)
+        return relative_rows(self.tree, self.layout, rows)
 
     @cached_property
     def _arms(self) -> tuple[Array, Array]:
-        return self.found.pairs.arms(np.concatenate((self.tree.position, np.zeros((1, 3)))).T)
+        return self.geometric.pairs.arms(np.concatenate((self.tree.position, np.zeros((1, 3)))).T)
 
     def of_joints(self, motion: Motion) -> Array:
-        """Return the work of what a motion changes, less what the axes of joints carry along, (size,).
+        """Return the work of the changes of forces by a motion, without the rotations of joint axes, (size,).
 
         Parameters
         ----------
         motion : Virtual or Yielding
-            The motion in which joints give way.
+            The motion that releases joints.
 
         Returns
         -------
         array
             The row over the unknowns.
         """
-        applied, pairs, feels = self.found.applied, self.found.pairs, self.found.feels
+        applied, pairs, feels = self.geometric.applied, self.geometric.pairs, self.geometric.feels
         count, arm_a, arm_b = len(pairs.first), *self._arms
         f, t, along = pairs.force, pairs.torque, pairs.end - pairs.start
         turn_a, turn_b, gap = self._virtual(motion, along)
@@ -84,19 +84,19 @@ class Turning:
         follower = np.zeros(count)
         follower[: applied.loads] = applied.follower
         on_b += follower * (cross(f, gap) + cross(t, apart))
-        on_gap[:, self.found.carrier == pairs.first] = 0.0
+        on_gap[:, self.geometric.carrier == pairs.first] = 0.0
         result: Array = self._gaps.T @ on_gap.T.reshape(-1)
         turns = np.zeros((len(self.tree.parent) + 1, 3))
         np.add.at(turns, pairs.first, on_a.T)
         np.add.at(turns, pairs.second, on_b.T)
-        column = self.place.displacement[:, 3:]
+        column = self.layout.displacement[:, 3:]
         result[column[column >= 0]] += turns[:-1][column >= 0]
         return result
 
     def _virtual(self, motion: Motion, along: Array) -> tuple[Array, Array, Array]:
         """Rotations of first and second and the gap between start and end of each force in a motion, (3, pairs)."""
-        pairs = self.found.pairs
-        turns = all_turns(motion, self.place)
+        pairs = self.geometric.pairs
+        turns = all_turns(motion, self.layout)
         gap: Array = motion.at(pairs.second, pairs.end) - motion.at(pairs.first, pairs.start)
         if motion.follows is not None:
             swing = (turns - motion.turns)[pairs.first].T
@@ -105,16 +105,17 @@ class Turning:
 
     def _two(self, half: Array, twisting: Array) -> None:
         """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
-        feels, torque = self.found.feels, self.found.pairs.torque
+        feels, torque = self.geometric.feels, self.geometric.pairs.torque
         if not feels.two.size:
             return
         who, first, second = feels.two
-        one, other = feels.rows.moment[:, first], feels.rows.moment[:, second]
+        first_axis, second_axis = feels.rows.moment[:, first], feels.rows.moment[:, second]
         size, turn = 0.5 * (torque[:, who] * feels.cross).sum(axis=0), twisting[:, who]
-        half[:, who] -= size * ((one * turn).sum(axis=0) * other + (other * turn).sum(axis=0) * one)
+        half[:, who] -= size * ((first_axis * turn).sum(axis=0) * second_axis
+                                + (second_axis * turn).sum(axis=0) * first_axis)  # fmt: skip
 
     def on_ground(self, wrench: Array) -> Array:
-        """Return what a motion changes in the sum of gravity and loads, moments about the origin, as a row (size,).
+        """Return the change of the sum of gravity and loads by a motion, moments about the origin, as a row (size,).
 
         Parameters
         ----------
@@ -126,17 +127,17 @@ class Turning:
         array
             The row over the unknowns.
         """
-        applied, pairs, n = self.found.applied, self.found.pairs, len(self.tree.parent)
+        applied, pairs, n = self.geometric.applied, self.geometric.pairs, len(self.tree.parent)
         loads = slice(0, applied.loads)
         second = np.concatenate((pairs.second[loads], np.arange(n)))
         point = np.concatenate((pairs.end[:, loads], self.tree.position.T), axis=1)
         force = cross(np.concatenate((pairs.force[:, loads], applied.weight[:, :-1]), axis=1), wrench[3:, None])
         rows = Rows(np.full(len(second), n), second, point, force, np.zeros_like(force))
-        result = np.asarray(relative_rows(self.tree, self.place, rows).sum(axis=0)).reshape(-1)
+        result = np.asarray(relative_rows(self.tree, self.layout, rows).sum(axis=0)).reshape(-1)
         at = wrench[:3, None] + cross(wrench[3:, None], pairs.end[:, loads])
-        turned = cross(pairs.force[:, loads], at) + cross(pairs.torque[:, loads], wrench[3:, None])
+        rotated = cross(pairs.force[:, loads], at) + cross(pairs.torque[:, loads], wrench[3:, None])
         turns = np.zeros((n + 1, 3))
-        np.add.at(turns, pairs.second[loads], (applied.follower * turned).T)
-        column = self.place.displacement[:, 3:]
+        np.add.at(turns, pairs.second[loads], (applied.follower * rotated).T)
+        column = self.layout.displacement[:, 3:]
         result[column[column >= 0]] += turns[:-1][column >= 0]
         return result

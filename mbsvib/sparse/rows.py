@@ -1,7 +1,7 @@
-"""Rows: what two bodies do relative to each other, as sparse rows over displacements of bodies and joint coordinates.
+"""Rows: relative displacements of two bodies, as sparse rows over displacements of bodies and joint coordinates.
 
-Along a short path the row is one over the joint coordinates between the two bodies (the path rule), which loses
-nothing. Along a long one, or to ground from far away, it is one over the displacements of its two ends.
+Along a short path the row is in terms of the joint coordinates between the two bodies (the path rule), which loses no
+digits. Along a long path it is in terms of the displacements of its two ends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
-# Paths of more joints are taken by their ends: a row over all joints between would fill the factors.
+# Longer paths use the displacements of their ends: a row over all joints between would fill the factors.
 SHORT = 32
 
 
@@ -35,56 +35,56 @@ def paths(tree: Tree, first: Index, second: Index, longest: int | None = SHORT) 
     first, second : array, shape (pairs,)
         Body numbers; ground is the number of bodies.
     longest : int, optional
-        Pairs with more joints between them are given up; None gives up none.
+        Pairs with more joints between them are skipped; None: no limit.
 
     Returns
     -------
     tuple of arrays
         Pair (ascending) and body of every joint on a path; its sign, +1 on the second body's side and -1 on the
-        first's; and the mask (pairs,) of those that were given up.
+        first's; and the mask (pairs,) of those that were skipped.
     """
     a, b = first.copy(), second.copy()
     parent = np.concatenate((tree.parent, [len(tree.parent)]))
     active = np.flatnonzero(a != b)
-    found: list[tuple[Index, Index, Array]] = []
+    path_parts: list[tuple[Index, Index, Array]] = []
     steps = 0
     while len(active) and (longest is None or steps <= longest):
         here, there = a[active], b[active]
         behind = tree.depth[here] > tree.depth[there]
         body = np.where(behind, here, there)
-        found.append((active, body, np.where(behind, -1.0, 1.0)))
+        path_parts.append((active, body, np.where(behind, -1.0, 1.0)))
         a[active] = np.where(behind, parent[here], here)
         b[active] = np.where(behind, there, parent[there])
         active = active[a[active] != b[active]]
         steps += 1
         if longest is None and steps > SHORT:
-            found += _climbed(tree, active, a, b)
+            path_parts += _climbed(tree, active, a, b)
             break
     late = np.zeros(len(first), dtype=bool)
     late[active] = longest is not None
-    if not found:
+    if not path_parts:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0), late
-    pair, body, sign = (np.concatenate([step[i] for step in found]) for i in range(3))
+    pair, body, sign = (np.concatenate([step[i] for step in path_parts]) for i in range(3))
     order = np.argsort(pair, kind="stable")
     order = order[~late[pair[order]]]
     return pair[order], body[order], sign[order], late
 
 
 def _climbed(tree: Tree, active: Index, a: Index, b: Index) -> list[tuple[Index, Index, Array]]:
-    """Walk the rest of a few long paths in plain numbers, which beats arrays of a few entries."""
+    """Complete a few long paths with Python integers, which is faster than arrays of a few entries."""
     parent, depth = [*tree.parent.tolist(), len(tree.parent)], tree.depth.tolist()
     result = []
     for pair in active.tolist():
-        one, two, body, sign = int(a[pair]), int(b[pair]), [], []
-        while one != two:
-            if depth[one] > depth[two]:
-                body.append(one)
+        body_a, body_b, body, sign = int(a[pair]), int(b[pair]), [], []
+        while body_a != body_b:
+            if depth[body_a] > depth[body_b]:
+                body.append(body_a)
                 sign.append(-1.0)
-                one = parent[one]
+                body_a = parent[body_a]
             else:
-                body.append(two)
+                body.append(body_b)
                 sign.append(1.0)
-                two = parent[two]
+                body_b = parent[body_b]
         result.append((np.full(len(body), pair), np.array(body, dtype=np.intp), np.array(sign)))
     return result
 
@@ -101,17 +101,17 @@ def path_entries(tree: Tree, rows: Rows, longest: int | None = SHORT) -> tuple[I
     rows : Rows
         The relative displacements.
     longest : int, optional
-        Rows with more joints on their path get no entries; None: all rows get theirs.
+        Rows with more joints on their path get no entries; None: no limit.
 
     Returns
     -------
     tuple of arrays
-        Row, coordinate and value of every entry, and the mask (rows,) of those that were given up.
+        Row, coordinate and value of every entry, and the mask (rows,) of those that were skipped.
     """
     ends, of_row = np.unique(np.stack((rows.first, rows.second)), axis=1, return_inverse=True)
     of_row = of_row.reshape(-1)
     pair, body, sign, late = paths(tree, ends[0], ends[1], longest)
-    # every joint on a path to its coordinates, every row to the coordinates of its pair
+    # expand the joints of each path to coordinates, and each row to the coordinates of its pair
     joint, nth = spread(tree.count[body])
     coordinate, pair, sign = tree.first[body[joint]] + nth, pair[joint], sign[joint]
     sign = sign * tree.sign[coordinate]
@@ -160,7 +160,7 @@ def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
     tree : Tree
         The spanning tree.
     layout : Layout
-        Where displacements and coordinates are among the unknowns.
+        Positions of displacements and coordinates among the unknowns.
     rows : Rows
         The relative displacements.
 
@@ -184,7 +184,8 @@ def relative_rows(tree: Tree, layout: Layout, rows: Rows) -> csr_matrix:
         which, direction = np.nonzero((column >= 0) & (wrench != 0.0))
         parts.append((mine[which], column[which, direction], wrench[which, direction]))
     entries = [np.concatenate([part[i] for part in parts]) for i in range(3)]
-    kept = entries[2] != 0.0
-    return csr_matrix((entries[2][kept], (entries[0][kept], entries[1][kept])), shape=(len(rows.first), layout.size))
+    nonzero = entries[2] != 0.0
+    row, column, value = (part[nonzero] for part in entries)
+    return csr_matrix((value, (row, column)), shape=(len(rows.first), layout.size))
 
 

@@ -1,9 +1,9 @@
 """Self-stress of many bodies: loops with redundant constraints, and their wrenches of least norm.
 
-A unit step e of the gap in one joint splits into two parts: D^2 w, where the wrenches w in all joints hold each other,
-and what bodies can do, the gaps of a motion u. The wrenches of least norm (``loads/self_stress.py``) do no work on the
-former, so that u tells their part along e. With A the rows that joints lock and couplers tie over the displacements of
-the bodies, and B the wrenches of these rows,
+A unit displacement e of the gap in one joint has two parts: D^2 w, with self-equilibrated wrenches w in all joints, and
+the gaps of a motion u of the bodies. The wrenches of least norm (``equations/self_stress.py``) do no work on the
+former, so that u gives their component along e. With A the rows of locked directions and couplers over the
+displacements of the bodies, and B the wrenches of these rows,
 
     [[B^T D^2 B, A], [A^T, 0]] [x; u] = [B^T e; 0],    w = B x.
 """
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class Region:
     """Loops with redundant constraints that have joints or couplers in common: their ``joints`` (j,) with ``point``
-    (3, j), the ``bearing`` ones of them that can carry a force with their length L [m], and the ``bodies`` (b,) that
-    hang on joints of the tree among them.
+    (3, j), the numbers ``bearing`` of joints that can transmit a force, their length L [m], and the outer ``bodies``
+    (b,) of the joints of the tree among them.
 
-    ``gap`` (6 j, 6 b) is what joints see of the displacements of these bodies, ``rows`` (6 j, n) are the wrenches of
-    all that joints lock and couplers tie, ``rank`` of whose n rows are independent; in both lengths are measured in L,
-    and ``rows`` are of unit length. All other bodies stand, or go along with the body that they hang on: ``owner``
+    ``gap`` (6 j, 6 b) are the relative displacements in the joints per displacement of these bodies, ``rows`` (6 j, n)
+    the wrenches of locked directions and couplers, of which ``rank`` are independent; in both, lengths are in units of
+    L, and ``rows`` have unit length. All other bodies are at rest or move with a body of the region: ``owner``
     (bodies + 1,) is its number among ``bodies``, -1 for none.
     """
 
@@ -73,25 +73,25 @@ class Region:
         return np.repeat((1.0, 1.0 / self.length), 3)[:, None]
 
     def split(self, step: Array) -> tuple[Array, Array]:
-        """Return what self-stress and motion make of a step of the gaps.
+        """Split a displacement of the gaps into parts of self-stress and of motion.
 
         Parameters
         ----------
         step : array, shape (6, j)
-            How far joints give way [m, rad].
+            Displacements in the joints [m, rad].
 
         Returns
         -------
         wrench : array, shape (6, j)
-            The wrenches w that hold each other, D^2 w the part of the step on which they do work.
+            The self-equilibrated wrenches w; D^2 w is the part of the step on which they do work.
         motion : array, shape (b, 6)
-            Displacements of the bodies with the rest of the step as gaps, of what joints lock.
+            Displacements of the bodies that give the rest of the step in the locked directions.
         """
         wrench, motion = self._solve((step / self.scale).T.reshape(-1))
         return wrench.reshape(-1, 6).T / self.scale, motion.reshape(-1, 6) * self.scale[:, 0]
 
     def least(self, wrench: Array) -> Array:
-        """Return the wrenches (6, j) of least norm that do the same as given ones."""
+        """Return the wrenches (6, j) of least norm that are equivalent to given ones."""
         return np.asarray(wrench - self.split(self.scale**2 * wrench)[0])
 
     def displacements(self, motion: Array, position: Array) -> Array:
@@ -106,11 +106,11 @@ class Region:
         return result
 
     def is_open(self, step: Array, wrench: Array) -> bool:
-        """Tell whether redundant constraints leave open what does work on a step, of which ``split`` made a wrench."""
+        """Tell whether redundant constraints leave the force along a step open; ``wrench`` is from ``split``."""
         return bool(np.linalg.norm(wrench * self.scale) > DETERMINED * np.linalg.norm(step / self.scale))
 
     def undetermined(self, outputs: tuple[str, ...]) -> Undetermined:
-        """Return the joints that self-stress goes through, with the outputs that depend on it."""
+        """Return the joints with self-stress, and the outputs that depend on it."""
         some = np.cos(np.arange(6.0 * len(self.joints))).reshape(-1, 6).T  # no structure of a mechanism
         size = np.linalg.norm(self.split(some * self.scale)[0] * self.scale, axis=0)
         names = tuple(self.names[k] for k in self.joints[size > DETERMINED * size.max(initial=0.0)].tolist())
@@ -124,7 +124,7 @@ class Region:
 
 
 def _of_small(region: Region, matrix: Array) -> Split:
-    """By a pivoted QR of known rank, whose last columns are the combinations of rows that load no body."""
+    """By a pivoted QR of known rank; its last columns are the combinations of rows without resultant on any body."""
     qr, order, tau = pivoted_qr(matrix)
     count, rank = len(matrix), region.rank
     basis = np.zeros((count, count))
@@ -147,12 +147,12 @@ def _of_small(region: Region, matrix: Array) -> Split:
 
 
 def _in_joints(region: Region, flat: Array) -> Array:
-    """Wrenches (6, j, n) out of weighted ones (6 j, n)."""
+    """Wrenches (6, j, n) from weighted ones (6 j, n)."""
     return np.asarray(flat.reshape(len(region.joints), 6, -1).transpose(1, 0, 2) / region.scale[..., None])
 
 
 def _of_large(region: Region, matrix: csr_matrix) -> Split:
-    """By a regularised sparse system, again for what is left until nothing changes."""
+    """By a regularised sparse system with iterative refinement."""
     from scipy.sparse import bmat, eye
     from scipy.sparse.linalg import splu
 
@@ -183,7 +183,7 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
 def regions(
     topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], asked: Iterable[int]
 ) -> dict[int, Region]:
-    """Return the loops with redundant constraints that asked joints are in.
+    """Return the loops with redundant constraints that contain given joints.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def regions(
     Returns
     -------
     dict of int to Region
-        By asked joint; none for joints that no redundant constraint concerns.
+        By joint; no entry for joints without redundant constraints.
     """
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
@@ -231,7 +231,7 @@ def regions(
 def _through(
     topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int]
 ) -> tuple[Index, Index]:
-    """Pairs of a loop, first those of cut joints and then those of couplers, and a joint that is in it."""
+    """Pairs of a loop (first those of cut joints, then those of couplers) and a joint in it."""
     on = np.full(len(tree.parent) + 1, FLOATS)
     for branch in topology.branches:
         on[branch.body] = branch.joint
@@ -271,7 +271,7 @@ def _region(
     entries = [(i, row, six) for row, (i, six) in enumerate(locked)]
     entries += _of_couplers(topology, tree, closure, index_of, loops[loops >= len(topology.cut)], len(locked))
     ends = np.array([(number[part.first], number[part.second]) for part in parts]).T
-    # joints that lock nothing and that no coupler measures carry no force
+    # joints without locked directions or couplers transmit no force
     bearing, of = np.unique([i for i, _, _ in entries]), np.array(owner)
     length = length_of(point[bearing], *position[ends[:, bearing]])
     rows = _rows(entries, len(parts), length)
@@ -282,7 +282,7 @@ def _region(
 def _of_couplers(
     topology: Topology, tree: Tree, closure: Constraints, index_of: Mapping[int, int], loops: Index, first: int
 ) -> list[tuple[int, int, Any]]:
-    """What couplers do to joints: the joint's number in its region, the row from ``first`` on, and the wrench."""
+    """Wrenches of couplers on joints: the joint's number in its region, the row from ``first`` on, and the wrench."""
     if closure.couplers is None:
         return []
     terms, measured = closure.couplers.terms, closure.couplers.terms.measured
@@ -304,7 +304,7 @@ def _of_couplers(
 
 
 def _rows(entries: list[tuple[int, int, Any]], joints: int, length: float) -> csr_matrix:
-    """Wrenches (6 joints, n) in units of the length, each row's of unit length."""
+    """Wrenches (6 joints, n), lengths in units of ``length``, columns scaled to unit length."""
     from scipy.sparse import csr_matrix, diags
 
     joint, row = np.array([entry[:2] for entry in entries], dtype=np.intp).T
@@ -316,8 +316,8 @@ def _rows(entries: list[tuple[int, int, Any]], joints: int, length: float) -> cs
 
 
 def _gaps(point: Array, ends: Index, position: Array, length: float) -> csr_matrix:
-    """What joints at points (j, 3) see of the displacements of bodies at positions (b, 3), (6 j, 6 b) in units of the
-    length; ``ends`` (2, j) are the numbers of their first and second bodies, -1 where these stand.
+    """Relative displacements in joints at points (j, 3) per displacement of bodies at positions (b, 3), (6 j, 6 b) in
+    units of the length; ``ends`` (2, j) are the numbers of their first and second bodies, -1 for bodies at rest.
     """
     from scipy.sparse import csr_matrix
 

@@ -1,4 +1,4 @@
-"""What rotors, and dampers that turn along with spinning bodies, do in a motion in which a joint gives way.
+"""Virtual work of rotors and rotating dampers in a motion that releases a joint.
 
 A rotor with the angular momentum h acts on its body with h x theta', and a rotating damper with C_d [W]x d on its
 second body, against its first; their work in a motion is a row over the rates of the unknowns, and over the unknowns.
@@ -32,22 +32,22 @@ if TYPE_CHECKING:
 class SpinForces:
     """Angular momenta (body, h) of rotors, and rotating ``dampers`` with their six rows over the unknowns."""
 
-    place: Layout
+    layout: Layout
     momenta: list[tuple[int, Array]]
     dampers: list[tuple[RotatingDamper, csr_matrix]]
 
     def of_rotors(self, turns: Array) -> Array:
         """Return the work of rotors in rotations (bodies + 1, 3), as a row over the rates of the unknowns (size,)."""
-        result = np.zeros(self.place.size)
+        result = np.zeros(self.layout.size)
         for body, momentum in self.momenta:
-            column = self.place.displacement[body, 3:]
+            column = self.layout.displacement[body, 3:]
             used = column >= 0
             result[column[used]] += np.cross(turns[body], momentum)[used]
         return result
 
     def of_dampers(self, motion: Motion) -> Array:
         """Return the work of rotating dampers in a motion, as a row over the unknowns (size,)."""
-        result = np.zeros(self.place.size)
+        result = np.zeros(self.layout.size)
         for damper, rows in self.dampers:
             along = motion.along(damper.rows)
             if motion.follows is not None:
@@ -56,14 +56,14 @@ class SpinForces:
         return result
 
     def in_bushing(self, name: str, wrench: Array) -> Array | None:
-        """Return the force in a bushing along a wrench (6,), world axes, by its turning along; None if it does not."""
+        """Return the force of a rotating bushing along a wrench (6,), world axes; None if it does not rotate."""
         for damper, rows in self.dampers:
             if damper.name == name:
                 return np.asarray(-(rows.T @ (damper.matrix.T @ wrench)))
         return None
 
 
-def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, place: Layout) -> SpinForces | None:
+def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, layout: Layout) -> SpinForces | None:
     """Return the forces of a model's rotors, or None if it has none.
 
     Parameters
@@ -74,8 +74,8 @@ def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, place: Lay
         Its bodies, as they are numbered.
     tree : Tree
         The spanning tree.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
 
     Returns
     -------
@@ -84,6 +84,6 @@ def spin_forces(model: Mechanism, bodies: Sequence[Body], tree: Tree, place: Lay
     """
     if not model.rotors:
         return None
-    dampers = [(damper, relative_rows(tree, place, damper.rows))
+    dampers = [(damper, relative_rows(tree, layout, damper.rows))
                for damper in rotating_dampers(model, bodies, tuple(model.springs.values()))]  # fmt: skip
-    return SpinForces(place, momenta(model, bodies), dampers)
+    return SpinForces(layout, momenta(model, bodies), dampers)

@@ -27,7 +27,7 @@ def unknown_rows(part: Contribution, tree: Tree, layout: Layout) -> csr_matrix:
     tree : Tree
         The spanning tree.
     layout : Layout
-        Where the unknowns are.
+        Positions of the unknowns.
 
     Returns
     -------
@@ -37,11 +37,11 @@ def unknown_rows(part: Contribution, tree: Tree, layout: Layout) -> csr_matrix:
     from scipy.sparse import csr_matrix, vstack
 
     rows, ground = part.rows, len(tree.position)
-    alone = np.flatnonzero((rows.first == ground) & ~rows.force.any(axis=0))
-    others = np.setdiff1d(np.arange(len(part.row)), alone)
-    of_body = _rotations(layout, rows.second[alone], rows.moment[:, alone])
+    rotations_only = np.flatnonzero((rows.first == ground) & ~rows.force.any(axis=0))
+    others = np.setdiff1d(np.arange(len(part.row)), rotations_only)
+    of_body = _rotations(layout, rows.second[rotations_only], rows.moment[:, rotations_only])
     between = relative_rows(tree, layout, rows.take(others))
-    stacked, order = vstack((of_body, between)).tocsr(), np.concatenate((alone, others))
+    stacked, order = vstack((of_body, between)).tocsr(), np.concatenate((rotations_only, others))
     into = csr_matrix((np.ones(len(order)), (part.row[order], np.arange(len(order)))), shape=(part.count, len(order)))
     return (into @ stacked).tocsr()
 
@@ -49,7 +49,7 @@ def unknown_rows(part: Contribution, tree: Tree, layout: Layout) -> csr_matrix:
 def _rotations(layout: Layout, body: Index, along: Array) -> csr_matrix:
     """Rows along . theta for bodies (k,) and vectors (3, k), over the rotations of the bodies themselves.
 
-    What forces on a body do to its rotation must cancel where it does, and not as what its joints' coordinates do.
+    Terms in the rotation of a body may cancel exactly; as sums over joint coordinates they would cancel to rounding.
     """
     from scipy.sparse import csr_matrix
 
@@ -73,18 +73,18 @@ def signed_squares(weights: Weights, rows: csr_matrix) -> tuple[csr_matrix, Arra
     squares : csr_matrix, shape (n, unknowns)
         Rows of which the form is the sum of weighted squares; none of them is empty.
     value, owner : array, shape (n,)
-        Signed weights, none of them zero, and whose they are.
+        Signed weights, none of them zero, and their owners.
     """
     from scipy.sparse import diags, vstack
 
     own = np.flatnonzero(weights.first == weights.second)
     pairs = np.flatnonzero(weights.first != weights.second)
-    one = rows[weights.first[pairs]]
-    other = (diags(weights.value[pairs]) @ rows[weights.second[pairs]]).tocsr()
-    sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (one, other)]
+    first = rows[weights.first[pairs]]
+    second = (diags(weights.value[pairs]) @ rows[weights.second[pairs]]).tocsr()
+    sizes = [np.asarray(part.power(2).sum(axis=1))[:, 0] for part in (first, second)]
     used = np.flatnonzero(sizes[0] * sizes[1])
     scale = np.sqrt(np.sqrt(sizes[1][used] / sizes[0][used]))
-    a, b = diags(scale) @ one[used], diags(1.0 / scale) @ other[used]
+    a, b = diags(scale) @ first[used], diags(1.0 / scale) @ second[used]
     squares = vstack((rows[weights.first[own]], a + b, a - b)).tocsr()
     squares.eliminate_zeros()
     half, owner = np.full(len(used), 0.5), weights.owner[pairs[used]]
@@ -107,7 +107,7 @@ def antisymmetric(weights: Weights, rows: csr_matrix) -> csr_matrix | None:
     Returns
     -------
     csr_matrix, shape (unknowns, unknowns), or None
-        The matrix; None where there is none.
+        The matrix; None if it is zero.
     """
     if not len(weights.value):
         return None

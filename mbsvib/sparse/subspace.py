@@ -1,4 +1,4 @@
-"""The subspace of the modes nearest to a shift: Lanczos, until a count of eigenvalues says that none is missed."""
+"""The subspace of the modes nearest to a shift: Lanczos, until a count of eigenvalues shows that none is missed."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ if TYPE_CHECKING:
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.operator import Operator
 
-# Residual of the Lanczos vectors: frequencies are off by its square.
+# Residual of the Lanczos vectors: the error of frequencies is its square.
 TOLERANCE = 1e-9
-# Modes beyond those asked for: they tell how far the next one is, and speed up the convergence of the last.
+# Additional modes: they give the distance of the next mode, and speed up the convergence of the last.
 GUARDS = 2
-# Systems of so few degrees of freedom, or of not many times the modes asked for, are taken whole.
-WHOLE = 24
-# Rounds in which missed modes, equal frequencies of equal parts above all, are looked for.
+# All modes are computed up to this number of degrees of freedom, or up to three times the wanted modes.
+DENSE_DOF = 24
+# Rounds of searching for missed modes, mostly repeated frequencies of equal parts.
 SEARCHES = 6
 # Below this share of the shift, the square of a frequency may be that of a rigid-body mode.
 RIGID = 1e-8
-# A shift within this share of the square of a frequency is on it, and moved aside by one of the shares that follow.
+# A shift within this share of the square of a frequency is too close, and is moved by one of the shares that follow.
 ON = 1e-6
 ASIDE = (0.0, 1e-5, -2e-5, 5e-5, -1e-4, 2e-4)
-# Displacements below this share of the largest are rounding of rounding, and strains of these none.
+# Displacements below this share of the largest are rounding, and their strains are set to 0.
 LOST = float(np.finfo(float).eps) ** 2
 # The count is taken this much (relative to the distance from the shift) before the last mode.
 BEFORE = 1e-6
@@ -36,11 +36,11 @@ BEFORE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Subspace:
-    """Vectors ``z`` (size, n) that span the modes, of which the first ``rigid`` meet no spring.
+    """Vectors ``z`` (size, n) that span the modes, of which the first ``rigid`` deform no spring.
 
     ``residual`` (n,) is that of T h = theta h relative to theta h, ``noise`` (n,) the share of the energy that is
-    rounding of the solve, ``reach`` the distance |omega^2 - sigma| up to which all modes are in it. ``missed`` counts
-    modes that were not found. Modes nearest to ``centre`` [rad/s] are wanted.
+    rounding of the solve, ``reach`` the distance |omega^2 - sigma| up to which all modes are in it. ``missed`` is the
+    number of missed modes. Modes nearest to ``centre`` [rad/s] are wanted.
     """
 
     operator: Operator
@@ -68,7 +68,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     Returns
     -------
     Subspace
-        The vectors and what is known of their accuracy.
+        The vectors and estimates of their accuracy.
     """
     t, centre = _placed(system, near, k)
     rigid = t.rigid.shape[1]
@@ -77,8 +77,8 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
     if rigid >= k:
         zero = np.zeros(rigid)
         return Subspace(t, t.rigid, rigid, zero, zero, 0.0, 0, centre)
-    if flexible <= max(WHOLE, 3 * wanted):
-        return _solved(t, _whole(t, flexible), np.inf, 0, centre)
+    if flexible <= max(DENSE_DOF, 3 * wanted):
+        return _solved(t, _all_modes(t, flexible), np.inf, 0, centre)
     theta, h = _lanczos(t, wanted)
     missed = None
     for _ in range(SEARCHES):
@@ -88,7 +88,7 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
         more, vectors = _lanczos(t.deflated(h), min(missed or GUARDS, flexible - len(theta) - 1))
         last = np.sort(np.abs(theta))[-min(k - rigid, len(theta))]
         if missed is None and not (np.abs(more) > last * (1.0 + BEFORE)).any():
-            break  # no count, but a search of its own finds no more either
+            break  # modes cannot be counted, but another search finds no more
         theta, h = np.concatenate((theta, more)), np.concatenate((h, vectors), axis=1)
     order = np.argsort(-np.abs(theta), kind="stable")[: max(wanted, k - rigid)]
     theta, h = theta[order], h[:, order]
@@ -96,10 +96,10 @@ def subspace(system: SparseEquations, k: int, near: float) -> Subspace:
 
 
 def _placed(system: SparseEquations, near: float, k: int) -> tuple[Operator, float]:
-    """The operator around a frequency, and the angular frequency from which modes are nearest.
+    """The operator around a frequency, and the angular frequency to which modes are nearest.
 
-    Far above all modes that comes down to them, where they are told apart: which are nearest stays the same. On a mode
-    the shift gives way, as that mode alone would be left of every solve.
+    A frequency far above all modes is reduced to the highest ones, so that they can be separated; the nearest modes
+    stay the same. A shift that coincides with a mode is moved, since every solve would return only that mode.
     """
     if not near:
         return operator(system, None, k), 0.0
@@ -133,8 +133,8 @@ def _lanczos(t: Operator, wanted: int) -> tuple[Array, Array]:
     return theta, h
 
 
-def _whole(t: Operator, dof: int) -> Array:
-    """As many vectors as there are flexible modes: loads at random, of which two solves leave what can move."""
+def _all_modes(t: Operator, dof: int) -> Array:
+    """Vectors that span all flexible modes, from random loads by two solves."""
     h = np.random.default_rng(3).standard_normal((t.w.shape[0], dof))
     for _ in range(2):
         h = np.linalg.qr(t.apply(h))[0]
@@ -142,17 +142,17 @@ def _whole(t: Operator, dof: int) -> Array:
 
 
 def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
-    """Number of modes nearer to the shift than the last one wanted that were not found, by counts of eigenvalues."""
+    """Number of missed modes that are nearer to the shift than the last wanted one, by counts of eigenvalues."""
     distance = np.sort(1.0 / np.abs(theta))
     radius = float(distance[min(wanted, len(distance)) - 1]) * (1.0 - BEFORE)
-    place, tableau = t.system.layout, t.system.tableau
+    layout, tableau = t.system.layout, t.system.tableau
     try:
-        above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(place)
-        # without negative springs nothing is below zero, and rigid-body modes are counted already
+        above = tableau.factor(square=t.sigma + radius, pivot=0.0).negative(layout)
+        # without negative springs no mode is below zero, and the number of rigid-body modes is known
         if t.sigma - radius <= 0.0 and (t.system.stiffness >= 0.0).all():
             below: int | None = (t.total or 0) if t.sigma == 0.0 else 0
         else:
-            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(place)
+            below = tableau.factor(square=t.sigma - radius, pivot=0.0).negative(layout)
     except np.linalg.LinAlgError:
         return None
     if above is None or below is None:
@@ -161,7 +161,7 @@ def _missed(t: Operator, theta: Array, wanted: int) -> int | None:
 
 
 def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: float) -> Subspace:
-    """One more solve from the Lanczos vectors, refined, with what it tells of their errors."""
+    """One more solve from the Lanczos vectors, refined, with estimates of their errors."""
     rough = t.solve(h)
     right = t.right(t.wt @ t.without_rigid(h))
     scale = t.factor.row_scale[:, None], t.factor.column_scale[:, None]
@@ -181,55 +181,55 @@ def _solved(t: Operator, h: Array, reach: float, missed: int | None, centre: flo
     moved = np.einsum("ij,ij->j", *([t.w @ correction] * 2)) / length**2
     noise = np.divide(lost, energy, out=np.zeros_like(lost), where=energy > 0.0) + moved
     z /= length
-    found = Subspace(t, z, 0, residual, noise, reach, missed, centre)
+    space = Subspace(t, z, 0, residual, noise, reach, missed, centre)
     if t.sigma < 0.0 and t.total:
-        return _sorted(found, t.total)
-    return _named(found) if t.sigma > 0.0 else _led(found, t.rigid)
+        return _sorted(space, t.total)
+    return _named(space) if t.sigma > 0.0 else _led(space, t.rigid)
 
 
-def _led(found: Subspace, rigid: Array) -> Subspace:
-    """Rigid-body modes in front of the others."""
+def _led(space: Subspace, rigid: Array) -> Subspace:
+    """The subspace with the rigid-body modes in front of the others."""
     zero = np.zeros(rigid.shape[1])
-    residual, noise = (np.concatenate((zero, errors)) for errors in (found.residual, found.noise))
-    return replace(found, z=np.concatenate((rigid, found.z), axis=1), rigid=len(zero), residual=residual, noise=noise)
+    residual, noise = (np.concatenate((zero, errors)) for errors in (space.residual, space.noise))
+    return replace(space, z=np.concatenate((rigid, space.z), axis=1), rigid=len(zero), residual=residual, noise=noise)
 
 
-def _named(found: Subspace) -> Subspace:
-    """Rigid-body modes that were found around a frequency like all others, by what the springs say about them."""
-    t = found.operator
-    if not np.isfinite(found.reach):
-        found = _sorted(found, 0)  # taken whole, the vectors are no modes yet
-    rows = t.system.elastic_rows @ found.z
+def _named(space: Subspace) -> Subspace:
+    """Move rigid-body modes that were computed around a frequency to the front; the springs determine them."""
+    t = space.operator
+    if not np.isfinite(space.reach):
+        space = _sorted(space, 0)  # the vectors of all modes are no modes yet
+    rows = t.system.elastic_rows @ space.z
     strain = np.abs(t.system.stiffness) @ rows**2
     near_zero = int(np.count_nonzero(strain < RIGID * t.sigma))
     if not near_zero:
-        return found
+        return space
     still = operator(t.system, None, near_zero)
     if not still.total:
-        return found
+        return space
     if still.sigma < 0.0:
-        return _sorted(found, min(still.total, near_zero))
+        return _sorted(space, min(still.total, near_zero))
     others = np.sort(np.argsort(strain, kind="stable")[still.rigid.shape[1] :])
-    z = found.z[:, others]
+    z = space.z[:, others]
     z = z - still.rigid @ (still.away.T @ (t.w @ z))
-    return _led(replace(found, z=z, residual=found.residual[others], noise=found.noise[others]), still.rigid)
+    return _led(replace(space, z=z, residual=space.residual[others], noise=space.noise[others]), still.rigid)
 
 
-def _sorted(found: Subspace, total: int) -> Subspace:
-    """Rigid-body modes, of which the number is known, come first: they are those with the least strain energy."""
+def _sorted(space: Subspace, total: int) -> Subspace:
+    """Put the rigid-body modes, whose number is known, first: those with the smallest strain energy."""
     from scipy.linalg import eigh
 
-    t, z = found.operator, found.z
+    t, z = space.operator, space.z
     rows, h = t.system.elastic_rows @ z, t.w @ z
     square, shapes = eigh(rows.T @ (t.system.stiffness[:, None] * rows), h.T @ h)
     shapes = shapes[:, np.argsort(np.abs(square), kind="stable")]
     share = np.abs(shapes.T) ** 2
-    return replace(found, z=z @ shapes, rigid=min(total, z.shape[1]), residual=np.sqrt(share @ found.residual**2),
-                   noise=share @ found.noise)  # fmt: skip
+    return replace(space, z=z @ shapes, rigid=min(total, z.shape[1]), residual=np.sqrt(share @ space.residual**2),
+                   noise=share @ space.noise)  # fmt: skip
 
 
 def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array]:
-    """Return the elastic displacements D z with exact zeros where there is nothing but rounding, and their terms.
+    """Return the elastic displacements D z with exact zeros for mere rounding, and their terms.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def strains(system: SparseEquations, z: Array, rigid: int) -> tuple[Array, Array
     z : array, shape (size, n)
         Displacements and coordinates.
     rigid : int
-        Number of the first vectors that meet no spring.
+        Number of the first vectors that deform no spring.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """The tableau: all equations of motion in one sparse matrix, A(s) = A0 + K + s C + s^2 M, and its factors.
 
-One pattern serves every s. Lengths are scaled by the typical link and forces by the typical stiffness, both by powers
-of two, so that no digit changes and the threshold of pivoting compares like with like.
+All s have one pattern. Lengths are scaled by the typical link length and forces by the typical stiffness, both by
+powers of two, so that scaling causes no rounding and pivoting compares entries of the same units.
 
 Source: Orlandea, Chace & Calahan, J. Eng. Ind. 99 (1977) 773, for sparse tableaus of mechanisms.
 """
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
     from mbsvib.sparse.layout import Layout
     from mbsvib.sparse.tree import Tree
 
-# The pivot stays on the diagonal, whose elimination is the articulated-body recursion and fills nothing, unless it is
-# this much smaller than another: joints without springs in loops, and frequencies inside the spectrum.
+# The pivot stays on the diagonal, which gives the articulated-body recursion without fill, unless it is smaller than
+# another entry by this factor: for joints without springs in loops, and frequencies inside the spectrum.
 THRESHOLD = 1e-3
-# A general ordering takes multipliers before what they hold: it must pivot, and does so safely.
+# A general ordering may eliminate multipliers before the unknowns that they constrain: this needs safe pivoting.
 THRESHOLD_GENERAL = 0.1
-# A joint this much softer than another is held by no more than the rounding of a spring's direction across its axis.
+# A stiffness below this share of the largest is the rounding of a spring's direction.
 ROUNDED = float(np.finfo(float).eps)
-# One step of refinement takes what pivoting by threshold has lost.
+# One step of refinement recovers the accuracy that threshold pivoting loses.
 REFINEMENTS = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Tableau:
     """Entries (``indices``, ``indptr`` by columns) of the parts ``fixed``, ``stiffness``, ``damping``, ``mass`` on one
-    pattern, scaled; ``row_scale`` and ``column_scale`` (size,) lead from scaled to SI units.
+    pattern, scaled; ``row_scale`` and ``column_scale`` (size,) convert from scaled to SI units.
     ``diagonal`` (size,) is the entry of every coordinate's own stiffness.
     """
 
@@ -65,16 +65,16 @@ class Tableau:
         square : float
             Shift of the undamped problem: square of an angular frequency [rad^2/s^2].
         s : complex
-            Where damping counts [1/s].
+            Point at which damping is included [1/s].
         lock : array, optional
-            Coordinates' places that are held by a spring of their own.
+            Positions of coordinates that are locked by an additional spring.
         pivot : float, optional
-            Threshold under which the diagonal is given up.
+            Threshold below which the pivot is not taken from the diagonal.
 
         Returns
         -------
         Factor
-            What solves with this matrix.
+            The factored matrix.
 
         Raises
         ------
@@ -99,12 +99,12 @@ class Tableau:
         data : array
             The entries.
         pivot : float, optional
-            Threshold under which the diagonal is given up.
+            Threshold below which the pivot is not taken from the diagonal.
 
         Returns
         -------
         Factor
-            What solves with this matrix.
+            The factored matrix.
         """
         from scipy.sparse import csc_matrix
         from scipy.sparse.linalg import splu
@@ -129,7 +129,7 @@ class Factor:
     column_scale: Array
 
     def solve(self, right: NDArray[Any], refinements: int = REFINEMENTS, transposed: bool = False) -> NDArray[Any]:
-        """Return the solution for one or more right sides (size,) or (size, n), of the transposed matrix if asked."""
+        """Return the solution for one or more right sides (size,) or (size, n), also for the transposed matrix."""
         rows, columns = (self.column_scale, self.row_scale) if transposed else (self.row_scale, self.column_scale)
         scale = (slice(None), None) if right.ndim == 2 else slice(None)
         b = right * rows[scale]
@@ -150,20 +150,20 @@ class Factor:
     def solve_closely(self, right: Array, fine: float) -> tuple[NDArray[Any], float]:
         """Return the solution for several right sides, and the last step of refinement as a share of it.
 
-        Near a resonance of little damping, and beside nearly singular loops, residuals lose what refinement is to
-        bring back; where the first step says so, they are computed in extended precision.
+        Near a lightly damped resonance, and with nearly singular loops, residuals are not accurate enough for
+        refinement. If the first step shows this, they are computed in extended precision.
 
         Parameters
         ----------
         right : array, shape (size, n)
             Right sides.
         fine : float
-            Largest share that is taken for rounding.
+            Largest share that counts as rounding.
 
         Returns
         -------
         tuple
-            The solution (size, n) and the share; infinite where there is no finite solution.
+            The solution (size, n) and the share; infinite if there is no finite solution.
         """
         b = np.asfortranarray(right * self.row_scale[:, None], dtype=self.matrix.dtype)
         x: NDArray[Any] = self.lu.solve(b)
@@ -182,28 +182,28 @@ class Factor:
                 matrix = matrix.astype(np.clongdouble if np.iscomplexobj(matrix.data) else np.longdouble)
         return np.asarray(x * self.column_scale[:, None], dtype=self.matrix.dtype), change
 
-    def negative(self, place: Layout) -> int | None:
+    def negative(self, layout: Layout) -> int | None:
         """Return how many eigenvalues of the symmetric problem lie below the shift, by Sylvester's law of inertia.
 
         Parameters
         ----------
-        place : Layout
-            Where coordinates and multipliers are.
+        layout : Layout
+            Positions of coordinates and multipliers.
 
         Returns
         -------
         int or None
-            Negative pivots less the multipliers; None where rows were exchanged, which makes no congruence.
+            Negative pivots minus the multipliers; None if rows were exchanged, which is no congruence.
         """
         if not np.array_equal(self.lu.perm_r, self.lu.perm_c):
             return None
         pivot = self.lu.U.diagonal()[self.lu.perm_c]
-        used = np.concatenate((place.coordinate, place.multiplier))
-        return int(np.count_nonzero(pivot[used] < 0.0)) - len(place.multiplier)
+        used = np.concatenate((layout.coordinate, layout.multiplier))
+        return int(np.count_nonzero(pivot[used] < 0.0)) - len(layout.multiplier)
 
 
 def build(
-    tree: Tree, place: Layout, fixed: csr_matrix, rows: csr_matrix, stiffness: Array, damping: Array,
+    tree: Tree, layout: Layout, fixed: csr_matrix, rows: csr_matrix, stiffness: Array, damping: Array,
     inertia: csr_matrix, loops: csr_matrix, slides: NDArray[np.bool_], ordering: str = "NATURAL",
     circulatory: csr_matrix | None = None, gyroscopic: csr_matrix | None = None,
 ) -> Tableau:  # fmt: skip
@@ -213,8 +213,8 @@ def build(
     ----------
     tree : Tree
         The spanning tree.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
     fixed : csr_matrix, shape (size, size)
         Equations of kinematics.
     rows : csr_matrix, shape (elastic rows, size)
@@ -239,28 +239,28 @@ def build(
     """
     from scipy.sparse import coo_matrix, diags
 
-    row_of, sign = place.balance()
+    row_of, sign = layout.balance()
 
     def balanced(matrix: Any) -> tuple[Index, Index, Array]:
         entries = matrix.tocoo()
         return row_of[entries.row], entries.col, entries.data * sign[entries.row]
 
-    size = place.size
+    size = layout.size
     closure = loops.tocoo()
-    outer = place.multiplier[closure.row]
+    outer = layout.multiplier[closure.row]
     a = fixed.tocoo()
     forces = balanced(coo_matrix((closure.data, (closure.col, outer)), shape=(size, size)))
-    q = place.coordinate
-    # a place for the spring that locks a coordinate, and for the zero of a multiplier's own pivot
-    held = np.concatenate((q, place.multiplier))
+    q = layout.coordinate
+    # explicit zeros on the diagonal, for springs that lock coordinates and for pivots of multipliers
+    held = np.concatenate((q, layout.multiplier))
     pieces = [(a.row, a.col, a.data), (outer, closure.col, closure.data), forces, (held, held, np.zeros(len(held)))]
     row, column, value = (np.concatenate([piece[i] for piece in pieces]) for i in range(3))
     elastic, viscous = (rows.T @ diags(values) @ rows for values in (stiffness, damping))
     elastic = elastic if circulatory is None else elastic + circulatory
     viscous = viscous if gyroscopic is None else viscous + gyroscopic
     parts = [(row, column, value), balanced(elastic), balanced(viscous), balanced(inertia)]
-    indices, indptr, data = _one_pattern(parts, size)
-    row_scale, column_scale = _scales(tree, place, slides, data[1], indices, indptr)
+    indices, indptr, data = _common_pattern(parts, size)
+    row_scale, column_scale = _scales(tree, layout, slides, data[1], indices, indptr)
     owner = np.repeat(np.arange(size), np.diff(indptr))
     scale = row_scale[indices] * column_scale[owner]
     diagonal = np.zeros(size, dtype=np.intp)
@@ -270,7 +270,7 @@ def build(
     return Tableau(indices, indptr, always, k, c, m, row_scale, column_scale, diagonal, ordering)
 
 
-def _one_pattern(
+def _common_pattern(
     parts: list[tuple[Index, Index, Array]], size: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], list[Array]]:
     key = np.concatenate([column.astype(np.int64) * size + row for row, column, _ in parts])
@@ -287,30 +287,30 @@ def _one_pattern(
 
 
 def _scales(
-    tree: Tree, place: Layout, slides: NDArray[np.bool_], stiffness: Array, indices: NDArray[np.int32],
+    tree: Tree, layout: Layout, slides: NDArray[np.bool_], stiffness: Array, indices: NDArray[np.int32],
     indptr: NDArray[np.int32],
 ) -> tuple[Array, Array]:
-    """Powers of two that measure lengths in links and forces by the typical stiffness of a joint."""
+    """Powers of two that scale lengths by the typical link and forces by the typical stiffness of a joint."""
     length = tree.length
-    unit, row = np.ones(place.size), np.ones(place.size)
-    x, h = place.displacement, place.force
+    unit, row = np.ones(layout.size), np.ones(layout.size)
+    x, h = layout.displacement, layout.force
     used = x >= 0
     translates = used & (np.arange(6) < 3)
     unit[x[translates]] = length
-    unit[place.coordinate[~tree.turns]] = length
-    unit[place.multiplier[slides]] = length
-    column = np.repeat(np.arange(place.size), np.diff(indptr))
+    unit[layout.coordinate[~tree.turns]] = length
+    unit[layout.multiplier[slides]] = length
+    column = np.repeat(np.arange(layout.size), np.diff(indptr))
     diagonal = (column == indices) & (stiffness != 0.0)
     own = np.abs(stiffness[diagonal]) * unit[column[diagonal]] ** 2
     own = own[own > ROUNDED * own.max(initial=0.0)]
     moment = float(2.0 ** np.round(np.mean(np.log2(own)))) if len(own) else 1.0
-    force = np.ones(place.size)
+    force = np.ones(layout.size)
     force[h[translates]] = length
     col = unit.copy()
     row[x[used]] = 1.0 / unit[x[used]]
-    row[place.multiplier] = 1.0 / unit[place.multiplier]
+    row[layout.multiplier] = 1.0 / unit[layout.multiplier]
     col[h[used]] = moment / force[h[used]]
     row[h[used]] = force[h[used]] / moment
-    col[place.multiplier] = moment / unit[place.multiplier]
-    row[place.coordinate] = unit[place.coordinate] / moment
+    col[layout.multiplier] = moment / unit[layout.multiplier]
+    row[layout.coordinate] = unit[layout.coordinate] / moment
     return row, col

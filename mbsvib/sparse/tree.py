@@ -1,7 +1,7 @@
-"""The spanning tree in arrays: parents, joint coordinates as twists at the bodies they carry, directions that can move.
+"""The spanning tree as arrays: parents, joint coordinates as twists of their outer bodies, directions of motion.
 
-Nothing here is larger than the number of bodies: where the dense path keeps a matrix (bodies, coordinates) of paths,
-the sparse one keeps each body's parent.
+All arrays are proportional to the number of bodies: the dense path stores a matrix (bodies, coordinates) of paths, the
+sparse one only the parent of each body.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
     six: list[tuple[float, ...]] = []
     at: list[tuple[float, float, float]] = []
     turns: list[bool] = []
-    carried: list[int] = []
+    body_numbers: list[int] = []
     signs: list[int] = []
     carrier: list[int] = []
     halfway: list[int] = []
@@ -122,9 +122,9 @@ def tree(topology: Topology, bodies: list[Body]) -> Tree:
             six.append(twist)
             at.append(point)
             turns.append(direction[0] == "r")
-            carried.append(branch.body)
+            body_numbers.append(branch.body)
             signs.append(branch.sign)
-    table, points, body_of = columns(six, 6), columns(at, 3), np.array(carried, dtype=np.intp)
+    table, points, body_of = columns(six, 6), columns(at, 3), np.array(body_numbers, dtype=np.intp)
     position = np.array([body.position for body in bodies])
     sign = np.array(signs, dtype=float)
     arm = position[body_of].T - points
@@ -141,16 +141,16 @@ def _cross(a: Array, b: Array) -> Array:
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def _directions(outward: Index, parent: Index, position: Array, carried: Index, motion: Array) -> tuple[Index, Mask]:
+def _directions(outward: Index, parent: Index, position: Array, body_of: Index, motion: Array) -> tuple[Index, Mask]:
     """Depth of the bodies, and the world directions in which joints let them move: exact zeros of B' and no others."""
     n = len(parent)
     own = np.zeros((n, 6), dtype=bool)
-    np.logical_or.at(own, carried, (motion != 0.0).T)
+    np.logical_or.at(own, body_of, (motion != 0.0).T)
     bits = (own @ (1 << np.arange(6))).tolist()
     ground = parent == n
     arm = position - np.concatenate((position, np.zeros((1, 3))))[parent]
     arms = np.where(ground, 0, (arm != 0.0) @ (1 << np.arange(3))).tolist()
-    # translations that a rotation about the axes in one set makes of an arm along the axes in another
+    # translations caused by rotations about one set of axes with an arm along another set
     others = [(k, (k + 1) % 3, (k + 2) % 3) for k in range(3)]
     swept = [[sum(1 << k for k, i, j in others if (t >> i & a >> j | t >> j & a >> i) & 1) for a in range(8)]
              for t in range(8)]  # fmt: skip

@@ -1,8 +1,8 @@
-"""What a choice of modes leaves out of the responses of many bodies, and its static part.
+"""Truncation error of modal responses of many bodies, and its static correction.
 
-Well below the frequencies of the modes that are left out they follow statically: what they add to the displacements is
-the whole static compliance less that of the modes kept, a constant matrix. Where the mechanism can move freely that is
-the compliance about the free motion, under loads that the inertia of the free motion balances.
+Well below their frequencies the omitted modes respond statically: their contribution to the displacements is the full
+static compliance minus that of the included modes, a constant matrix. If the mechanism has free motions, it is the
+compliance about the free motion, under loads that the inertia of the free motion balances.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ E = TypeVar("E", bound=Equations)
 def corrected(system: SparseEquations, small: E, count: int) -> E:
     """Return the system of the lowest modes with the static displacements of all others in its D.
 
-    D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the modes kept, free motions left aside; what the
-    small system does at rest in place of the sum where spin, circulatory forces or motions without mass count
+    D + Cq (K^-1 - sum_i phi_i phi_i^T / omega_i^2) B, the sum over the included modes without free motions; with spin,
+    circulatory forces or motions without mass, the static response of the small system replaces the sum
 
     Parameters
     ----------
@@ -44,23 +44,23 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     small : Equations
         That of its lowest modes.
     count : int
-        Number of modes asked for, for messages.
+        Number of modes, for messages.
 
     Returns
     -------
     Equations
-        The same but for D.
+        The same with another D.
 
     Raises
     ------
     ResponseError
-        If free motions are not all among the modes, or cannot be told from slow ones, or there are any where spin,
-        circulatory forces or motions without mass count.
+        If free motions are not all among the modes, or cannot be distinguished from slow ones, or exist together with
+        spin, circulatory forces or motions without mass.
     """
     if is_general(small):
         # G(0) - G_small(0); K is regular, or static_compliance refuses
-        whole = static_compliance(system) - system.D
-        return replace(small, D=small.D + (whole - small.Cq @ np.linalg.solve(small.K, small.B)))
+        full = static_compliance(system) - system.D
+        return replace(small, D=small.D + (full - small.Cq @ np.linalg.solve(small.K, small.B)))
     t = operator(system, None, system.dof)
     rigid = t.rigid.shape[1]
     basis = undamped(small, RTOL)
@@ -78,31 +78,31 @@ def corrected(system: SparseEquations, small: E, count: int) -> E:
     motion = t.factor.solve(t.right(force))
     if rigid:
         motion = motion - t.rigid @ (t.away[:, :rigid].T @ (t.w @ motion))
-    whole = np.asarray(system.output_rows[0] @ motion)
+    full = np.asarray(system.output_rows[0] @ motion)
     phi = basis.shapes[:, basis.rigid :]
-    kept = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
-    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``whole`` too
-    return replace(small, D=small.D - at_once + (whole - kept))
+    modal = (small.Cq @ phi / basis.square[basis.rigid :]) @ (phi.T @ small.B)
+    at_once = 0.0 if system.separation is None else system.separation.at_once  # is in ``full`` too
+    return replace(small, D=small.D - at_once + (full - modal))
 
 
 def truncation_error(system: SparseEquations, small: Equations, omega: ArrayLike) -> Array:
-    """Return how far the responses of a reduced system are off those of the whole.
+    """Return the errors of the responses of a reduced system.
 
     |G_small - G| / max over omega of |G|, for each output and input
 
     Parameters
     ----------
     system : SparseEquations
-        The whole system.
+        The full system.
     small : Equations
-        What was made of it.
+        The reduced system.
     omega : array-like, shape (n,)
         Angular frequencies [rad/s].
 
     Returns
     -------
     array, shape (outputs, inputs, n)
-        Errors; 0 where nothing responds.
+        Errors; 0 where the response is 0.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def truncation_error(system: SparseEquations, small: Equations, omega: ArrayLike
         raise ResponseError(f"truncation_error: '{small.name}' has the inputs {', '.join(small.inputs)} and outputs "
                             f"{', '.join(small.outputs)}; expected those of '{system.name}', {', '.join(system.inputs)}"
                             f" and {', '.join(system.outputs)}.")  # fmt: skip
-    whole = frequency_response(system, omega)
-    off = np.abs(dense_response(Basis(small), omega) - whole)
-    size = np.abs(whole).max(axis=2, keepdims=True, initial=0.0)
+    full = frequency_response(system, omega)
+    off = np.abs(dense_response(Basis(small), omega) - full)
+    size = np.abs(full).max(axis=2, keepdims=True, initial=0.0)
     return np.asarray(off / np.where(size > 0.0, size, 1.0))

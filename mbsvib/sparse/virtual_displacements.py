@@ -1,6 +1,6 @@
-"""Release: motions of the tree in which cut joints give way by given amounts, and nothing else does.
+"""Release: motions of the tree with prescribed displacements in cut joints; all other constraints are satisfied.
 
-Where constraints are redundant some of these motions do not exist (``self_stress`` tells which do).
+With redundant constraints some of these motions do not exist (``self_stress`` determines which do).
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from mbsvib.sparse.tree import Tree
 
 STEPS = 60
-# The last step may change the solution by no more than this, or by rounding of what it is to make up for.
+# Iterative refinement stops when a step changes the solution by less than this, or by rounding.
 CONVERGED = 1e-13
 
 
 class Release:
-    """Motions of the tree by what they do to the locked rows; factors of each group of loops are kept."""
+    """Motions of the tree with prescribed displacements of the locked rows; factors of each loop group are cached."""
 
-    def __init__(self, tree: Tree, place: Layout, closure: Constraints) -> None:
-        self._tree, self._place, self._closure = tree, place, closure
+    def __init__(self, tree: Tree, layout: Layout, closure: Constraints) -> None:
+        self._tree, self._layout, self._closure = tree, layout, closure
         self._solvers: dict[int, tuple[Callable[[Array], Array], Array, Array]] = {}
 
     @cached_property
@@ -53,14 +53,14 @@ class Release:
 
     @cached_property
     def _bodies(self) -> Any:
-        """What carries coordinates over to displacements of bodies: the kinematics, from the root to the leaves."""
+        """Factored kinematics that map coordinates to displacements of bodies, from the root to the leaves."""
         from scipy.sparse.linalg import splu
 
-        tree, place = self._tree, self._place
-        fixed = kinematics(tree, place)
-        x = place.displacement[tree.outward][tree.moves[tree.outward]]
+        tree, layout = self._tree, self._layout
+        fixed = kinematics(tree, layout)
+        x = layout.displacement[tree.outward][tree.moves[tree.outward]]
         rows = fixed[x]
-        return x, splu(rows[:, x].tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, place.coordinate]
+        return x, splu(rows[:, x].tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0), rows[:, layout.coordinate]
 
     def unknowns(self, target: Array) -> Array:
         """Return coordinates and displacements (size,) of the motion.
@@ -68,7 +68,7 @@ class Release:
         Parameters
         ----------
         target : array, shape (locked rows,)
-            How far each row is to give way.
+            Prescribed displacement of each row.
 
         Returns
         -------
@@ -80,8 +80,8 @@ class Release:
             group = self._closure.groups[k]
             solve, scale, column_scale = self._solver(k, group)
             q[group.columns] = column_scale * solve(scale * target[group.rows])
-        result = np.zeros(self._place.size)
-        result[self._place.coordinate] = q
+        result = np.zeros(self._layout.size)
+        result[self._layout.coordinate] = q
         x, factor, twists = self._bodies
         result[x] = factor.solve(-(twists @ q))
         return result
@@ -111,21 +111,21 @@ def _of_small(entries: Any, shape: tuple[int, int], rank: int) -> Callable[[Arra
     def solve(right: Array) -> Array:
         result = np.zeros(shape[1])
         if rank:
-            turned = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, right[:, None], 64)[0]
-            result[order[:rank]] = blas.dtrsm(1.0, qr[:rank, :rank], turned[:rank])[:, 0]
+            rotated = lapack.dormqr("L", "T", qr[:, : len(tau)], tau, right[:, None], 64)[0]
+            result[order[:rank]] = blas.dtrsm(1.0, qr[:rank, :rank], rotated[:rank])[:, 0]
         return result
 
     return solve
 
 
 def _of_large(entries: Any, shape: tuple[int, int], group: LoopGroup) -> Callable[[Array], Array]:
-    """Least squares by a regularised sparse system, again for what is left until nothing changes."""
+    """Least squares by a regularised sparse system with iterative refinement."""
     from scipy.sparse import bmat, csc_matrix, diags, eye
     from scipy.sparse.linalg import splu
 
     rows, columns = shape
     a = csc_matrix(entries, shape=shape)
-    # loops are short against their group: lengths of columns say what their size is, but for those that are rounding
+    # loops are short compared with their group: columns are scaled by their lengths, except for mere rounding
     size = np.sqrt(np.asarray(a.power(2).sum(axis=0))[0])
     unit = np.divide(1.0, size, out=np.zeros(columns), where=size > RANK_FACTOR * group.noise)
     a = (a @ diags(unit)).tocsc()

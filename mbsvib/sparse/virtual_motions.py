@@ -1,4 +1,4 @@
-"""Motions in which joints give way: what all other forces do in them is the force in the joint."""
+"""Virtual displacements that release joints: the work of all other forces in them is the force in the joint."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True)
 class Virtual:
     """A motion of the bodies: those that are ``moved`` (bodies + 1,), 1 or -1 times, follow a twist (``linear``,
-    ``angular``) of one rigid body about ``point``, and the tree adds ``follows`` (size,), if anything does follow. The
-    joint ``opens``, if it is one that gives way.
+    ``angular``) of one rigid body about ``point``, and the tree adds ``follows`` (size,), if other bodies follow.
+    ``opens`` is the number of the released joint, or None.
     """
 
     moved: Array
@@ -28,19 +28,19 @@ class Virtual:
     follows: Array | None = None
 
     def full(self, rows: Rows) -> Array:
-        """Return how far the twist goes along the directions of rows, (rows,)."""
+        """Return the displacements of the twist along the directions of rows, (rows,)."""
         turning = rows.moment + np.cross(rows.point - self.point[:, None], rows.force, axis=0)
         return np.asarray(self.linear @ rows.force + self.angular @ turning)
 
     def along(self, rows: Rows) -> Array:
-        """Return the relative displacements along rows that the rigid part makes, (rows,)."""
+        """Return the relative displacements of the rigid part along rows, (rows,)."""
         return np.asarray((self.moved[rows.second] - self.moved[rows.first]) * self.full(rows))
 
     def of_bodies(self, position: Array) -> Array:
         """Return the rigid part of displacements (bodies, 6) at centres of mass (bodies, 3)."""
-        turned = np.cross(self.angular, position - self.point) + self.linear
-        whole = np.concatenate((turned, np.broadcast_to(self.angular, turned.shape)), axis=1)
-        return np.asarray(whole * self.moved[: len(position), None])
+        translation = np.cross(self.angular, position - self.point) + self.linear
+        twists = np.concatenate((translation, np.broadcast_to(self.angular, translation.shape)), axis=1)
+        return np.asarray(twists * self.moved[: len(position), None])
 
     def at(self, body: Index, point: Array) -> Array:
         """Return the rigid part of displacements of points (3, n) of bodies, (3, n)."""
@@ -52,7 +52,7 @@ class Virtual:
         return np.outer(self.moved, self.angular)
 
     def opened(self, joints: int) -> Array:
-        """Return the rotations by which joints give way, (3, joints)."""
+        """Return the rotations of released joints, (3, joints)."""
         result = np.zeros((3, joints))
         if self.opens is not None:
             result[:, self.opens] = self.angular
@@ -61,8 +61,8 @@ class Virtual:
 
 @dataclass(frozen=True, slots=True)
 class Yielding:
-    """A motion in which ``joints`` (j,) of a region give way by ``gap`` (6, j), as ``displacements`` (bodies + 1, 6) of
-    the bodies and the ground at ``centre`` (bodies + 1, 3).
+    """A motion that releases ``joints`` (j,) of a region by ``gap`` (6, j), as ``displacements`` (bodies + 1, 6) of the
+    bodies and the ground at ``centre`` (bodies + 1, 3).
     """
 
     displacements: Array
@@ -92,7 +92,7 @@ class Yielding:
         return self.displacements[:, 3:]
 
     def opened(self, joints: int) -> Array:
-        """Return the rotations by which joints give way, (3, joints)."""
+        """Return the rotations of released joints, (3, joints)."""
         result = np.zeros((3, joints))
         result[:, self.joints] = self.gap[3:]
         return result
@@ -101,15 +101,15 @@ class Yielding:
 Motion = Virtual | Yielding
 
 
-def all_turns(motion: Motion, place: Layout) -> Array:
-    """Return the rotations of bodies and ground in a motion and in what follows it, (bodies + 1, 3).
+def all_turns(motion: Motion, layout: Layout) -> Array:
+    """Return the rotations of bodies and ground in a motion, including those that follow, (bodies + 1, 3).
 
     Parameters
     ----------
     motion : Virtual or Yielding
         The motion.
-    place : Layout
-        Where the unknowns are.
+    layout : Layout
+        Positions of the unknowns.
 
     Returns
     -------
@@ -118,6 +118,6 @@ def all_turns(motion: Motion, place: Layout) -> Array:
     """
     turns = motion.turns
     if motion.follows is not None:
-        column = place.displacement[:, 3:]
+        column = layout.displacement[:, 3:]
         turns[:-1] += np.where(column >= 0, motion.follows[column], 0.0)
     return turns

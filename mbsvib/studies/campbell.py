@@ -161,9 +161,9 @@ def campbell(
     ratios = _ratios(model, rotors)
     w = _ascending(speeds)
     sweep = _sweep(model, ratios)
-    found = [sweep.at(speed) for speed in w.tolist()]
-    order = follow([sweep.station(*point) for point in zip(w.tolist(), found, strict=True)], sweep.between)
-    steps = list(zip(found, w.tolist(), order, strict=True))
+    modes_of_speed = [sweep.at(speed) for speed in w.tolist()]
+    order = follow([sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)], sweep.between)
+    steps = list(zip(modes_of_speed, w.tolist(), order, strict=True))
     table = np.array([_upper(modes)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
     errors = np.array([modes.pair_errors.max(axis=1)[which] for modes, _, which in steps])
@@ -171,10 +171,10 @@ def campbell(
     if lines.ndim > 1 or not np.isfinite(lines).all():
         raise check.refuse("campbell", "orders", orders, "finite multiples of the speed, (1.0, 2.0)")
     critical = [point for n in np.atleast_1d(lines).tolist()
-                for point in _critical(sweep, w, found, order, n)]  # fmt: skip
+                for point in _critical(sweep, w, modes_of_speed, order, n)]  # fmt: skip
     critical.sort(key=lambda point: (point.order, point.speed))
-    return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical), _limits(sweep, w, found),
-                    tuple(found))  # fmt: skip
+    return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical),
+                    _limits(sweep, w, modes_of_speed), tuple(modes_of_speed))  # fmt: skip
 
 
 def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | None) -> dict[str, float]:
@@ -184,14 +184,14 @@ def _ratios(model: Model, rotors: str | Sequence[str] | Mapping[str, float] | No
         now = {name: rotor.speed for name, rotor in model.rotors.items()}
         first = next(iter(now.values()))
         return {name: speed / first if all(now.values()) else 1.0 for name, speed in now.items()}
-    given = dict(rotors) if isinstance(rotors, Mapping) else dict.fromkeys(
+    ratios = dict(rotors) if isinstance(rotors, Mapping) else dict.fromkeys(
         names(rotors, "campbell", "rotors", ModelError), 1.0)  # fmt: skip
-    for name in given:
+    for name in ratios:
         if name not in model.rotors:
             raise ModelError(f"campbell: there is no rotor '{name}' in model '{model.name}'."
                              f"{nearest(str(name), model.rotors)}", element=str(name), field="rotors")  # fmt: skip
     return {name: check.number(ratio, "campbell", "rotors", "how many times W a rotor turns")
-            for name, ratio in given.items()}  # fmt: skip
+            for name, ratio in ratios.items()}  # fmt: skip
 
 
 def _ascending(speeds: ArrayLike) -> Array:
@@ -222,8 +222,8 @@ class _Sweep:
         changes: dict[str, Any] = {}
         for name, letter, part in (("gyroscopic", "C", self.gyroscopic), ("circulatory", "K", self.circulatory)):
             if part.any() and speed != 0.0:
-                kept = getattr(system, name)
-                changes[name] = speed * part if kept is None else kept + speed * part
+                original = getattr(system, name)
+                changes[name] = speed * part if original is None else original + speed * part
                 changes[letter] = getattr(system, letter) + speed * part
         return (replace(system, **changes) if changes else system).modes()
 
@@ -235,9 +235,9 @@ class _Sweep:
         """Return the modes at another speed."""
         return self.station(speed, self.at(speed))
 
-    def followed(self, one: tuple[float, Modes], other: tuple[float, Modes]) -> Index:
+    def followed(self, first: tuple[float, Modes], second: tuple[float, Modes]) -> Index:
         """Return the number at the other speed of each mode at the one."""
-        return step(reference(self.station(*one)), one[0], self.station(*other), self.between)[0]
+        return step(reference(self.station(*first)), first[0], self.station(*second), self.between)[0]
 
     def whirl(self, modes: Modes, speed: float) -> Array:
         """Return the area of the rotors' orbits as a part of that of circles, positive as they spin, (modes,)."""
@@ -263,9 +263,9 @@ def _sweep(model: Model, ratios: Mapping[str, float]) -> _Sweep:
     )
     added = []
     for name in ("gyroscopic", "circulatory"):
-        one, other = (getattr(system, name) for system in (still, turning))
+        at_rest, at_speed = (getattr(system, name) for system in (still, turning))
         none = np.zeros_like(still.K)
-        added.append((none if other is None else other) - (none if one is None else one))
+        added.append((none if at_speed is None else at_speed) - (none if at_rest is None else at_rest))
     k, rows = np.sqrt(np.abs(still.stiffness))[:, None], still.elastic_rows
     typical = np.linalg.norm(rows * k) / (np.linalg.norm(still.inertia_factor) or 1.0)
     energy = np.concatenate((still.inertia_factor * (typical or 1.0), rows * k))
@@ -275,9 +275,9 @@ def _sweep(model: Model, ratios: Mapping[str, float]) -> _Sweep:
     return _Sweep(still, added[0], added[1], stations, energy)
 
 
-def _limits(sweep: _Sweep, w: Array, found: Sequence[Modes]) -> tuple[float, ...]:
-    """Speeds at which modes begin or cease to grow, halved out to the last digit between those that are given."""
-    stable = [modes.stable for modes in found]
+def _limits(sweep: _Sweep, w: Array, modes_at: Sequence[Modes]) -> tuple[float, ...]:
+    """Speeds at which the stability of modes changes, by bisection between the given speeds."""
+    stable = [modes.stable for modes in modes_at]
     result = []
     for k in np.flatnonzero(np.diff(stable)).tolist():
         low, high = float(w[k]), float(w[k + 1])
@@ -289,20 +289,20 @@ def _limits(sweep: _Sweep, w: Array, found: Sequence[Modes]) -> tuple[float, ...
 
 
 def _critical(
-    sweep: _Sweep, w: Array, found: Sequence[Modes], order: Sequence[Index], times: float
+    sweep: _Sweep, w: Array, modes_at: Sequence[Modes], order: Sequence[Index], times: float
 ) -> list[CriticalSpeed]:
     """Where tracks cross frequency = times |speed|: at samples, or between two by a bracketing root finder."""
     from scipy.optimize import brentq
 
-    table = np.array([_upper(modes)[which] for modes, which in zip(found, order, strict=True)])
+    table = np.array([_upper(modes)[which] for modes, which in zip(modes_at, order, strict=True)])
     off = table.imag - times * np.abs(w)[:, None]
     result = []
     for k in range(len(w)):
         for mode in range(table.shape[1]):
             if off[k, mode] == 0.0 and w[k] != 0.0 and table[k, mode] != 0.0:
-                result.append(_point(sweep, found[k], int(order[k][mode]), (mode, times, float(w[k]))))
+                result.append(_point(sweep, modes_at[k], int(order[k][mode]), (mode, times, float(w[k]))))
             if k + 1 < len(w) and off[k, mode] * off[k + 1, mode] < 0.0 and w[k] * w[k + 1] >= 0.0:
-                sides = [(float(w[i]), found[i], int(order[i][mode])) for i in (k, k + 1)]
+                sides = [(float(w[i]), modes_at[i], int(order[i][mode])) for i in (k, k + 1)]
                 ends = _Ends(sweep, sides, times)
                 speed = float(brentq(ends.off, w[k], w[k + 1], xtol=XTOL * abs(w[k + 1] - w[k]), rtol=4.0 * XTOL))
                 modes, number = ends.mode(speed)
@@ -312,7 +312,7 @@ def _critical(
 
 
 class _Ends:
-    """One mode between two speeds, followed from the nearest at which it was looked at and is by itself."""
+    """One mode between two speeds, followed from the nearest speed at which it was computed and is separate."""
 
     def __init__(self, sweep: _Sweep, sides: list[tuple[float, Modes, int]], times: float) -> None:
         single = [side for side in sides if alone(_upper(side[1]))[side[2]]]

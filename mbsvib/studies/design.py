@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 Ties = Mapping[str, Mapping[str, float] | Tie]
 Bound = tuple[Tie, tuple[str, ...]]
 
-AS_GIVEN = 1e-9  # what a tie may be off the model where it starts, in parts of the largest of its kind
+START_TOLERANCE = 1e-9  # difference of a tie from the model at its start, in parts of the largest value of its kind
 _TURN, _AXES = ".orientation.", ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The ``variables`` of a study, what they are at the model as given (``start``), and the ``ties`` that make
-    ``parameters`` of them, each with the variables that it takes. What several ties move, each adds its change to.
-    ``known`` are names by the patterns that were met.
+    """The ``variables`` of a study, their values at the given model (``start``), and the ``ties`` that map them to
+    ``parameters``, each with its variables. Changes of several ties to one parameter are added. ``known`` caches the
+    names that match each pattern.
     """
 
     variables: tuple[str, ...]
@@ -47,19 +47,19 @@ class Design:
         """Return the parameters' values for values of the variables, numbers or arrays of one length."""
         result: dict[str, Any] = {}
         for tie, names in self.ties:
-            for name, value in self._each(tie.values({variable: columns[variable] for variable in names})):
+            for name, value in self._expanded(tie.values({variable: columns[variable] for variable in names})):
                 result[name] = result[name] + (value - self.parameters[name]) if name in result else value
         return result
 
     def rates(self, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        """Return how fast each variable moves each parameter, as the system at these values is asked for sensitivities:
-        orientations turn from where they are there.
+        """Return the derivatives of parameters with respect to the variables, for sensitivities of the system at these
+        values: rotations are relative to the orientations there.
         """
         result: dict[str, dict[str, float]] = {name: {} for name in self.variables}
         for tie, names in self.ties:
             for variable, rates in tie.rates({variable: values[variable] for variable in names}).items():
                 own = result[variable]
-                for name, rate in self._each(rates):
+                for name, rate in self._expanded(rates):
                     own[name] = own.get(name, 0.0) + rate
         moved = self.values(values)
         for part, turn in _turns(moved).items():
@@ -72,8 +72,8 @@ class Design:
             own.update({} if own else {next(iter(moved)): 0.0})
         return result
 
-    def _each(self, given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-        for pattern, value in given.items():
+    def _expanded(self, by_pattern: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+        for pattern, value in by_pattern.items():
             if pattern not in self.known:
                 self.known[pattern] = self.parameters.matching(pattern)
             yield from [(name, value) for name in self.known[pattern]]
@@ -106,19 +106,19 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("study", "ties", ties, "a mapping of variables to the parameters that they move, "
                            "{'height': {'platform.position.z': 1.0}}")  # fmt: skip
-    variables, given, parameters = tuple(names), {} if ties is None else dict(ties), a_model(model, "study").parameters
-    shared = {id(tie) for name, tie in given.items() if name in variables and not isinstance(tie, Mapping)}
-    for name, tie in given.items():
+    variables, maps, parameters = tuple(names), {} if ties is None else dict(ties), a_model(model, "study").parameters
+    shared = {id(tie) for name, tie in maps.items() if name in variables and not isinstance(tie, Mapping)}
+    for name, tie in maps.items():
         if name not in variables and id(tie) not in shared:
             raise ModelError(f"ties: '{name}' is none of the variables.{nearest(str(name), variables)} Variables are: "
                              f"{', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
-    direct = _direct(parameters, [name for name in variables if name not in given])
-    linear, bound = _linear(parameters, given), _bound(given, variables)
+    direct = _direct(parameters, [name for name in variables if name not in maps])
+    linear, bound = _linear(parameters, maps), _bound(maps, variables)
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)
     start, units = dict(direct.start) | dict(linear.start), _units(direct, parameters)
     for tie, own in bound:
         start |= {name: started(tie, name) for name in own}
-        units |= {name: each for name, each in getattr(tie, "units", {}).items() if name in own}
+        units |= {name: unit for name, unit in getattr(tie, "units", {}).items() if name in own}
     moved = [(name, variable) for variable, rates in linear.maps.items() for name in rates]
     moved += [(name, own[0]) for tie, own in bound for name in _checked(parameters, tie, own, start)]
     for name, variable in moved:
@@ -130,17 +130,17 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
 
 def _direct(parameters: Parameters, names: list[str]) -> Linear:
     """Variables that are parameters, or patterns of them."""
-    start = {name: float(np.mean([parameters[each] for each in parameters.matching(name)])) for name in names}
+    start = {name: float(np.mean([parameters[key] for key in parameters.matching(name)])) for name in names}
     maps: dict[str, dict[str, float]] = {name: {} for name in names}
     for parameter, name in resolved(parameters, {name: name for name in names}).items():
         maps[name][parameter] = 1.0
     return Linear(maps, {parameter: 0.0 for rates in maps.values() for parameter in rates}, start)
 
 
-def _linear(parameters: Parameters, given: Mapping[str, Any]) -> Linear:
+def _linear(parameters: Parameters, ties: Mapping[str, Any]) -> Linear:
     """Variables that are linear maps of parameters."""
     maps: dict[str, dict[str, float]] = {}
-    for variable, rates in given.items():
+    for variable, rates in ties.items():
         if isinstance(rates, Tie):
             continue
         if not isinstance(rates, Mapping) or not rates:
@@ -154,14 +154,14 @@ def _linear(parameters: Parameters, given: Mapping[str, Any]) -> Linear:
     return Linear(maps, origin, dict.fromkeys(maps, 0.0))
 
 
-def _bound(given: Mapping[str, Any], variables: tuple[str, ...]) -> list[Bound]:
-    """Ties that are objects, each with the variables that it takes."""
-    ties = {id(tie): tie for tie in given.values() if isinstance(tie, Tie)}
-    return [(tie, tuple([name for name in variables if given.get(name) is tie])) for tie in ties.values()]
+def _bound(maps: Mapping[str, Any], variables: tuple[str, ...]) -> list[Bound]:
+    """Ties that are objects, each with its variables."""
+    ties = {id(tie): tie for tie in maps.values() if isinstance(tie, Tie)}
+    return [(tie, tuple([name for name in variables if maps.get(name) is tie])) for tie in ties.values()]
 
 
 def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapping[str, float]) -> list[str]:
-    """The parameters that a tie moves, after a look at its answers."""
+    """The parameters of a tie, after checks of its values and rates."""
     at, who = {name: start[name] for name in own}, f"variable '{own[0]}'"
     values, rates = tie.values(at), tie.rates(at)
     for what, answer in (("values", values), ("rates", rates)):
@@ -171,8 +171,8 @@ def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapp
         check.number(value, who, f"values of '{pattern}'")
     moved = [name for pattern in values for name in parameters.matching(pattern)]
     if hasattr(tie, "start"):
-        _refuse_other(parameters, {name: values[pattern] for pattern in values
-                                   for name in parameters.matching(pattern)}, who)  # fmt: skip
+        _check_start(parameters, {name: values[pattern] for pattern in values
+                                  for name in parameters.matching(pattern)}, who)  # fmt: skip
     for variable, slopes in rates.items():
         if variable not in own:
             raise ModelError(f"{who}: its tie has rates of '{variable}', which it was not given."
@@ -186,14 +186,14 @@ def _checked(parameters: Parameters, tie: Tie, own: tuple[str, ...], start: Mapp
     return moved
 
 
-def _refuse_other(parameters: Parameters, values: Mapping[str, Any], who: str) -> None:
-    """Refuse a tie that says where it starts, if the model is not as given there: its turns would start elsewhere."""
+def _check_start(parameters: Parameters, values: Mapping[str, Any], who: str) -> None:
+    """Refuse a tie with a start at which its parameters differ from the model: its rotations would be wrong."""
     size: dict[str, float] = {}
     unit = {name: parameters.entry(name).unit for name in values}
     for name in values:
         size[unit[name]] = max(size.get(unit[name], 0.0), abs(parameters[name]))
     for name, value in values.items():
-        if abs(value - parameters[name]) > AS_GIVEN * size[unit[name]]:
+        if abs(value - parameters[name]) > START_TOLERANCE * size[unit[name]]:
             raise ModelError(f"{who}: where its tie starts, '{name}' is {value:.6g}, and {parameters[name]:.6g} in the "
                              f"model; make the tie for this model.", element=name, field="ties")  # fmt: skip
 
@@ -205,10 +205,10 @@ def _units(direct: Linear, parameters: Parameters) -> dict[str, str]:
 
 
 def _turns(values: Mapping[str, Any]) -> dict[str, Array]:
-    """What makes rates of rotation vectors turning rates, of parts that are turned already."""
+    """Matrices that convert rates of rotation vectors to angular velocities, for rotated parts."""
     vectors: dict[str, Array] = {}
     for name, value in values.items():
-        part, found, axis = name.rpartition(_TURN)
-        if found and value:
+        part, separator, axis = name.rpartition(_TURN)
+        if separator and value:
             vectors.setdefault(part, np.zeros(3))[_AXES.index(axis)] = value
     return {part: turning(w) for part, w in vectors.items()}

@@ -29,12 +29,12 @@ class Dual:
 
     def through(self, function: Callable[[Array], Array], rate: Callable[[Array], Array]) -> Dual:
         """Return a function of each number, by its derivative."""
-        with np.errstate(divide="ignore", invalid="ignore"):  # what is not finite is refused by who asked
+        with np.errstate(divide="ignore", invalid="ignore"):  # the caller refuses values that are not finite
             return Dual(function(self.value), rate(self.value)[:, None] * self.slope)
 
 
 def stacked(duals: Sequence[Dual]) -> Dual:
-    """Return all numbers behind each other; constants have derivatives (k, 1), whatever the others have."""
+    """Return all numbers concatenated; constants may have derivatives (k, 1)."""
     width = next((dual.slope.shape[1] for dual in duals if dual.slope.shape[1] != 1), 1)
     slopes = [np.broadcast_to(dual.slope, (len(dual.value), width)) for dual in duals]
     return Dual(np.concatenate([dual.value for dual in duals]), np.concatenate(slopes))

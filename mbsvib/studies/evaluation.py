@@ -1,4 +1,4 @@
-"""Design points: systems at points of a study, with what quantities ask of them computed once."""
+"""Design points: systems at points of a study; results that quantities need are computed once."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DesignPoint:
-    """A system, its variables (``rates`` of parameters with each), and how derivatives count: ``scale`` (variables,)
-    turns those to variables into those to the unknowns of a search, ``levels`` are numbers that stand for the largest
-    of many, ``order`` the mode that each track has here.
+    """A system and its variables (``rates`` of parameters with each). ``scale`` (variables,) converts derivatives with
+    respect to variables to those with respect to the unknowns of a search, ``levels`` are bounds that replace the
+    largest of many numbers, ``order`` is the mode number of each track.
     """
 
     system: System
@@ -49,7 +49,7 @@ class DesignPoint:
         return cls(system, {name: {name: 1.0} for name in names}, values, np.ones(len(names)), {})
 
     def with_levels(self, levels: Mapping[Hashable, float]) -> DesignPoint:
-        """Return the same point with numbers that stand for the largest of many; what is known of it is kept."""
+        """Return the same point, with its cached results, and with bounds that replace the largest of many numbers."""
         result = replace(self, levels=levels)
         result.__dict__.update((name, self.__dict__[name]) for name in ("modes", "pairs") if name in self.__dict__)
         return result
@@ -60,7 +60,7 @@ class DesignPoint:
         return len(self.scale) + len(self.levels)
 
     def level(self, largest: Hashable) -> Dual | None:
-        """Return the number that stands for the largest of many; None where there is none."""
+        """Return the bound that replaces the largest of many numbers; None if there is none."""
         if largest not in self.levels:
             return None
         slope = np.zeros((1, self.width))
@@ -68,7 +68,7 @@ class DesignPoint:
         return Dual(np.array([self.levels[largest]]), slope)
 
     def dual(self, value: Array, slope: Array) -> Dual:
-        """Return numbers with derivatives to variables as those to the unknowns."""
+        """Return numbers with derivatives converted from variables to the unknowns."""
         wide = np.zeros((len(value), self.width))
         wide[:, : len(self.scale)] = slope * self.scale
         return Dual(value, wide)
@@ -111,7 +111,7 @@ def station(modes: Modes, system: System, at: float = 0.0) -> Station:
 
 
 def checked(system: Any) -> System:
-    """Return a system, or refuse what is none; sparse ones have no sensitivities."""
+    """Return a system, or refuse another object; sparse ones have no sensitivities."""
     if not isinstance(system, System):
         raise ModelError(f"quantities are those of a System, not of a {type(system).__name__}; models of more than 600 "
                          f"coordinates are sparse, which have no sensitivities yet; try it on a smaller one.",

@@ -1,4 +1,4 @@
-"""The largest and the smallest of many numbers, without their kinks where a search bounds all of them."""
+"""The largest and the smallest of many numbers; a search bounds all of them, which avoids kinks."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ if TYPE_CHECKING:
 
 
 class Largest(Quantity):
-    """The largest of many numbers: a search bounds all of them at once, as the largest alone has kinks.
+    """The largest of many numbers: a search bounds all of them at once, as the maximum has kinks.
 
-    ``members`` are the numbers; where there are infinitely many, those at the points of ``active``, of which there are
-    ``seeds`` to begin with and ``tops`` where the numbers are largest.
+    ``members`` are the numbers; if there are infinitely many, those at the points of ``active``, which are initially
+    the ``seeds`` and later include the ``tops``, the local maxima.
     """
 
     def at(self, point: DesignPoint) -> Dual:
-        """Return the largest, or the number that stands for it in a search."""
+        """Return the largest, or the bound that replaces it in a search."""
         return point.level(self) or self.true(point)
 
     def true(self, point: DesignPoint) -> Dual:
         """Return the largest itself."""
-        found = self.members(point, None)
-        which = [int(found.value.argmax())]
-        return Dual(found.value[which], found.slope[which])
+        members = self.members(point, None)
+        which = [int(members.value.argmax())]
+        return Dual(members.value[which], members.slope[which])
 
     def members(self, point: DesignPoint, active: Array | None) -> Dual:
         """Return the numbers."""
         return self.parts[0].at(point)
 
     def seeds(self, point: DesignPoint) -> Array | None:
-        """Return the points to begin with; None where numbers are finitely many."""
+        """Return the initial points; None if there are finitely many numbers."""
         return None
 
     def tops(self, point: DesignPoint) -> tuple[Array, Array]:
@@ -82,7 +82,7 @@ def smallest(*quantities: Any) -> Quantity:
 
 
 def _stacked(quantities: tuple[Any, ...]) -> Quantity:
-    parts = tuple([quantity(each) for each in quantities])
+    parts = tuple([quantity(item) for item in quantities])
     if not parts:
         raise check.refuse("largest", "quantities", quantities, "at least one quantity")
     if len(parts) == 1:

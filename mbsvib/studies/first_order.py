@@ -1,4 +1,4 @@
-"""First order of scatter: deviations, worst cases and shares from derivatives, of neighbouring modes together."""
+"""First-order tolerance analysis: deviations, worst cases and shares from derivatives, close modes treated together."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PIECE = 1000  # samples
 @dataclass(frozen=True)
 class FirstOrder:
     """Numbers ``nominal`` (k,), ``counts`` of each quantity; their ``deviation``, ``worst`` (k,), ``shares`` of the
-    variables (k, v), what first order says of samples, ``linear`` (n, k), and which belong to modes that part.
+    variables (k, v), the first-order values of samples, ``linear`` (n, k), and the mask of numbers of close modes.
     """
 
     nominal: Array
@@ -40,7 +40,7 @@ class FirstOrder:
 def first_order(
     point: DesignPoint, quantities: Mapping[str, Quantity], off: Array, sizes: Array, deviation: float
 ) -> FirstOrder:
-    """Return what derivatives say of scatter.
+    """Return the first-order effect of scatter.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def first_order(
         If a derivative does not exist.
     """
     try:
-        duals = [each.at(point) for each in quantities.values()]
+        duals = [quantity.at(point) for quantity in quantities.values()]
     except ModelError as error:
         error.add_note("tolerances(..., derivatives=False) does without derivatives, by random samples only.")
         raise
@@ -95,7 +95,7 @@ def first_order(
 
 
 def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array) -> FirstOrder:
-    """Return the nominal values alone, all that derivatives would say not a number.
+    """Return only the nominal values; first-order results are not a number.
 
     Parameters
     ----------
@@ -111,11 +111,11 @@ def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array)
     FirstOrder
         Nominal values.
     """
-    values = [np.atleast_1d(np.asarray(each(point.system), dtype=float)) for each in quantities.values()]
+    values = [np.atleast_1d(np.asarray(quantity(point.system), dtype=float)) for quantity in quantities.values()]
     nominal = np.concatenate(values)
     none = np.full(len(nominal), np.nan)
     shares, linear = np.full((len(nominal), off.shape[1]), np.nan), np.full((len(off), len(nominal)), np.nan)
-    counts = tuple([len(each) for each in values])
+    counts = tuple([len(quantity) for quantity in values])
     return FirstOrder(nominal, counts, none, none, shares, linear, np.zeros(len(nominal), dtype=bool))
 
 
@@ -127,28 +127,29 @@ def _parting(
     """
     system, modes = point.system, point.modes
     starts = np.concatenate(([0], np.cumsum(counts)))
-    chosen = [(int(start), each, each.of(modes)) for start, each in zip(starts[:-1], quantities.values(), strict=True)
-              if isinstance(each, Modal)]  # fmt: skip
-    if not chosen or system.gyroscopic is not None or system.circulatory is not None:
+    modal = [(int(start), quantity, quantity.of(modes))
+             for start, quantity in zip(starts[:-1], quantities.values(), strict=True)
+             if isinstance(quantity, Modal)]  # fmt: skip
+    if not modal or system.gyroscopic is not None or system.circulatory is not None:
         return []
     values, slopes = point.pairs
     scatter = np.sqrt(((np.abs(slopes[:, :, 0]) * deviation[:, None]) ** 2).sum(axis=0))
     result = []
     for group in together(values[:, 0], scatter):
-        if not any(set(group) & set(numbers) for _, _, numbers in chosen):
+        if not any(set(group) & set(numbers) for _, _, numbers in modal):
             continue
         start, slope = parting(system, group, point.rates)
         known = values[group, 0]
         moved = np.concatenate([_eigenvalues(start + np.tensordot(some, slope, axes=1)) for some in _pieces(off)])
         moved = moved - known[np.argsort(np.abs(known), kind="stable")]
-        for first, each, numbers in chosen:
+        for first, quantity, numbers in modal:
             for k, mode in enumerate(np.array(group)[np.argsort(np.abs(known), kind="stable")].tolist()):
                 if mode not in numbers:
                     continue
-                rate = each.rate(complex(values[mode, 0]))
+                rate = quantity.rate(complex(values[mode, 0]))
                 # the real part of an eigenvalue is bounded by the Hermitian part of its matrix
-                turned = rate * slope
-                half = 0.5 * (turned + turned.conj().transpose(0, 2, 1))
+                rotated = rate * slope
+                half = 0.5 * (rotated + rotated.conj().transpose(0, 2, 1))
                 result.append((first + numbers.index(mode), np.asarray((rate * moved[:, k]).real),
                                np.linalg.norm(half, 2, axis=(1, 2)), np.linalg.norm(half, axis=(1, 2))))  # fmt: skip
     return result
@@ -160,5 +161,5 @@ def _pieces(off: Array) -> list[Array]:
 
 def _eigenvalues(matrices: Complex) -> Complex:
     """Eigenvalues (n, modes) in ascending size, as modes are."""
-    found = np.linalg.eigvals(matrices)
-    return np.asarray(np.take_along_axis(found, np.argsort(np.abs(found), axis=1), axis=1))
+    values = np.linalg.eigvals(matrices)
+    return np.asarray(np.take_along_axis(values, np.argsort(np.abs(values), axis=1), axis=1))

@@ -1,4 +1,4 @@
-"""Quantities of modes, by natural frequency and the sum of the two eigenvalues, also of those that coincide."""
+"""Quantities of modes, by natural frequency and the sum of the two eigenvalues, also for repeated eigenvalues."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Modal(Leaf):
         self.unit = unit
 
     def of(self, modes: Modes, order: Any = None) -> list[int]:
-        """Return the indices of the modes that are meant."""
+        """Return the indices of the modes."""
         count, rigid = len(modes), modes.rigid
         which = list(range(rigid, count)) if self.indices is None else self.indices
         if self.indices is None and order is not None:
@@ -67,24 +67,24 @@ class Modal(Leaf):
 
     def in_batch(self, modes: BatchModes, which: list[int]) -> Array:
         """Return the numbers of some modes of all variants, (variants, modes)."""
-        one, other = np.moveaxis(modes.pairs[:, which], 2, 0)
-        natural = np.sqrt(np.abs(one * other))
-        return self.rule(natural, (one + other).real, 0.0 * natural, 0.0 * natural)[0]
+        first, second = np.moveaxis(modes.pairs[:, which], 2, 0)
+        natural = np.sqrt(np.abs(first * second))
+        return self.rule(natural, (first + second).real, 0.0 * natural, 0.0 * natural)[0]
 
     def _at(self, point: DesignPoint) -> Dual:
         which = self.of(point.modes, point.order)
         values, slopes = point.pairs
-        (one, other), (d_one, d_other) = values[which].T, np.moveaxis(slopes[:, which], 2, 0)
-        product = one * other
+        (first, second), (d_first, d_second) = values[which].T, np.moveaxis(slopes[:, which], 2, 0)
+        product = first * second
         natural = np.sqrt(np.abs(product))
         with np.errstate(divide="ignore", invalid="ignore"):
-            d_natural = (0.5 * natural * ((d_one * other + one * d_other) / product)).real
-            value, slope = self.rule(natural, (one + other).real, d_natural, (d_one + d_other).real)
+            d_natural = (0.5 * natural * ((d_first * second + first * d_second) / product)).real
+            value, slope = self.rule(natural, (first + second).real, d_natural, (d_first + d_second).real)
         return point.dual(value, slope.T)
 
 
 def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]:
-    """Return groups of modes that are so near to each other, measured by their scatter, that they move as one.
+    """Return groups of modes whose eigenvalues are close compared with their scatter.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]
     scatter : array, shape (modes,)
         Standard deviations of the eigenvalues, each by itself.
     most : int
-        Groups of more modes than this are none: where modes are everywhere, each is nearly by itself.
+        Maximum number of modes in a group; larger groups are omitted.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def together(values: Complex, scatter: Array, most: int = 30) -> list[list[int]]
 
 
 def parting(system: System, group: list[int], variables: Any) -> tuple[Complex, Complex]:
-    """Return how eigenvalues that are near to each other part, as those of a small matrix A + sum of dp dA/dp.
+    """Return the matrices whose eigenvalues approximate close eigenvalues, A + sum of dp dA/dp.
 
     dA_ij = -x_i^T (l_i l_j dM + (l_i + l_j) / 2 dC + dK) x_j, with x_i^T ((l_i + l_j) M + C) x_j = 1 for i = j, else 0
 

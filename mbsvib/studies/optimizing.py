@@ -1,4 +1,4 @@
-"""Design by optimisation: exact values and gradients, handed to solvers that others have written."""
+"""Design by optimisation: exact values and gradients for third-party solvers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mbsvib.studies.design import design
 from mbsvib.studies.quantities import Constraint, Quantity
 from mbsvib.studies.scales import scales
 from mbsvib.studies.search import Search
-from mbsvib.studies.solvers import Found, solver
+from mbsvib.studies.solvers import SolverResult, solver
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 30
-FEASIBLE = 1e-6  # what a constraint may lack, in parts of its bound
-FLAT = 1e-9  # gradient, in parts of the objective, that is none
-OPTIMAL = 1e-4  # gradient that may be left over, in parts of its own size
+FEASIBLE = 1e-6  # permitted constraint violation, in parts of the bound
+FLAT = 1e-9  # gradient, in parts of the objective, that counts as zero
+OPTIMAL = 1e-4  # permitted projected gradient, in parts of the gradient
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,11 +100,11 @@ class Optimum:
                 ("optimum", "right")], "rows": rows, "notes": notes}  # fmt: skip
 
     def _reach(self) -> str:
-        """What is known of other minima."""
+        """Sentence on other minima."""
         if len(self.starts) == 1:
             return "This is a local minimum. A smaller one may exist: starts=n searches from n points."
-        ends = [f"{each.objective:.6g}" + ("" if each.violation <= FEASIBLE else f" (constraint violation "
-                f"{each.violation:.1e})") for each in self.starts if np.isfinite(each.objective)]  # fmt: skip
+        ends = [f"{optimum.objective:.6g}" + ("" if optimum.violation <= FEASIBLE else f" (constraint violation "
+                f"{optimum.violation:.1e})") for optimum in self.starts if np.isfinite(optimum.objective)]  # fmt: skip
         several = Counter(sorted(ends, key=lambda text: float(text.split()[0])))
         reached = ", ".join(f"{end} from {count}" for end, count in several.items())
         failed = len(self.starts) - len(ends)
@@ -179,12 +179,12 @@ def optimize(
     if not isinstance(objective, Quantity):
         raise check.refuse("optimize", "objective", objective, "a quantity, such as -smallest(damping_ratio())")
     wanted: tuple[Any, ...] = tuple(constraints) if isinstance(constraints, Iterable) else (constraints,)
-    for each in wanted:
-        if not isinstance(each, Constraint):
-            raise check.refuse("optimize", "constraints", each, "a constraint, such as damping_ratio() >= 0.05")
+    for constraint in wanted:
+        if not isinstance(constraint, Constraint):
+            raise check.refuse("optimize", "constraints", constraint, "a constraint, such as damping_ratio() >= 0.05")
     solve = solver(method)
-    chosen = design(model, variables, ties)
-    search = Search(model, chosen, scales(chosen, variables, start), objective, wanted)
+    variables_design = design(model, variables, ties)
+    search = Search(model, variables_design, scales(variables_design, variables, start), objective, wanted)
     ends: list[Optimum] = []
     descents: list[Descent] = []
     for x in _points(search, starts, seed):
@@ -194,7 +194,7 @@ def optimize(
         except MbsvibError as error:  # another start may be no mechanism, or lead to none
             if starts == 1:
                 raise
-            values, nowhere = _named(search, search.scales.values(x)), dict.fromkeys(chosen.variables, np.nan)
+            values, nowhere = _named(search, search.scales.values(x)), dict.fromkeys(variables_design.variables, np.nan)
             descents.append(Descent(values, nowhere, np.nan, np.nan, False, str(error)))
     if not ends:
         raise ModelError(f"optimize: none of {starts} starts leads anywhere, the first: {descents[0].message}",
@@ -223,42 +223,42 @@ def _points(search: Search, starts: int, seed: int) -> Array:
     return np.concatenate((own, low + shares * (high - low)))
 
 
-def _descended(search: Search, x: Array, solve: Callable[[Search, Array], Found]) -> Optimum:
+def _descended(search: Search, x: Array, solve: Callable[[Search, Array], SolverResult]) -> Optimum:
     """The end of a local search that begins at the unknowns of variables."""
     z, iterations = search.begin(x), 0
     began = search.true(z)[0]
     for _ in range(ROUNDS):
-        found = solve(search, z)
-        iterations += found.iterations
-        z, grown = search.exchange(np.clip(found.z, *search.bounds()))
+        solver_result = solve(search, z)
+        iterations += solver_result.iterations
+        z, grown = search.exchange(np.clip(solver_result.z, *search.bounds()))
         if not grown:
             break
-    return _optimum(search, z, replace(found, iterations=iterations), search.scales.values(x), began)
+    return _optimum(search, z, replace(solver_result, iterations=iterations), search.scales.values(x), began)
 
 
 def _named(search: Search, values: Array) -> dict[str, float]:
     return dict(zip(search.design.variables, values.tolist(), strict=True))
 
 
-def _optimum(search: Search, z: Array, found: Found, start: Array, began: float) -> Optimum:
+def _optimum(search: Search, z: Array, solver_result: SolverResult, start: Array, began: float) -> Optimum:
     point = search.point(z[: len(search.scales.start)])
     objective, numbers = search.true(z)
     here = search.at(z)
     violation = max(0.0, -float(here.g.value.min(initial=0.0)), float(np.abs(here.h.value).max(initial=0.0)))
     optimality = _left_over(search, z)
     moved, values = search.design.values(point.values), dict(point.values)
-    success = violation <= FEASIBLE and (found.success or optimality <= OPTIMAL)
-    descent = Descent(_named(search, start), values, objective, violation, success, found.message)
+    success = violation <= FEASIBLE and (solver_result.success or optimality <= OPTIMAL)
+    descent = Descent(_named(search, start), values, objective, violation, success, solver_result.message)
     return Optimum(
         settled(search.model.with_values(moved))[0], values, moved, descent.start, objective, began,
         search.objective.label,
-        {each.label: value for each, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
-        success, found.message, found.iterations, search.evaluations, search.design.units, (descent,),
+        {item.label: value for item, value in zip(search.constraints, numbers, strict=True)}, violation, optimality,
+        success, solver_result.message, solver_result.iterations, search.evaluations, search.design.units, (descent,),
     )  # fmt: skip
 
 
 def _left_over(search: Search, z: Array, active: float = 1e-5) -> float:
-    """What is left of the objective's gradient after that of active constraints, in parts of it."""
+    """Norm of the objective's gradient minus its projection on active constraints' gradients, relative to it."""
     from scipy.optimize import nnls
 
     here, (low, high) = search.at(z), search.bounds()

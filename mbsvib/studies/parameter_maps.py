@@ -75,12 +75,12 @@ class Linear:
 
 
 def started(tie: Any, name: str) -> float:
-    """Return the value of a variable at which the model is as given."""
+    """Return the value of a variable at the given model."""
     return float(getattr(tie, "start", {}).get(name, 0.0))
 
 
 def turning(w: Array) -> Array:
-    """Return the matrix that makes rates of a rotation vector those at which its body turns, world axes.
+    """Return the matrix that converts rates of a rotation vector to the body's angular velocity, world axes.
 
     J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|
 

@@ -1,4 +1,4 @@
-"""Progress of studies: a bar on a terminal, or whatever the caller counts with."""
+"""Progress of studies: a bar on a terminal, or a function of the caller."""
 
 from __future__ import annotations
 

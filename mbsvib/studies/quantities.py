@@ -67,7 +67,7 @@ class Quantity:
         return self.at(DesignPoint.of(system, variables)).slope
 
     def inner(self) -> Iterator[Quantity]:
-        """Go through this quantity and all that it is made of."""
+        """Iterate over this quantity and all its parts."""
         yield self
         for part in self.parts:
             yield from part.inner()
@@ -140,7 +140,7 @@ class Quantity:
         Returns
         -------
         Constraint
-            What a search has to keep.
+            The constraint.
         """
         return _between(self, low, high)
 
@@ -155,7 +155,7 @@ class Quantity:
         Returns
         -------
         Constraint
-            What a search has to keep.
+            The constraint.
         """
         return _between(self, value, value)
 
@@ -164,7 +164,7 @@ class Quantity:
 
 
 class Leaf(Quantity):
-    """A quantity that is asked of a point at once."""
+    """A quantity that is computed directly at a point."""
 
     def __init__(self, label: str, ask: Callable[[DesignPoint], Dual]) -> None:
         super().__init__(label, (), ask)
@@ -233,22 +233,22 @@ def quantity(value: Any) -> Quantity:
     return Quantity(label, (), lambda: Dual(fixed, np.zeros((len(fixed), 1))))
 
 
-def _joined(sign: str, one: Quantity, other: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:
-    left, right = (one.label, other.label) if sign == "+" else (_bracketed(one), _bracketed(other))
-    return Quantity(f"{left} {sign} {right}", (one, other), rule)
+def _joined(sign: str, a: Quantity, b: Quantity, rule: Callable[[Dual, Dual], Dual]) -> Quantity:
+    left, right = (a.label, b.label) if sign == "+" else (_bracketed(a), _bracketed(b))
+    return Quantity(f"{left} {sign} {right}", (a, b), rule)
 
 
-def _bracketed(one: Quantity) -> str:
-    return f"({one.label})" if any(sign in one.label for sign in (" + ", " - ", " * ", " / ")) else one.label
+def _bracketed(part: Quantity) -> str:
+    return f"({part.label})" if any(sign in part.label for sign in (" + ", " - ", " * ", " / ")) else part.label
 
 
-def _between(one: Quantity, low: Any, high: Any) -> Constraint:
+def _between(constrained: Quantity, low: Any, high: Any) -> Constraint:
     if isinstance(low, Quantity) or isinstance(high, Quantity):
-        other = low if isinstance(low, Quantity) else high
-        difference = one - other
+        bound = low if isinstance(low, Quantity) else high
+        difference = constrained - bound
         return Constraint(difference, None, 0.0) if high is not None else Constraint(difference, 0.0, None)
-    least = None if low is None else check.number(low, one.label, "low", "a finite bound")
-    most = None if high is None else check.number(high, one.label, "high", "a finite bound")
+    least = None if low is None else check.number(low, constrained.label, "low", "a finite bound")
+    most = None if high is None else check.number(high, constrained.label, "high", "a finite bound")
     if least is not None and most is not None and least > most:
-        raise check.refuse(one.label, "low", least, f"no more than high = {most:g}")
-    return Constraint(one, least, most)
+        raise check.refuse(constrained.label, "low", least, f"no more than high = {most:g}")
+    return Constraint(constrained, least, most)

@@ -1,4 +1,4 @@
-"""What is asked at each point of a study: results of a system by name, or functions of it."""
+"""The results of a study at each point: attributes of a system by name, or functions of it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Asked: TypeAlias = "str | Callable[[Any], Any] | Mapping[str, str | Callable[[Any], Any]]"
 
-# What batches give with an axis of variants in front, and else as single systems do; units of what is often asked for.
+# Attributes of batches with an axis of variants in front, as of single systems; units of frequent results.
 BATCHED = frozenset((
     "M", "C", "K", "B", "Cq", "Cv", "Ca", "D", "modes.eigenvalues", "modes.errors", "modes.natural",
     "modes.frequencies", "modes.damped_frequencies", "modes.damping_ratios", "modes.stable",
@@ -38,7 +38,7 @@ class Question:
 
     @property
     def batched(self) -> bool:
-        """Whether a batch can be asked for all of it at once."""
+        """Whether a batch can compute all results at once."""
         return all(item in BATCHED if isinstance(item, str) else self.takes_batch for item in self.items.values())
 
     @property
@@ -66,17 +66,17 @@ class Question:
         ModelError
             If a result has no such axis.
         """
-        found = self.ask(batch)
-        for label, value in found.items():
+        results = self.ask(batch)
+        for label, value in results.items():
             if value.shape[:1] != (len(batch),):
                 raise ModelError(f"of: '{label}' of a batch of {len(batch)} has shape {value.shape}; expected one "
                                  f"entry for each along the first axis. Leave batched=True away for functions of "
                                  f"single systems.", field="of")  # fmt: skip
-        return found
+        return results
 
 
 def question(of: Asked, batched: bool = False) -> Question:
-    """Return what is asked at each point.
+    """Return the results to be computed at each point, checked.
 
     Parameters
     ----------
@@ -95,17 +95,17 @@ def question(of: Asked, batched: bool = False) -> Question:
     ModelError
         If it is neither.
     """
-    given: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
-    for item in given.values():
+    items: Mapping[Any, Any] = of if isinstance(of, Mapping) else {_label(of): of}
+    for item in items.values():
         if not callable(item) and not (isinstance(item, str) and item):
             raise check.refuse("study", "of", item, "a result such as 'modes.frequencies', or a function of a system")
-    if not given:
+    if not items:
         raise check.refuse("study", "of", of, "at least one result")
-    return Question({str(label): item for label, item in given.items()}, batched)
+    return Question({str(label): item for label, item in items.items()}, batched)
 
 
 def follow(system: Any, path: str) -> Any:
-    """Return what a path leads to: attributes, and methods that need no arguments.
+    """Return the value of a path of attributes, and of methods that need no arguments.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def follow(system: Any, path: str) -> Any:
     for name in path.split("."):
         kind = type(here).__name__
         if name.startswith("_") or not (hasattr(type(here), name) or hasattr(here, name)):
-            known = [other for other in dir(here) if not other.startswith("_")]
+            known = [attribute for attribute in dir(here) if not attribute.startswith("_")]
             raise ModelError(f"of = '{path}': a {kind} has no '{name}'.{nearest(name, known)}", element=path,
                              field="of")  # fmt: skip
         here = getattr(here, name)

@@ -1,6 +1,6 @@
-"""The record of a study: one line of JSON for each point, added as it is answered, so that nothing is lost.
+"""The record of a study: one line of JSON for each point, appended as soon as it is computed.
 
-The first line says which study it is; a line that was cut short by an interruption is dropped, the others are kept.
+The first line identifies the study. A line that was truncated by an interruption is dropped.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from mbsvib.studies.sweep_points import Points
 
 VERSION = 1
-# Lines reach the system at once; they are forced onto the disk after so many seconds.
+# Lines are flushed to the operating system at once, and to the disk after this many seconds.
 SYNC = 1.0
 
 
 class Record:
-    """A file of answers, ``known`` from before and added to by ``add``; use it by ``with``."""
+    """A file of results: ``known`` are those of the file, ``add`` appends more; a context manager."""
 
     def __init__(self, path: str | os.PathLike[str], head: Mapping[str, Any]) -> None:
         self.path = Path(path)
@@ -45,13 +45,13 @@ class Record:
             content = b""
         except OSError as error:
             raise ModelError(f"{path}: cannot be read: {error.strerror}.", field="file") from error
-        whole = content[: content.rfind(b"\n") + 1]
-        lines = whole.splitlines()
+        complete = content[: content.rfind(b"\n") + 1]
+        lines = complete.splitlines()
         if lines:
             self._check(lines[0], head)
         self.known = dict(self._read(line, number) for number, line in enumerate(lines[1:], 2))
-        if len(whole) < len(content) or not lines:
-            start = whole or (json.dumps(head) + "\n").encode()
+        if len(complete) < len(content) or not lines:
+            start = complete or (json.dumps(head) + "\n").encode()
             try:
                 write_whole(self.path, lambda stream: stream.write(start))
             except OSError as error:
@@ -59,13 +59,13 @@ class Record:
 
     def _check(self, line: bytes, head: Mapping[str, Any]) -> None:
         try:
-            found = json.loads(line)
+            header = json.loads(line)
         except ValueError:
-            found = None
-        if not isinstance(found, dict) or "study" not in found:
+            header = None
+        if not isinstance(header, dict) or "study" not in header:
             raise ModelError(f"{self.path}: this is no record of a study; give another file.", field="file")
         for key, value in head.items():
-            if found.get(key) != value:
+            if header.get(key) != value:
                 raise ModelError(f"{self.path}: it is the record of another study ({key} is not the same); delete it, "
                                  f"or give another file.", field="file")  # fmt: skip
 
@@ -79,7 +79,7 @@ class Record:
             raise ModelError(f"{self.path}, line {number}: this is no line of a record.", field="file") from error
 
     def add(self, outcomes: Iterable[tuple[int, Outcome]]) -> None:
-        """Write answers behind the others."""
+        """Append results."""
         assert self._stream is not None
         self._stream.write("".join([_line(point, outcome) for point, outcome in outcomes]).encode())
         self._stream.flush()
@@ -101,7 +101,7 @@ class Record:
 
 
 def head(model: Model, points: Points, values: Mapping[str, Any], question: Question) -> dict[str, Any]:
-    """Return what tells a study from others: the model, the values of its parameters, and the names of what is asked.
+    """Return the header that identifies a study: the model, the values of its parameters, and names of the results.
 
     Parameters
     ----------

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     Names = str | Iterable[str] | None
     Band = tuple[float, float]
 
-SEEDS = 24  # points spread over a band, beside those at the modes
-LOWER = 0.1  # local maxima below this share of the largest wait until the others have come down
+SEEDS = 24  # points distributed over a band, in addition to those at the modes
+LOWER = 0.1  # local maxima below this share of the largest are not bounded yet
 POINTS = 12  # of Gauss' rule on panels no longer than the distance to the nearest pole: an error of 1e-14
 BEYOND = 8.0  # times the highest pole or break-point: from there to infinity in one panel over 1/f
 TAIL_POINTS = 16
@@ -46,7 +46,7 @@ class Ports:
         return f"{_listed(self.outputs, 'all outputs')} over {_listed(self.inputs, 'all inputs')}"
 
     def of(self, system: System) -> tuple[list[str], list[str]]:
-        """Return the names of outputs and inputs, those of the system where all are meant."""
+        """Return the names of outputs and inputs; None stands for all of the system."""
         return (_known(system.outputs, self.outputs, "output", system.name),
                 _known(system.inputs, self.inputs, "input", system.name))  # fmt: skip
 
@@ -66,7 +66,7 @@ class Ports:
 
 
 class Peak(Largest):
-    """The peak of a response over a band; a search bounds it at frequencies, which grow in number where it has tops."""
+    """The peak of a response over a band; a search bounds it at a set of frequencies, which its maxima extend."""
 
     def __init__(self, ports: Ports, band: Band | None) -> None:
         where = "" if band is None else f" from {band[0]:g} to {band[1]:g} Hz"
@@ -83,14 +83,14 @@ class Peak(Largest):
         return self.true(point) if active is None else self.ports.size(point, active)
 
     def seeds(self, point: DesignPoint) -> Array:
-        """Return angular frequencies all over the band, and at all modes."""
+        """Return angular frequencies distributed over the band, and at all modes."""
         low, high = self._band(point.system)
         poles = np.unique(np.abs(point.system.poles()))
         inside = poles[(poles > 2.0 * np.pi * low) & (poles < 2.0 * np.pi * high)][:SEEDS]
         return np.unique(np.concatenate((2.0 * np.pi * np.geomspace(low, high, SEEDS), inside, self.tops(point)[0])))
 
     def tops(self, point: DesignPoint) -> tuple[Array, Array]:
-        """Return angular frequencies of the local maxima that matter, and the magnitudes there.
+        """Return angular frequencies of the significant local maxima, and the magnitudes there.
 
         Raises
         ------
@@ -179,7 +179,7 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
     system : System
         The equations of motion.
     ports : Ports
-        Where noise enters, and what is asked for.
+        Inputs of the noise, and outputs.
     noise : BaseNoise
         Its densities.
     band : (float, float) or None
@@ -210,8 +210,8 @@ def quadrature(system: System, ports: Ports, noise: BaseNoise, band: Band | None
                      lambda w: ports.magnitude(system, w), "rms")  # fmt: skip
     if low == 0.0 and (poles == 0.0).any():
         least = 1e-3 * float(places[places > 0.0].min(initial=high))
-        near, beside = ports.magnitude(system, 2.0 * np.pi * least * np.array([1e-3, 1.0]))
-        if near > 10.0 * beside:
+        near, farther = ports.magnitude(system, 2.0 * np.pi * least * np.array([1e-3, 1.0]))
+        if near > 10.0 * farther:
             raise ResponseError(f"rms: noise drives a rigid-body mode of '{system.name}' away without bound; hold it, "
                                 f"or give a band that starts above 0 Hz.")  # fmt: skip
     # tables are powers of the frequency
@@ -240,25 +240,25 @@ def _refuse_undamped(system: System, poles: Complex, low: float, high: float, si
                             f"it.")  # fmt: skip
 
 
-def _names(given: Any, field: str) -> list[str] | None:
-    if given is None:
+def _names(ports: Any, field: str) -> list[str] | None:
+    if ports is None:
         return None
-    names = [given] if isinstance(given, str) else list(given)
+    names = [ports] if isinstance(ports, str) else list(ports)
     if not names or not all(isinstance(name, str) for name in names):
-        raise check.refuse("quantity", field, given, "names of ports")
+        raise check.refuse("quantity", field, ports, "names of ports")
     return names
 
 
 def _known(known: tuple[str, ...], asked: list[str] | None, what: str, name: str) -> list[str]:
     """Names in the system's order."""
-    for each in asked or ():
-        if each not in known:
-            raise ResponseError(f"'{name}' has no {what} '{each}'.{nearest(each, known)} It has "
+    for port in asked or ():
+        if port not in known:
+            raise ResponseError(f"'{name}' has no {what} '{port}'.{nearest(port, known)} It has "
                                 f"{', '.join(known) or 'none'}.")  # fmt: skip
-    found = [each for each in known if asked is None or each in asked]
-    if not found:
+    result = [port for port in known if asked is None or port in asked]
+    if not result:
         raise ResponseError(f"'{name}' has no {what}; add one by add_{what}.")
-    return found
+    return result
 
 
 def _listed(names: list[str] | None, every: str) -> str:

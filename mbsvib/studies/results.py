@@ -1,4 +1,4 @@
-"""What a sweep returns."""
+"""Results of a sweep."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class Sweep:
         ModelError
             If there is no result of real numbers to draw.
         """
-        real = (key for key, found in self.results.items() if found.dtype.kind in "biuf")
+        real = (key for key, result in self.results.items() if result.dtype.kind in "biuf")
         name = next(real, next(iter(self.results), "")) if label is None else label
         values = self[name]
         if values.dtype.kind not in "biuf":
@@ -191,14 +191,14 @@ class Sweep:
                 f"{len(self.errors)} failed)")  # fmt: skip
 
 
-def gathered(count: int, found: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
-    """Return arrays over all points out of the results of those that have one.
+def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return arrays over all points from the results of single points.
 
     Parameters
     ----------
     count : int
         How many points there are.
-    found : mapping of int to mapping of str to array
+    outcomes : mapping of int to mapping of str to array
         Results by point and label.
 
     Returns
@@ -206,10 +206,10 @@ def gathered(count: int, found: Mapping[int, Mapping[str, NDArray[Any]]]) -> dic
     dict of str to array
         By label; NaN where there is none, or arrays of objects where shapes differ.
     """
-    labels = list(dict.fromkeys(label for answer in found.values() for label in answer))
+    labels = list(dict.fromkeys(label for answer in outcomes.values() for label in answer))
     result = {}
     for label in labels:
-        values = {i: answer[label] for i, answer in found.items() if label in answer}
+        values = {i: answer[label] for i, answer in outcomes.items() if label in answer}
         kind = np.result_type(*{value.dtype for value in values.values()})
         shapes = {value.shape for value in values.values()}
         if len(shapes) > 1:

@@ -1,4 +1,4 @@
-"""Running a study: many variants at once where batches take the model, else one by one, in processes if long."""
+"""Running a study: many variants at once if batches support the model, else one by one, in processes if it is long."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
 Outcome: TypeAlias = "Answer | str"
 Outcomes: TypeAlias = "list[tuple[int, Outcome]]"
 
-# Processes are started, unless asked for by number, where what is left takes longer than this; they take about one.
+# Unless their number is given, processes are started if the remaining time is longer than this; starting takes 1 s.
 WORTH_PROCESSES = 3.0
-# Pieces last about so long, so that progress and the record move on; a batch has so many numbers in its matrices.
+# Approximate duration of a piece, after which progress and record are updated; numbers in the matrices of a batch.
 PIECE_SECONDS = 0.25
 PIECE_NUMBERS = 2_000_000
 LARGEST_PIECE = 1000
-# What linear algebra says of a matrix that it cannot take; every other error of a batch is one of mbsvib.
+# Errors of a batch: those of mbsvib, and those of numpy for singular matrices.
 REFUSED = (MbsvibError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is done at points; ``kind`` says how: "batch" (asked at once), "variants" (linearized at once), "single"."""
+    """The work at points; ``kind``: "batch" (computed at once), "variants" (linearized at once) or "single"."""
 
     model: Model
     design: Design
@@ -53,15 +53,15 @@ class Task:
         try:
             batch = self.model.linearize(values=self.design.values(columns))
             if self.kind == "batch":
-                found = self.question.ask_batch(batch)
-                return [(number, {label: value[i] for label, value in found.items()})
+                results = self.question.ask_batch(batch)
+                return [(number, {label: value[i] for label, value in results.items()})
                         for i, number in enumerate(numbers)]  # fmt: skip
         except REFUSED:
             return self._sorted_out(numbers, columns)
         return [(number, self._asked(batch, i)) for i, number in enumerate(numbers)]
 
     def _sorted_out(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
-        """A piece that is refused has points with values that no part may have: those go by themselves."""
+        """Run a refused piece without the points with invalid values; these are run separately."""
         if len(numbers) == 1:
             return self._halved(numbers, columns)
         odd = refused(self.model.parameters, self.design.values(columns))
@@ -73,7 +73,7 @@ class Task:
         return result + (self.run(others, {name: x[many] for name, x in columns.items()}) if others else [])
 
     def _halved(self, numbers: Sequence[int], columns: Mapping[str, Any]) -> Outcomes:
-        """A piece that is refused has a point that is: look for it, and keep the others."""
+        """Bisect a refused piece to separate the points that fail from the others."""
         if len(numbers) == 1:
             return [(numbers[0], self._single({name: column[0] for name, column in columns.items()}))]
         half = len(numbers) // 2
@@ -90,18 +90,18 @@ class Task:
                 batch = model.linearize(values={name: np.array([value])})
                 return {label: value[0] for label, value in self.question.ask_batch(batch).items()}
             return self.question.ask(system)
-        except Exception as error:  # whatever fails in a point is kept as its outcome
-            return said(error)
+        except Exception as error:  # any error of a point is its outcome
+            return error_text(error)
 
     def _asked(self, batch: Any, i: int) -> Outcome:
         try:
             return self.question.ask(batch[i])
         except Exception as error:
-            return said(error)
+            return error_text(error)
 
 
 def task(model: Model, design: Design, question: Question) -> Task:
-    """Return what is to be done at each point, after a look at the model as it is.
+    """Return the work at each point, after a check at the given model.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def task(model: Model, design: Design, question: Question) -> Task:
             follow(system, item)
     if not isinstance(system, System):
         return Task(model, design, question, "single")
-    if system.provenance.statics is not None and not question.batched:  # where the pose follows, point by point
+    if system.provenance.statics is not None and not question.batched:  # the pose is computed point by point
         return Task(model, design, question, "single", system.dof)
     moved = set(design.values(design.start))
     try:
@@ -144,7 +144,7 @@ def task(model: Model, design: Design, question: Question) -> Task:
 
 
 def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: int | None) -> Iterator[Outcomes]:
-    """Go through the points that are to do and give their outcomes as they come.
+    """Compute the remaining points and yield their outcomes as they are available.
 
     Parameters
     ----------
@@ -178,15 +178,15 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
         piece = todo[done : done + size]
         yield task.run(piece, _part(columns, piece))
         done += len(piece)
-        each = (perf_counter() - start) / len(piece)
-        if workers is None and done > 1 and each * (len(todo) - done) > WORTH_PROCESSES and _processors() > 1:
+        point_seconds = (perf_counter() - start) / len(piece)
+        if workers is None and done > 1 and point_seconds * (len(todo) - done) > WORTH_PROCESSES and _processors() > 1:
             break
-        size = max(1, min(many, int(PIECE_SECONDS / max(each, 1e-9)), 8 * size))
+        size = max(1, min(many, int(PIECE_SECONDS / max(point_seconds, 1e-9)), 8 * size))
     if done < len(todo):
         yield from _parallel(task, columns, todo[done:], workers, configured, many)
 
 
-def said(error: BaseException) -> str:
+def error_text(error: BaseException) -> str:
     """Return an error as a line of text."""
     return f"{type(error).__name__}: {error}".splitlines()[0].rstrip(": ")
 
@@ -206,7 +206,7 @@ def _parallel(
     if getattr(backend, "supports_return_generator", False):
         yield from Parallel(n_jobs=count, return_as="generator_unordered")(calls)
         return
-    together = 2 * max(1, known)  # such back-ends answer when all is done: some pieces at a time
+    together = 2 * max(1, known)  # such back-ends return when all pieces are done: submit some pieces at a time
     for i in range(0, len(calls), together):
         yield from Parallel(n_jobs=count)(calls[i : i + together])
 

@@ -1,4 +1,4 @@
-"""Unknowns of a search: variables brought to one size, logarithms where these are positive."""
+"""Unknowns of a search: scaled variables, logarithms of positive ones."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Scales:
     positive: NDArray[np.bool_]
 
     def values(self, x: Array) -> Array:
-        """Return the variables, none beyond its bounds."""
+        """Return the variables, clipped to their bounds."""
         p = np.where(self.positive, self.start * np.exp(np.where(self.positive, x, 0.0)), self.start + x * self.size)
         return np.asarray(np.clip(p, self.low, self.high))
 
@@ -39,8 +39,8 @@ class Scales:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return bounds of the unknowns."""
-        one, other = self._unknown(self.low), self._unknown(self.high)
-        return one, other
+        lower, upper = self._unknown(self.low), self._unknown(self.high)
+        return lower, upper
 
     def _unknown(self, p: Array) -> Array:
         ratio = np.where(self.positive, p, 1.0) / np.where(self.positive, self.start, 1.0)
@@ -53,7 +53,7 @@ def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, flo
     Parameters
     ----------
     design : Design
-        What the variables move.
+        The variables and their parameters.
     variables : mapping of str to (float, float) or None
         Lower and upper bound of each; None: none, on that side or on both.
     start : mapping of str to float, optional
@@ -90,14 +90,14 @@ def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, flo
     return Scales(values, low_, high_, size_, low_ > 0.0)
 
 
-def _bounds(name: str, given: Any) -> tuple[float, float]:
-    pair = (None, None) if given is None else given
+def _bounds(name: str, bounds: Any) -> tuple[float, float]:
+    pair = (None, None) if bounds is None else bounds
     try:
         low, high = pair
         least = -np.inf if low is None else float(low)
         most = np.inf if high is None else float(high)
     except (TypeError, ValueError) as error:
-        raise check.refuse(f"variable '{name}'", "bounds", given, "a pair (lowest, highest), or None") from error
+        raise check.refuse(f"variable '{name}'", "bounds", bounds, "a pair (lowest, highest), or None") from error
     if not least < most:
-        raise check.refuse(f"variable '{name}'", "bounds", given, "a pair of ascending numbers")
+        raise check.refuse(f"variable '{name}'", "bounds", bounds, "a pair of ascending numbers")
     return least, most

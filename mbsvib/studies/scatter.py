@@ -1,4 +1,4 @@
-"""Tolerance analysis: what scatter of parameters does to quantities, to first order and by random samples."""
+"""Tolerance analysis: effect of scatter of parameters on quantities, to first order and by random samples."""
 
 from __future__ import annotations
 
@@ -232,27 +232,27 @@ def tolerances(
     quantities = _quantities(of)
     width = spread(model, tolerances, ties)
     used = {name: rates for name, rates in (ties or {}).items() if name in width}
-    chosen = design(model, width, used or None)
+    variables = design(model, width, used or None)
     system = checked(model.linearize())
-    centre = {name: chosen.start[name] for name in width}
-    point = DesignPoint(system, chosen.rates(centre), centre, np.ones(len(width)), {})
+    centre = {name: variables.start[name] for name in width}
+    point = DesignPoint(system, variables.rates(centre), centre, np.ones(len(width)), {})
     columns = drawn(centre, width, samples, distribution, seed)
     off = np.array([columns[name] - centre[name] for name in width]).T
     if derivatives:
-        found = first_order(point, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
+        linear = first_order(point, quantities, off, np.array(list(width.values())), DEVIATION[distribution])
     else:
-        found = no_order(point, quantities, off)
-    ask = _Ask(quantities, {label: each.of(system.modes()) for label, each in quantities.items()
-                            if isinstance(each, Modal)})  # fmt: skip
+        linear = no_order(point, quantities, off)
+    ask = _Ask(quantities, {label: quantity.of(system.modes()) for label, quantity in quantities.items()
+                            if isinstance(quantity, Modal)})  # fmt: skip
     swept = sweep(model, columns, {" ".join(quantities): ask}, how="paired", ties=used or None, batched=ask.batched,
                   workers=workers, file=file, progress=progress)  # fmt: skip
     sampled = np.concatenate([swept[label].reshape(samples, -1) for label in quantities], axis=1)
-    return Tolerances(model.name, _labels(quantities, found.counts, ask), found.nominal, found.deviation, found.worst,
-                      found.shares, width, swept, sampled, found.linear, found.parted)  # fmt: skip
+    return Tolerances(model.name, _labels(quantities, linear.counts, ask), linear.nominal, linear.deviation,
+                      linear.worst, linear.shares, width, swept, sampled, linear.linear, linear.parted)  # fmt: skip
 
 
 class _Ask:
-    """What is asked of each sample: of a batch at once, where all are quantities of modes."""
+    """The quantities of each sample; for a batch at once, if all are quantities of modes."""
 
     def __init__(self, quantities: Mapping[str, Quantity], indices: Mapping[str, list[int]]) -> None:
         self.quantities, self.indices = quantities, indices
@@ -260,10 +260,10 @@ class _Ask:
 
     def __call__(self, system: Any) -> dict[str, Any]:
         if not isinstance(system, Batch):
-            return {label: np.atleast_1d(each(system)) for label, each in self.quantities.items()}
+            return {label: np.atleast_1d(quantity(system)) for label, quantity in self.quantities.items()}
         modes = system.modes()
-        return {label: each.in_batch(modes, self.indices[label]) for label, each in self.quantities.items()
-                if isinstance(each, Modal)}  # fmt: skip
+        return {label: quantity.in_batch(modes, self.indices[label]) for label, quantity in self.quantities.items()
+                if isinstance(quantity, Modal)}  # fmt: skip
 
 
 def _quantities(of: Any) -> dict[str, Quantity]:
@@ -271,13 +271,13 @@ def _quantities(of: Any) -> dict[str, Quantity]:
         return {"frequency [Hz]": frequency(), "damping ratio [-]": damping_ratio()}
     if isinstance(of, Quantity):
         return {f"{of.what} [{of.unit}]" if isinstance(of, Modal) else of.label: of}
-    given = dict(of) if isinstance(of, Mapping) else {}
-    for each in given.values():
-        if not isinstance(each, Quantity):
-            raise check.refuse("tolerances", "of", each, "a quantity, such as frequency()")
-    if not given:
+    items = dict(of) if isinstance(of, Mapping) else {}
+    for quantity in items.values():
+        if not isinstance(quantity, Quantity):
+            raise check.refuse("tolerances", "of", quantity, "a quantity, such as frequency()")
+    if not items:
         raise check.refuse("tolerances", "of", of, "a quantity, such as frequency(), or several by label")
-    return {str(label): each for label, each in given.items()}
+    return {str(label): quantity for label, quantity in items.items()}
 
 
 def _labels(quantities: Mapping[str, Quantity], counts: tuple[int, ...], ask: _Ask) -> tuple[str, ...]:

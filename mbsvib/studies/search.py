@@ -1,8 +1,8 @@
-"""A search as smooth mathematics: unknowns of one size, an objective, bounds at least 0, equations.
+"""A search as a smooth problem: scaled unknowns, an objective, inequality constraints g >= 0, equality constraints.
 
-The largest of many numbers has kinks. So a number of its own stands for it, no less than any of them, which is
-exact where objective and constraints grow with it. A peak over a band is bounded at some frequencies; where it has tops
-higher than that, these join them and the search goes on from there: an exchange, as of Remez.
+The largest of many numbers has kinks. So an additional unknown, an upper bound of all of them, replaces it; this is
+exact if objective and constraints grow with it. A peak over a band is bounded at some frequencies; local maxima above
+the bound are added to these and the search continues: an exchange method (Remez).
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from mbsvib.studies.scales import Scales
 
 
-KEPT = 24  # places that modes are followed from
-EXCEEDS = 1e-7  # share by which a peak may exceed the number that stands for it
-NEAR = 1e-9  # tops that near to each other, relative, are one
+MOST_REFERENCES = 24  # maximum number of points from which modes are followed
+EXCEEDS = 1e-7  # share by which a peak may exceed its bound
+NEAR = 1e-9  # relative distance below which local maxima are one
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Value:
 
 
 class Search:
-    """What is minimised, and subject to what."""
+    """The objective and constraints of a search."""
 
     def __init__(
         self, model: Model, design: Design, scales: Scales, objective: Quantity, constraints: tuple[Constraint, ...]
@@ -60,21 +60,21 @@ class Search:
         self._seen: list[tuple[Array, Reference]] = []
         self._point: tuple[Array, DesignPoint] | None = None
         self._value: Value | None = None
-        inner = [each for part in (objective, *(c.quantity for c in constraints)) for each in part.inner()]
-        self._follows = any(isinstance(each, Modal) for each in inner)
-        self.largest = tuple(dict.fromkeys(each for each in inner if isinstance(each, Largest)))
+        inner = [item for part in (objective, *(c.quantity for c in constraints)) for item in part.inner()]
+        self._follows = any(isinstance(item, Modal) for item in inner)
+        self.largest = tuple(dict.fromkeys(item for item in inner if isinstance(item, Largest)))
         start = self.point(np.zeros(len(scales.start)))
         check_variables(start.system, start.rates)
         self._independent = start.system.coordinates
-        true = {each: float(each.true(start).value[0]) for each in self.largest}
-        self.unit = {each: abs(value) or 1.0 for each, value in true.items()}
-        self._active = {each: each.seeds(start) for each in self.largest}
-        self._size = abs(float(self._one(objective.at(start)).value[0])) or 1.0
-        found = [constraint.quantity.at(start).value for constraint in constraints]
-        if not np.isfinite([self._size, *true.values(), *(number for value in found for number in value)]).all():
+        true = {item: float(item.true(start).value[0]) for item in self.largest}
+        self.unit = {item: abs(value) or 1.0 for item, value in true.items()}
+        self._active = {item: item.seeds(start) for item in self.largest}
+        self._size = abs(float(self._scalar(objective.at(start)).value[0])) or 1.0
+        numbers = [constraint.quantity.at(start).value for constraint in constraints]
+        if not np.isfinite([self._size, *true.values(), *(number for value in numbers for number in value)]).all():
             raise _not_finite(start)
         self._sizes = [max([abs(b) for b in (c.low, c.high) if b is not None]) or float(np.abs(value).max()) or 1.0
-                       for c, value in zip(constraints, found, strict=True)]  # fmt: skip
+                       for c, value in zip(constraints, numbers, strict=True)]  # fmt: skip
         self._check_directions(start)
 
     def system(self, x: Array) -> System:
@@ -84,20 +84,20 @@ class Search:
             changed = self.model.with_values(self.design.values(values))
             return checked(settled(changed, independent=self._independent)[1])
         except MbsvibError as error:
-            error.add_note(f"at {_said(values)}")
+            error.add_note(f"at {_text(values)}")
             raise
 
     def point(self, x: Array) -> DesignPoint:
-        """Return the point at the unknowns of variables, its modes followed from the nearest one that was looked at, if
-        any are asked for.
+        """Return the point at the unknowns of variables; its modes, if used, are followed from the nearest computed
+        point.
         """
         if self._point is None or not np.array_equal(self._point[0], x):
             self.evaluations += 1
             p = self.scales.values(x)
             values = dict(zip(self.design.variables, p.tolist(), strict=True))
-            found = DesignPoint(self.system(x), self.design.rates(values), values, self.scales.rates(p), {})
-            order = self._followed(x, found) if self._follows else None
-            self._point = x.copy(), replace(found, order=order)
+            design_point = DesignPoint(self.system(x), self.design.rates(values), values, self.scales.rates(p), {})
+            order = self._followed(x, design_point) if self._follows else None
+            self._point = x.copy(), replace(design_point, order=order)
         return self._point[1]
 
     def at(self, z: Array) -> Value:
@@ -106,16 +106,16 @@ class Search:
             return self._value
         n = len(self.scales.start)
         levels: dict[Hashable, float] = {
-            each: float(level) * self.unit[each] for each, level in zip(self.largest, z[n:], strict=True)
+            item: float(level) * self.unit[item] for item, level in zip(self.largest, z[n:], strict=True)
         }
         point = self.point(z[:n]).with_levels(levels)
         try:
-            f = self._one(self.objective.at(point))
+            f = self._scalar(self.objective.at(point))
             g, h = self._bounded(point)
         except MbsvibError as error:
-            error.add_note(f"at {_said(point.values)}")
+            error.add_note(f"at {_text(point.values)}")
             raise
-        chain = np.concatenate((np.ones(n), [self.unit[each] for each in self.largest]))
+        chain = np.concatenate((np.ones(n), [self.unit[item] for item in self.largest]))
         parts = [Dual(dual.value, np.broadcast_to(dual.slope, (len(dual.value), point.width)) * chain)
                  for dual in (Dual(f.value / self._size, f.slope / self._size), _stacked(g), _stacked(h))]  # fmt: skip
         if not all(np.isfinite(numbers).all() for dual in parts for numbers in (dual.value, dual.slope)):
@@ -125,27 +125,25 @@ class Search:
         return self._value
 
     def begin(self, x: Array) -> Array:
-        """Return unknowns to begin with, at those of variables: what stands for the largest of many is that."""
+        """Return the initial unknowns for those of variables: bounds start at the largest numbers."""
         point = self.point(x)
-        return np.concatenate((x, [float(each.true(point).value[0]) / self.unit[each] for each in self.largest]))
+        return np.concatenate((x, [float(item.true(point).value[0]) / self.unit[item] for item in self.largest]))
 
     def exchange(self, z: Array) -> tuple[Array, bool]:
-        """Add tops that are higher than what stands for them; return unknowns that allow for them, and whether there
-        are any.
-        """
+        """Add local maxima above their bounds; return unknowns with raised bounds, and whether there are any."""
         n, grown, z = len(self.scales.start), False, z.copy()
         point = self.point(z[:n])
-        for k, each in enumerate(self.largest):
-            active = self._active[each]
+        for k, largest in enumerate(self.largest):
+            active = self._active[largest]
             if active is None:
-                z[n + k] = max(z[n + k], float(each.true(point).value[0]) / self.unit[each])
+                z[n + k] = max(z[n + k], float(largest.true(point).value[0]) / self.unit[largest])
                 continue
-            where, size = each.tops(point)
-            new = where[size > z[n + k] * self.unit[each] * (1.0 + EXCEEDS)]
+            where, size = largest.tops(point)
+            new = where[size > z[n + k] * self.unit[largest] * (1.0 + EXCEEDS)]
             new = new[np.abs(new[:, None] - active).min(axis=1, initial=np.inf) > NEAR * new]
-            self._active[each] = np.concatenate((active, new))
+            self._active[largest] = np.concatenate((active, new))
             grown = grown or len(new) > 0
-            z[n + k] = max(z[n + k], size.max() / self.unit[each])
+            z[n + k] = max(z[n + k], size.max() / self.unit[largest])
         self._value = None
         return z, grown
 
@@ -156,43 +154,43 @@ class Search:
         return np.concatenate((low, -free)), np.concatenate((high, free))
 
     def true(self, z: Array) -> tuple[float, list[Array]]:
-        """Return objective and constrained quantities, without anything that stands for others."""
+        """Return objective and constrained quantities, with maxima instead of their bounds."""
         point = self.point(z[: len(self.scales.start)])
         return float(self.objective.at(point).value[0]), [c.quantity.at(point).value for c in self.constraints]
 
-    def _one(self, found: Dual) -> Dual:
-        if len(found.value) != 1:
-            raise ModelError(f"optimize: the objective '{self.objective.label}' has {len(found.value)} numbers; "
+    def _scalar(self, dual: Dual) -> Dual:
+        if len(dual.value) != 1:
+            raise ModelError(f"optimize: the objective '{self.objective.label}' has {len(dual.value)} numbers; "
                              f"expected one. q.sum(), largest(q) or q[0] make one of them.",
                              field="objective")  # fmt: skip
-        return found
+        return dual
 
     def _bounded(self, point: DesignPoint) -> tuple[list[Dual], list[Dual]]:
         g: list[Dual] = []
         h: list[Dual] = []
         for constraint, size in zip(self.constraints, self._sizes, strict=True):
-            found = constraint.quantity.at(point)
+            dual = constraint.quantity.at(point)
             for bound, sign in ((constraint.low, 1.0 / size), (constraint.high, -1.0 / size)):
                 if bound is not None and not (constraint.equal and sign < 0.0):
-                    part = Dual(sign * (found.value - bound), sign * found.slope)
+                    part = Dual(sign * (dual.value - bound), sign * dual.slope)
                     (h if constraint.equal else g).append(part)
-        for each in self.largest:
-            level, members, unit = point.level(each), each.members(point, self._active[each]), self.unit[each]
+        for item in self.largest:
+            level, members, unit = point.level(item), item.members(point, self._active[item]), self.unit[item]
             if level is not None:
                 g.append(Dual((level.value - members.value) / unit, (level.slope - members.slope) / unit))
         return g, h
 
     def _check_directions(self, start: DesignPoint) -> None:
-        """What stands for the largest of many is that only where nothing is won by making it larger."""
+        """Refuse a search that improves when a bound grows above the maximum that it replaces."""
         n = len(self.scales.start)
-        point = start.with_levels({each: float(each.true(start).value[0]) for each in self.largest})
+        point = start.with_levels({largest: float(largest.true(start).value[0]) for largest in self.largest})
         g, h = self._bounded(point)
         g, own = g[: len(g) - len(self.largest)], g[len(g) - len(self.largest) :]
-        for k, each in enumerate(self.largest):
-            others = [part for other, part in zip(self.largest, own, strict=True) if other is not each]
+        for k, largest in enumerate(self.largest):
+            others = [part for candidate, part in zip(self.largest, own, strict=True) if candidate is not largest]
             down = [_at(self.objective.at(point), n + k), *(-_at(part, n + k) for part in (*g, *others))]
             if any((rate < 0.0).any() for rate in down) or any(_at(part, n + k).any() for part in h):
-                raise ModelError(f"optimize: '{each.label}' would have to grow; expected that it is minimised, or "
+                raise ModelError(f"optimize: '{largest.label}' would have to grow; expected that it is minimised, or "
                                  f"bounded from above.", field="objective")  # fmt: skip
 
     def _followed(self, x: Array, point: DesignPoint) -> Index:
@@ -208,7 +206,7 @@ class Search:
             return station(system.modes(), system, share)
 
         number, seen = step(known, 0.0, replace(here, at=1.0), between)
-        self._seen = [*self._seen[-KEPT:], (x.copy(), seen)]
+        self._seen = [*self._seen[-MOST_REFERENCES:], (x.copy(), seen)]
         return number
 
 
@@ -217,7 +215,7 @@ def _stacked(duals: list[Dual]) -> Dual:
 
 
 def _not_finite(point: DesignPoint) -> ModelError:
-    return ModelError(f"optimize: objective, constraints or their derivatives are not finite at {_said(point.values)}; "
+    return ModelError(f"optimize: objective, constraints or their derivatives are not finite at {_text(point.values)}; "
                       f"give bounds that keep away from there, or another start.", field="variables")  # fmt: skip
 
 
@@ -226,5 +224,5 @@ def _at(dual: Dual, unknown: int) -> Array:
     return dual.slope[:, unknown] if dual.slope.shape[1] > unknown else np.zeros(1)
 
 
-def _said(values: Mapping[str, float]) -> str:
+def _text(values: Mapping[str, float]) -> str:
     return ", ".join(f"{name} = {value:.6g}" for name, value in values.items())

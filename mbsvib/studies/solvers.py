@@ -1,4 +1,4 @@
-"""Thin bridges from a search to solvers: scipy's SLSQP and trust-constr, and CasADi's IPOPT."""
+"""Adapters from a search to solvers: scipy's SLSQP and trust-constr, and CasADi's IPOPT."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 FTOL = 1e-12  # of SLSQP, in parts of the objective where the search began
-INFINITE = 1e20  # what IPOPT takes for no bound
+INFINITE = 1e20  # IPOPT's value for no bound
 
 
 @dataclass(frozen=True)
-class Found:
-    """Where a solver stopped, whether it is content, what it says, and after how many iterations."""
+class SolverResult:
+    """Result of a solver: unknowns, success, message and number of iterations."""
 
     z: Array
     success: bool
@@ -31,7 +31,7 @@ class Found:
     iterations: int
 
 
-def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], Found]:
+def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], SolverResult]:
     """Return a solver by its name.
 
     Parameters
@@ -42,7 +42,7 @@ def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], Found]:
     Returns
     -------
     callable
-        From a search, where it begins, and the solver's own options.
+        Takes a search, its start, and the solver's own options.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def solver(method: str) -> Callable[[Search, Array, Mapping[str, Any]], Found]:
     return known[name]
 
 
-def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
+def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
     from scipy.optimize import minimize
 
     constraints = [
@@ -70,13 +70,13 @@ def _slsqp(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
         for kind, part in (("ineq", "g"), ("eq", "h"))
         if len(getattr(search.at(z), part).value)
     ]  # fmt: skip
-    found = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0], method="SLSQP",
-                     bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
-                     options={"ftol": FTOL, "maxiter": 300, **options})  # fmt: skip
-    return Found(np.asarray(found.x), bool(found.success), str(found.message), int(found.nit))
+    end = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0], method="SLSQP",
+                   bounds=list(zip(*search.bounds(), strict=True)), constraints=constraints,
+                   options={"ftol": FTOL, "maxiter": 300, **options})  # fmt: skip
+    return SolverResult(np.asarray(end.x), bool(end.success), str(end.message), int(end.nit))
 
 
-def _trust(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
+def _trust(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
     import warnings
 
     from scipy.optimize import BFGS, Bounds, NonlinearConstraint, minimize
@@ -87,16 +87,16 @@ def _trust(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
         for part, high in (("g", np.inf), ("h", 0.0))
         if len(getattr(search.at(z), part).value)
     ]  # fmt: skip
-    with warnings.catch_warnings():  # its BFGS speaks of steps that change no gradient
+    with warnings.catch_warnings():  # its BFGS warns of steps that do not change the gradient
         warnings.simplefilter("ignore", UserWarning)
-        found = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0],
-                         method="trust-constr", hess=BFGS(), bounds=Bounds(*search.bounds(), keep_feasible=True),
-                         constraints=constraints,
-                         options={"maxiter": 1000, "gtol": 1e-9, "xtol": 1e-10, **options})  # fmt: skip
-    return Found(np.asarray(found.x), found.status in (1, 2), str(found.message), int(found.nit))
+        end = minimize(lambda z: float(search.at(z).f.value[0]), z, jac=lambda z: search.at(z).f.slope[0],
+                       method="trust-constr", hess=BFGS(), bounds=Bounds(*search.bounds(), keep_feasible=True),
+                       constraints=constraints,
+                       options={"maxiter": 1000, "gtol": 1e-9, "xtol": 1e-10, **options})  # fmt: skip
+    return SolverResult(np.asarray(end.x), end.status in (1, 2), str(end.message), int(end.nit))
 
 
-def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
+def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> SolverResult:
     import casadi as ca
 
     first = search.at(z)
@@ -104,8 +104,8 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
     rows = sum(sizes)
 
     def all_of(z: Any, part: str) -> Array:
-        found = search.at(np.asarray(z, dtype=float).reshape(-1))
-        return np.concatenate([getattr(dual, part) for dual in (found.f, found.g, found.h)])
+        value = search.at(np.asarray(z, dtype=float).reshape(-1))
+        return np.concatenate([getattr(dual, part) for dual in (value.f, value.g, value.h)])
 
     class Slopes(ca.Callback):
         def __init__(self) -> None:
@@ -155,16 +155,16 @@ def _ipopt(search: Search, z: Array, options: Mapping[str, Any]) -> Found:
             return self.slopes
 
     unknowns, values = ca.MX.sym("z", n), Values()
-    found = values(unknowns)
+    outputs = values(unknowns)
     quiet = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": False,
              "ipopt.sb": "yes", "ipopt.tol": 1e-9, "ipopt.max_iter": 500}  # fmt: skip
     own = {name if name in ("print_time", "verbose") else f"ipopt.{name}": value for name, value in options.items()}
-    problem: Any = {"x": unknowns, "f": found[0], "g": found[1:]}
+    problem: Any = {"x": unknowns, "f": outputs[0], "g": outputs[1:]}
     words: Any = {**quiet, **own}
     solve = ca.nlpsol("search", "ipopt", problem, words)
     low, high = (np.clip(bound, -INFINITE, INFINITE) for bound in search.bounds())
     answer = solve(x0=z, lbx=low, ubx=high, lbg=0.0,
                    ubg=np.concatenate((np.full(sizes[1], INFINITE), np.zeros(sizes[2]))))  # fmt: skip
     stats = solve.stats()
-    return Found(np.asarray(answer["x"], dtype=float).reshape(-1), bool(stats["success"]),
-                 str(stats["return_status"]).replace("_", " "), int(stats["iter_count"]))  # fmt: skip
+    return SolverResult(np.asarray(answer["x"], dtype=float).reshape(-1), bool(stats["success"]),
+                        str(stats["return_status"]).replace("_", " "), int(stats["iter_count"]))  # fmt: skip

@@ -1,4 +1,4 @@
-"""Tolerances of parameters: how far each may be off, and random values within."""
+"""Tolerances of parameters, and random values within them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 
 
 def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
-    """Return how far each parameter may be off.
+    """Return the tolerance of each parameter.
 
     Parameters
     ----------
@@ -50,32 +50,32 @@ def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> di
                            "{'leg*.k.stiffness': '2 %'}")  # fmt: skip
     if ties is not None and not isinstance(ties, Mapping):
         raise check.refuse("tolerances", "ties", ties, "a mapping of variables to the parameters that they move")
-    mapped = {name: given for name, given in tolerances.items() if name in (ties or {})}
-    own = {name: given for name, given in tolerances.items() if name not in mapped}
+    mapped = {name: value for name, value in tolerances.items() if name in (ties or {})}
+    own = {name: value for name, value in tolerances.items() if name not in mapped}
     result = {}
-    for name, given in resolved(a_model(model, "study").parameters, own).items():
-        result[name] = _one(name, given, model.parameters[name])
-    return result | {name: _one(name, given, started((ties or {})[name], name)) for name, given in mapped.items()}
+    for name, value in resolved(a_model(model, "study").parameters, own).items():
+        result[name] = _tolerance(name, value, model.parameters[name])
+    return result | {name: _tolerance(name, value, started((ties or {})[name], name)) for name, value in mapped.items()}
 
 
-def _one(name: str, given: Any, value: float) -> float:
+def _tolerance(name: str, tolerance: Any, value: float) -> float:
     expected = "how far it may be off, in its unit or as a share of its value, such as '2 %'"
-    if isinstance(given, str):
-        text = given.strip()
+    if isinstance(tolerance, str):
+        text = tolerance.strip()
         try:
             share = float(text.removesuffix("%")) / 100.0
         except ValueError as error:
-            raise check.refuse(f"tolerance of '{name}'", "value", given, expected) from error
+            raise check.refuse(f"tolerance of '{name}'", "value", tolerance, expected) from error
         if not text.endswith("%"):
-            raise check.refuse(f"tolerance of '{name}'", "value", given, expected)
+            raise check.refuse(f"tolerance of '{name}'", "value", tolerance, expected)
         if value == 0.0:
-            raise ModelError(f"tolerance of '{name}': {given} of 0 is nothing; give it in the parameter's unit.",
+            raise ModelError(f"tolerance of '{name}': {tolerance} of 0 is nothing; give it in the parameter's unit.",
                              element=name, field="tolerances")  # fmt: skip
         result = share * abs(value)
     else:
-        result = check.number(given, f"tolerance of '{name}'", "value", expected)
+        result = check.number(tolerance, f"tolerance of '{name}'", "value", expected)
     if not 0.0 < result < np.inf:
-        raise check.refuse(f"tolerance of '{name}'", "value", given, "more than 0")
+        raise check.refuse(f"tolerance of '{name}'", "value", tolerance, "more than 0")
     return result
 
 
@@ -87,7 +87,7 @@ def drawn(
     Parameters
     ----------
     centre, tolerance : mapping of str to float
-        Where each variable is, and how far it may be off.
+        Nominal value and tolerance of each variable.
     samples : int
         How many.
     distribution : str

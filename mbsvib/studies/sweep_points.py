@@ -70,7 +70,7 @@ def points(values: Mapping[str, Any], how: str) -> Points:
     count = max([array.size for array in arrays.values()])
     for name, array in arrays.items():
         if array.ndim and array.size != count:
-            longest = next(other for other, value in arrays.items() if value.size == count)
+            longest = next(variable for variable, value in arrays.items() if value.size == count)
             raise ModelError(f"sweep: values['{name}'] has {counted(array.size, 'entry')}, values['{longest}'] "
                              f"{count}; a paired sweep has one for each point. For all combinations: how='grid'.",
                              element=name, field="values")  # fmt: skip

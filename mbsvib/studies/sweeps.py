@@ -78,33 +78,34 @@ def sweep(
         If a parameter is unknown, a pattern picks nothing, values are no numbers, systems have no such result, or the
         file is the record of another sweep.
     """
-    chosen = points(values, how)
-    variables = design(model, chosen.columns, ties)
+    sweep_points = points(values, how)
+    variables = design(model, sweep_points.columns, ties)
     asked = question(of, batched)
     work = task(model, variables, asked)
     outcomes: dict[int, Outcome] = {}
     if file is not None:
         from mbsvib.studies.record import Record, head
 
-        record = Record(file, head(model, chosen, _moved(variables, chosen.columns), asked))
+        record = Record(file, head(model, sweep_points, _moved(variables, sweep_points.columns), asked))
         outcomes.update((i, outcome) for i, outcome in record.known.items()
                         if not (retry and isinstance(outcome, str)))  # fmt: skip
-    todo = [i for i in range(len(chosen)) if i not in outcomes]
+    todo = [i for i in range(len(sweep_points)) if i not in outcomes]
     with (record if file is not None else nullcontext()) as book, \
-            counting(progress, len(chosen), f"sweep of {model.name}", len(outcomes)) as tell:  # fmt: skip
-        for some in run(work, chosen.columns, todo, workers):
+            counting(progress, len(sweep_points), f"sweep of {model.name}", len(outcomes)) as tell:  # fmt: skip
+        for some in run(work, sweep_points.columns, todo, workers):
             outcomes.update(some)
             if book is not None:
                 book.add(some)
             tell(len(some))
-    found = {i: outcomes[i] for i in sorted(outcomes)}
-    errors = {i: outcome for i, outcome in found.items() if isinstance(outcome, str)}
-    if len(errors) == len(chosen):
+    by_point = {i: outcomes[i] for i in sorted(outcomes)}
+    errors = {i: outcome for i, outcome in by_point.items() if isinstance(outcome, str)}
+    if len(errors) == len(sweep_points):
         warnings.warn(f"sweep of '{model.name}': all {len(errors)} points failed, the first by {errors[0]}",
                       stacklevel=2)  # fmt: skip
-    results = gathered(len(chosen), {i: outcome for i, outcome in found.items() if not isinstance(outcome, str)})
+    answers = {i: outcome for i, outcome in by_point.items() if not isinstance(outcome, str)}
+    results = gathered(len(sweep_points), answers)
     units = dict(variables.units) | asked.units
-    return Sweep(model.name, chosen.axes, chosen.columns, chosen.shape, results, errors, units)
+    return Sweep(model.name, sweep_points.axes, sweep_points.columns, sweep_points.shape, results, errors, units)
 
 
 def _moved(variables: Design, columns: Mapping[str, Any]) -> dict[str, Any]:

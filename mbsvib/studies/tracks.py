@@ -134,26 +134,26 @@ def track(
     ModelError
         If a parameter is unknown, a pattern picks nothing, a name is that of no mode, or all points fail.
     """
-    found = sweep(model, values, modal, how=how, ties=ties, workers=workers, file=file, progress=progress)
-    good = np.flatnonzero(~found.failed)
+    swept = sweep(model, values, modal, how=how, ties=ties, workers=workers, file=file, progress=progress)
+    good = np.flatnonzero(~swept.failed)
     if not len(good):
-        raise ModelError(f"track: all {len(found)} points failed, the first by {found.errors[0]}", field="values")
-    if found["eigenvalues"].dtype == object:
+        raise ModelError(f"track: all {len(swept)} points failed, the first by {swept.errors[0]}", field="values")
+    if swept["eigenvalues"].dtype == object:
         raise ModelError("track: the number of modes is not the same at all points; leave out what changes it, such "
                          "as a mass that vanishes.", field="values")  # fmt: skip
-    way = _Way(model, design(model, found.parameters, ties), found.parameters)
+    way = _Way(model, design(model, swept.parameters, ties), swept.parameters)
     titles = _titles(way.system(int(good[0])).modes(), names)
-    order = _followed(found, way)
-    results = {label: np.take_along_axis(found[label], order, axis=1) for label in UNITS}
+    order = _followed(swept, way)
+    results = {label: np.take_along_axis(swept[label], order, axis=1) for label in UNITS}
     for values_ in results.values():
         values_.setflags(write=False)
-    kept = {each.name: getattr(found, each.name) for each in fields(Sweep)}
-    units = {name: unit for name, unit in found.units.items() if name in found.parameters} | UNITS
-    return Tracks(**(kept | {"results": results, "units": units}), modes=titles)
+    attributes = {field_.name: getattr(swept, field_.name) for field_ in fields(Sweep)}
+    units = {name: unit for name, unit in swept.units.items() if name in swept.parameters} | UNITS
+    return Tracks(**(attributes | {"results": results, "units": units}), modes=titles)
 
 
 def modal(system: Any) -> dict[str, NDArray[Any]]:
-    """Return what is asked at each point: eigenvalues, what is read off them, and weighted shapes."""
+    """Return the results at each point: eigenvalues, quantities derived from them, and weighted shapes."""
     modes = system.modes()
     seen = station(modes, system)
     return {"eigenvalues": seen.values, "frequencies": modes.frequencies, "shapes": seen.vectors,
@@ -168,60 +168,60 @@ class _Way:
     design: Design
     columns: Mapping[str, Array]
 
-    def system(self, one: int, other: int = 0, share: float = 0.0) -> Any:
-        values = {name: float(x[one] + share * (x[other] - x[one])) for name, x in self.columns.items()}
+    def system(self, first: int, second: int = 0, share: float = 0.0) -> Any:
+        values = {name: float(x[first] + share * (x[second] - x[first])) for name, x in self.columns.items()}
         return settled(self.model.with_values(self.design.values(values)))[1]
 
-    def between(self, one: int, other: int) -> Callable[[float], Station]:
+    def between(self, first: int, second: int) -> Callable[[float], Station]:
         def at(share: float) -> Station:
-            system = self.system(one, other, share)
+            system = self.system(first, second, share)
             return station(system.modes(), system, share)
 
         return at
 
 
-def _followed(found: Sweep, way: _Way) -> NDArray[np.intp]:
+def _followed(swept: Sweep, way: _Way) -> NDArray[np.intp]:
     """The mode that each track has at each point, (n, modes)."""
-    values, shapes = found["eigenvalues"], found["shapes"]
-    order = np.tile(np.arange(values.shape[1]), (len(found), 1))
+    values, shapes = swept["eigenvalues"], swept["shapes"]
+    order = np.tile(np.arange(values.shape[1]), (len(swept), 1))
     seen: dict[int, Reference] = {}
-    for i in np.flatnonzero(~found.failed).tolist():
+    for i in np.flatnonzero(~swept.failed).tolist():
         here = Station(1.0, values[i], shapes[i])
-        before = _before(i, found.shape, seen)
+        before = _before(i, swept.shape, seen)
         if before is None:
             seen[i] = reference(here)
             continue
         try:
             order[i], seen[i] = step(seen[before], 0.0, here, way.between(before, i))
-        except MbsvibError:  # what is between two points need not be a mechanism
+        except MbsvibError:  # there may be no valid mechanism between two points
             order[i], seen[i] = step(seen[before], 0.0, here, None)
     return order
 
 
 def _before(i: int, shape: tuple[int, ...], seen: Mapping[int, Reference]) -> int | None:
-    """The nearest point behind along the last axis that has one, else any that was seen before."""
+    """The nearest previous point with modes along the last possible axis, else any previous one."""
     index = list(np.unravel_index(i, shape))
     for axis in reversed(range(len(shape))):
         for back in range(1, int(index[axis]) + 1):
-            other = list(index)
-            other[axis] = index[axis] - back
-            number = int(np.ravel_multi_index(tuple(other), shape))
+            neighbour = list(index)
+            neighbour[axis] = index[axis] - back
+            number = int(np.ravel_multi_index(tuple(neighbour), shape))
             if number in seen:
                 return number
     return max(seen, default=None)
 
 
 def _titles(modes: Modes, names: Mapping[str, int] | None) -> tuple[str, ...]:
-    given: dict[int, str] = {}
+    named: dict[int, str] = {}
     for name, number in (names or {}).items():
         index = mode_index(number, f"track: names['{name}']", len(modes), error=ModelError)
-        if index in given:
-            raise ModelError(f"track: mode {number} has two names, '{given[index]}' and '{name}'.", field="names")
-        given[index] = str(name)
+        if index in named:
+            raise ModelError(f"track: mode {number} has two names, '{named[index]}' and '{name}'.", field="names")
+        named[index] = str(name)
     result: list[str] = []
     for index, most in enumerate(modes.strongest()):
-        plain = given.get(index, " ".join(most))
-        taken = [*result, *given.values()] if index not in given else []
+        plain = named.get(index, " ".join(most))
+        taken = [*result, *named.values()] if index not in named else []
         title, count = plain, 1
         while title in taken:
             count += 1

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mbsvib.urdf.reading import Link
 
 
-# Parts of symmetric tensors below this share of the largest entry are rounding of turned frames.
+# Entries of symmetric tensors below this share of the largest one are rounding of rotated frames.
 ROUNDING = 1e-15
 
 

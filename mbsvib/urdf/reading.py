@@ -1,4 +1,4 @@
-"""What a URDF file says, as plain numbers: links with inertia, joints with origin, axis and damping."""
+"""Contents of a URDF file as plain numbers: links with inertia, joints with origin, axis and damping."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-AXIS = np.array((1.0, 0.0, 0.0))  # where a joint gives none, as the format has it
+AXIS = np.array((1.0, 0.0, 0.0))  # default axis of a joint in the format
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:
-    """All links and joints by name; ``root`` is the link that no joint carries."""
+    """All links and joints by name; ``root`` is the link that is not the child of a joint."""
 
     name: str
     links: dict[str, Link]
@@ -112,17 +112,17 @@ def _named(top: ElementTree.Element, what: str, path: str | PathLike[str]) -> di
 
 
 def _root(links: dict[str, Link], joints: dict[str, Hinge], path: str | PathLike[str]) -> str:
-    carried: dict[str, str] = {}
+    parents: dict[str, str] = {}
     for joint in joints.values():
-        if joint.child in carried:
-            raise ModelError(f"link '{joint.child}': joints '{carried[joint.child]}' and '{joint.name}' both carry it; "
+        if joint.child in parents:
+            raise ModelError(f"link '{joint.child}': joints '{parents[joint.child]}' and '{joint.name}' both carry it; "
                              f"a URDF is a tree. Close the loop by model.add_joint() afterwards.",
                              element=joint.child)  # fmt: skip
-        carried[joint.child] = joint.name
-    roots = [name for name in links if name not in carried]
+        parents[joint.child] = joint.name
+    roots = [name for name in links if name not in parents]
     if len(roots) != 1:
-        found = ", ".join(roots) if roots else "none"
-        raise ModelError(f"{path}: expected one link that no joint carries, the root of the tree; found {found}.")
+        listed = ", ".join(roots) if roots else "none"
+        raise ModelError(f"{path}: expected one link that no joint carries, the root of the tree; found {listed}.")
     return roots[0]
 
 
@@ -151,8 +151,8 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, Link]) -> H
             raise ModelError(f"{who}: {role} = {link!r} is no link.{nearest(link, links)}", element=name, field=role)
         ends.append(link)
     origin, axes = _frame(element.find("origin"), who)
-    given = element.find("axis")
-    axis = AXIS if given is None else _numbers(given, "xyz", "1 0 0", 3, who)
+    axis_element = element.find("axis")
+    axis = AXIS if axis_element is None else _numbers(axis_element, "xyz", "1 0 0", 3, who)
     if not np.any(axis) and kind in ("revolute", "continuous", "prismatic", "planar"):
         raise ModelError(f"{who}: axis = (0, 0, 0) is no direction.", element=name, field="axis")
     damping = _numbers(element.find("dynamics"), "damping", "0", 1, who)[0]

@@ -92,10 +92,10 @@ def load_urdf(
 
 def _groups(robot: Robot, places: dict[str, tuple[Array, Array]], floating: bool) -> dict[str, Group]:
     """The group of each link, by the link's name; ``places`` has parents before children."""
-    carried = {joint.child: joint for joint in robot.joints.values()}
+    joint_of = {joint.child: joint for joint in robot.joints.values()}
     groups: dict[str, Group] = {}
     for link in places:
-        joint = carried.get(link)
+        joint = joint_of.get(link)
         if joint is None:
             groups[link] = Group(link if floating else GROUND)
         else:
@@ -158,7 +158,7 @@ def _add(
     if held:
         kind = "free"
     elif own is None and (k.any() or c.any()):
-        if not k.any():  # the file's damping of a joint with several freedoms has no direction
+        if not k.any():  # the file gives no direction for the damping of a joint with several freedoms
             c = np.zeros(1)
         else:
             raise ModelError(f"joint '{joint.name}': a {joint.kind} joint takes six stiffnesses x y z rx ry rz, not "
@@ -193,20 +193,20 @@ def _add_tip(model: Model, tip: str, groups: dict[str, Group], places: dict[str,
         model.add_output(f"{tip}.{direction}", body, direction, places[tip][0])
 
 
-def _of(given: Any, joint: Hinge, robot: Robot, what: str, default: float) -> Any:
+def _of(value: Any, joint: Hinge, robot: Robot, what: str, default: float) -> Any:
     """One number or six for a joint."""
-    if isinstance(given, Mapping):
-        _known(what, given, robot)
-        given = given.get(joint.name)
-    if given is None:
+    if isinstance(value, Mapping):
+        _known(what, value, robot)
+        value = value.get(joint.name)
+    if value is None:
         return default
-    values = check.numbers(np.ravel(given).tolist(), (1, 6), f"joint '{joint.name}'", what, "one number, or six")
+    values = check.numbers(np.ravel(value).tolist(), (1, 6), f"joint '{joint.name}'", what, "one number, or six")
     return values if len(values) == 6 else values[0]
 
 
-def _known(what: str, given: Mapping[str, Any], robot: Robot) -> None:
+def _known(what: str, by_joint: Mapping[str, Any], robot: Robot) -> None:
     moving = [name for name, joint in robot.joints.items() if joint.kind != "fixed"]
-    for name in given:
+    for name in by_joint:
         if name not in moving:
             raise ModelError(f"{what}: {name!r} is no joint that moves.{nearest(str(name), moving)} There are "
                              f"{', '.join(moving)}.", element=str(name), field=what)  # fmt: skip

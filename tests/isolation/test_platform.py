@@ -114,7 +114,7 @@ def exactly(geometry, at):
             p = a1 + turn * (mp.matrix([mp.mpf(float(c)) for c in point]) - a0)
             p += mp.mpf(leg.shares[stem]) * (l1 - l0) * u1
             points |= {f"{stem}.{c}": p[j] for j, c in enumerate("xyz")}
-        for stem in leg.turned:
+        for stem in leg.orientations:
             turns |= {f"{stem}.{c}": w[j] for j, c in enumerate(("rx", "ry", "rz"))}
     return points | turns
 

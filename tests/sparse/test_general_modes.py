@@ -53,8 +53,8 @@ def test_chains_under_follower_loads(words, near):
 def test_random_mechanisms(seed, whole, monkeypatch):
     """Wheels, follower forces and torques in trees and loops, taken whole and by a search."""
     if not whole:
-        monkeypatch.setattr(spectrum, "WHOLE", 0)
-        monkeypatch.setattr(spectrum, "EACH", 0)
+        monkeypatch.setattr(spectrum, "DENSE_DOF", 0)
+        monkeypatch.setattr(spectrum, "DENSE_RATIO", 0)
     wheels = spatial(seed, bodies=4, loops=seed % 2, kinds=("spherical", "universal"), ports=False)
     rng = np.random.default_rng(seed)
     for k, body in enumerate(list(wheels.bodies)):
@@ -94,8 +94,8 @@ def test_equal_parts_have_equal_eigenvalues():
     for patch in (False, True):
         with pytest.MonkeyPatch.context() as patched:
             if patch:
-                patched.setattr(spectrum, "WHOLE", 0)
-                patched.setattr(spectrum, "EACH", 0)
+                patched.setattr(spectrum, "DENSE_DOF", 0)
+                patched.setattr(spectrum, "DENSE_RATIO", 0)
             np.testing.assert_allclose(system.modes(9).natural, slow, rtol=1e-12)
             np.testing.assert_allclose(system.modes(9, near=1.1 * fast / (2.0 * np.pi)).natural, fast, rtol=1e-12)
 

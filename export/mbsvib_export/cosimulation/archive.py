@@ -64,25 +64,25 @@ def to_ssp(
         raise ExportError(f"to_ssp: path = '{goal}'; expected a name that ends in .ssp, by which importers know it.")
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix="mbsvib-")))
-        units = {side: stack.enter_context(open_unit(as_file(each, folder / f"{side}.fmu", version), "to_ssp"))
-                 for side, each in ((PLANT, plant), (CONTROLLER, controller))}  # fmt: skip
-        found = connect(units[PLANT], units[CONTROLLER], connections)
-        described = "\n".join(_description(name, units, found, outer)) + "\n"
+        units = {side: stack.enter_context(open_unit(as_file(source, folder / f"{side}.fmu", version), "to_ssp"))
+                 for side, source in ((PLANT, plant), (CONTROLLER, controller))}  # fmt: skip
+        links = connect(units[PLANT], units[CONTROLLER], connections)
+        described = "\n".join(_description(name, units, links, outer)) + "\n"
 
         def write(stream: IO[bytes]) -> None:
             with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-                for place, content in (
+                for entry, content in (
                     ("SystemStructure.ssd", described.encode()),
                     *((f"resources/{side}.fmu", unit.path.read_bytes()) for side, unit in units.items()),
                 ):
-                    archive.writestr(zipfile.ZipInfo(place, (2020, 1, 1, 0, 0, 0)), content)
+                    archive.writestr(zipfile.ZipInfo(entry, (2020, 1, 1, 0, 0, 0)), content)
 
         return write_whole(goal, write)
 
 
-def _description(name: str, units: dict[str, UnitFile], found: Connections, wanted: bool) -> Iterator[str]:
+def _description(name: str, units: dict[str, UnitFile], links: Connections, wanted: bool) -> Iterator[str]:
     signals = _signals(units)
-    free = {(PLANT, "input", i) for i in found.plant_free} | {(CONTROLLER, "input", i) for i in found.controller_free}
+    free = {(PLANT, "input", i) for i in links.plant_free} | {(CONTROLLER, "input", i) for i in links.controller_free}
     outer = [key for key in signals if wanted and (key in free or key[1] == "output")]
     # a name of the whole is that of the signal, but where both units have one
     names = dict(zip(outer, unique_names({"signal": [signals[key][0] for key in outer]})["signal"], strict=True))
@@ -94,9 +94,9 @@ def _description(name: str, units: dict[str, UnitFile], found: Connections, want
         yield from _connectors((names[key], key[1], signals[key][1]) for key in outer)
     yield "<ssd:Elements>"
     for side in units:
-        place = attributes(name=side, type="application/x-fmu-sharedlibrary", source=f"resources/{side}.fmu")
-        yield f"<ssd:Component{place}>"
-        yield from _connectors((each, key[1], unit) for key, (each, unit) in signals.items() if key[0] == side)
+        component = attributes(name=side, type="application/x-fmu-sharedlibrary", source=f"resources/{side}.fmu")
+        yield f"<ssd:Component{component}>"
+        yield from _connectors((signal, key[1], unit) for key, (signal, unit) in signals.items() if key[0] == side)
         yield "</ssd:Component>"
     yield "</ssd:Elements>"
     yield "<ssd:Connections>"
@@ -104,9 +104,9 @@ def _description(name: str, units: dict[str, UnitFile], found: Connections, want
     def raw(side: str, kind: str, number: int) -> str:
         return signals[side, kind, number][0]
 
-    for i, o in zip(found.plant_into, found.controller_out, strict=True):
+    for i, o in zip(links.plant_into, links.controller_out, strict=True):
         yield _connection(CONTROLLER, raw(CONTROLLER, "output", o), PLANT, raw(PLANT, "input", i))
-    for i, o in zip(found.controller_into, found.plant_out, strict=True):
+    for i, o in zip(links.controller_into, links.plant_out, strict=True):
         yield _connection(PLANT, raw(PLANT, "output", o), CONTROLLER, raw(CONTROLLER, "input", i))
     for key in outer:
         inner = raw(*key)
@@ -124,10 +124,10 @@ def _signals(units: dict[str, UnitFile]) -> dict[tuple[str, str, int], tuple[str
     """Name in the file and unit of each signal, by side, kind and number."""
     result = {}
     for side, unit in units.items():
-        known = {each.valueReference: each.name for each in unit.description.modelVariables}
+        known = {variable.valueReference: variable.name for variable in unit.description.modelVariables}
         for kind, listed in (("input", unit.inputs), ("output", unit.outputs)):
-            for i, each in enumerate(listed):
-                result[side, kind, i] = (known[each.reference], each.unit or None)
+            for i, variable in enumerate(listed):
+                result[side, kind, i] = (known[variable.reference], variable.unit or None)
     return result
 
 
@@ -145,11 +145,11 @@ def _connection(start: str | None, source: str, end: str | None, goal: str) -> s
 
 
 def _units(units: dict[str, UnitFile]) -> Iterator[str]:
-    found = {each.unit: each.base for unit in units.values() for each in (*unit.inputs, *unit.outputs)
-             if each.unit and each.base is not None}  # fmt: skip
-    if found:
+    base_units = {signal.unit: signal.base for unit in units.values() for signal in (*unit.inputs, *unit.outputs)
+                  if signal.unit and signal.base is not None}  # fmt: skip
+    if base_units:
         yield "<ssd:Units>"
-        for unit, base in sorted(found.items()):
+        for unit, base in sorted(base_units.items()):
             exponents = {key: int(value) for key, value in zip(_EXPONENTS, base, strict=False) if value}
             yield (f"<ssc:Unit{attributes(name=unit)}><ssc:BaseUnit{attributes(**exponents)}"
                    f"{attributes(factor=base[8], offset=base[9])}/></ssc:Unit>")  # fmt: skip

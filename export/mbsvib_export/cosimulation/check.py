@@ -82,35 +82,35 @@ def check_cosimulation(
     count = _STEPS if duration is None else max(round(_positive("duration", duration) / h), 1)
     with ExitStack() as stack:
         folder = stack.enter_context(TemporaryDirectory(prefix="mbsvib-"))
-        units = [stack.enter_context(open_unit(as_file(each, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
-                 for word, each in (("plant", plant), ("controller", controller))]  # fmt: skip
-        found = connect(units[0], units[1], connections)
+        units = [stack.enter_context(open_unit(as_file(source, Path(folder) / f"{word}.fmu"), "check_cosimulation"))
+                 for word, source in (("plant", plant), ("controller", controller))]  # fmt: skip
+        links = connect(units[0], units[1], connections)
         methods, remarks = _able(masters, units)
         numbers = [equations(unit) for unit in units]
-        refuse_algebraic_loop(units[0], units[1], found, numbers[0][3], numbers[1][3])
-        make = _loops(units, numbers, found)
+        refuse_algebraic_loop(units[0], units[1], links, numbers[0][3], numbers[1][3])
+        make = _loops(units, numbers, links)
         a = make(h).monolithic()[0]
         growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf)) if np.isfinite(a).all() else np.inf
         if growth * h * count > 1e-6:
             remarks.append(f"The closed loop itself is unstable: a pole at {growth:.3g} 1/s.")
-        e, told = _excited(units, found, excitation)
+        e, told = _excited(units, links, excitation)
         x = np.zeros(len(a)) if e.any() else _nominal(units)
         if not e.any():
             remarks.append("No free input is excited: states start at their nominal values.")
         work = _bonds(units[0], bonds)
         checked = tuple(_check(method, units, make, h, count, x, e, growth, work) for method in methods)
-        return CosimulationCheck(units[0].name, units[1].name, h, h * count, found.told, told, growth, checked,
+        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.told, told, growth, checked,
                                  tuple(remarks))  # fmt: skip
 
 
 def _positive(name: str, value: float) -> float:
     try:
-        found = float(value)
+        result = float(value)
     except (TypeError, ValueError):
-        found = float("nan")
-    if not (np.isfinite(found) and found > 0):
+        result = float("nan")
+    if not (np.isfinite(result) and result > 0):
         raise ExportError(f"check_cosimulation: {name} = {value!r}; expected a positive number of seconds.")
-    return found
+    return result
 
 
 def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
@@ -125,10 +125,10 @@ def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
 def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:
     """Masters that the FMUs support, and remarks on those that they do not."""
     wanted = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
-    for each in wanted:
-        if each not in MASTERS:
-            raise ExportError(f"check_cosimulation: masters: '{each}' is not among {', '.join(MASTERS)}."
-                              f"{nearest(str(each), MASTERS)}")  # fmt: skip
+    for master in wanted:
+        if master not in MASTERS:
+            raise ExportError(f"check_cosimulation: masters: '{master}' is not among {', '.join(MASTERS)}."
+                              f"{nearest(str(master), MASTERS)}")  # fmt: skip
     lacking: dict[str, str] = {}
     for unit in units:
         able = unit.description.coSimulation
@@ -145,36 +145,36 @@ def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[l
     for method, why in lacking.items():
         if method in wanted and masters is not None:
             raise ExportError(f"check_cosimulation: masters: '{method}' is not possible, as {why}.")
-    return ([each for each in wanted if each not in lacking],
+    return ([master for master in wanted if master not in lacking],
             [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in wanted])  # fmt: skip
 
 
 def _loops(
-    units: list[UnitFile], numbers: list[tuple[Array, Array, Array, Array]], found: Connections
+    units: list[UnitFile], numbers: list[tuple[Array, Array, Array, Array]], links: Connections
 ) -> Callable[[float], Loop]:
-    actuate, measure = found.selection(units[0], units[1])
-    free = len(found.plant_free) + len(found.controller_free)
+    actuate, measure = links.selection(units[0], units[1])
+    free = len(links.plant_free) + len(links.controller_free)
     outside = [np.zeros((len(unit.inputs), free)) for unit in units]
-    outside[0][list(found.plant_free), range(len(found.plant_free))] = 1.0
-    outside[1][list(found.controller_free), range(len(found.plant_free), free)] = 1.0
+    outside[0][list(links.plant_free), range(len(links.plant_free))] = 1.0
+    outside[1][list(links.controller_free), range(len(links.plant_free), free)] = 1.0
 
     def make(h: float) -> Loop:
-        p, k = (discretised(*each, h) for each in numbers)
+        p, k = (discretised(*matrices, h) for matrices in numbers)
         return Loop(p, k, actuate, measure, outside[0], outside[1], h)
 
     return make
 
 
 def _excited(
-    units: list[UnitFile], found: Connections, given: Mapping[str, float] | None
+    units: list[UnitFile], links: Connections, inputs: Mapping[str, float] | None
 ) -> tuple[Array, dict[str, float]]:
-    names = [units[0].inputs[i].name for i in found.plant_free]
-    names += [units[1].inputs[i].name for i in found.controller_free]
-    for name in given or {}:
+    names = [units[0].inputs[i].name for i in links.plant_free]
+    names += [units[1].inputs[i].name for i in links.controller_free]
+    for name in inputs or {}:
         if name not in names:
             raise ExportError(f"check_cosimulation: excitation: '{name}' is no free input; these are free: "
                               f"{', '.join(names) or 'none'}.{nearest(name, names)}")  # fmt: skip
-    values = dict.fromkeys(names, 1.0) if given is None else {name: float(given.get(name, 0.0)) for name in names}
+    values = dict.fromkeys(names, 1.0) if inputs is None else {name: float(inputs.get(name, 0.0)) for name in names}
     result = np.array([values[name] for name in names])
     if not np.isfinite(result).all():
         raise ExportError("check_cosimulation: excitation holds NaN or infinity; expected finite numbers.")
@@ -182,14 +182,14 @@ def _excited(
 
 
 def _nominal(units: list[UnitFile]) -> Array:
-    by_reference = [{each.valueReference: each.nominal for each in unit.description.modelVariables} for unit in units]
+    by_reference = [{v.valueReference: v.nominal for v in unit.description.modelVariables} for unit in units]
     return np.array([float(nominal[state.reference] or 1.0)
                      for unit, nominal in zip(units, by_reference, strict=True) for state in unit.states])  # fmt: skip
 
 
-def _bonds(plant: UnitFile, given: Mapping[str, str] | None) -> list[tuple[int, int]]:
-    inputs, outputs = [each.name for each in plant.inputs], [each.name for each in plant.outputs]
-    for force, motion in (given or {}).items():
+def _bonds(plant: UnitFile, pairs: Mapping[str, str] | None) -> list[tuple[int, int]]:
+    inputs, outputs = [signal.name for signal in plant.inputs], [signal.name for signal in plant.outputs]
+    for force, motion in (pairs or {}).items():
         for name, known in ((force, inputs), (motion, outputs)):
             if name not in known:
                 raise ExportError(f"check_cosimulation: bonds: the plant has no '{name}'; expected an input by an "
@@ -198,7 +198,7 @@ def _bonds(plant: UnitFile, given: Mapping[str, str] | None) -> list[tuple[int, 
         if unit not in ("", "m", "rad"):
             raise ExportError(f"check_cosimulation: bonds: '{motion}' is in {unit}; expected a displacement in m or "
                               f"an angle in rad.")  # fmt: skip
-    return [(inputs.index(force), outputs.index(motion)) for force, motion in (given or {}).items()]
+    return [(inputs.index(force), outputs.index(motion)) for force, motion in (pairs or {}).items()]
 
 
 def _check(
@@ -206,28 +206,28 @@ def _check(
     growth: float, work: list[tuple[int, int]],
 ) -> MasterCheck:  # fmt: skip
     signals = (*units[0].outputs, *units[1].outputs)
-    groups = [each.unit or each.name for each in signals]
-    plant = len(units[0].outputs)  # what the controller says runs ahead in some masters, and comes right in the plant
+    groups = [signal.unit or signal.name for signal in signals]
+    plant = len(units[0].outputs)  # some masters return controller outputs ahead of time: only the plant's are compared
     steps, errors, difference, worst, energy = [], [], 0.0, "", float("nan")
     first = radius(make(h), method)
     stable = is_stable(first, growth, h)
     for divisor in _HALVED:
         loop, number = make(h / divisor), count * divisor
         grows = radius(loop, method)
-        # an unstable one is followed until it shows; nobody iterates where iteration diverges
-        kept = number if grows <= 1.0 else int(min(number, np.log(_TOO_MUCH) / np.log(grows)))
+        # an unstable run is stopped once it has grown; iteration is skipped if it diverges
+        completed = number if grows <= 1.0 else int(min(number, np.log(_TOO_MUCH) / np.log(grows)))
         steps.append(h / divisor)
-        if kept == 0 or (method == "iteration" and not is_stable(grows, growth, loop.h)):
+        if completed == 0 or (method == "iteration" and not is_stable(grows, growth, loop.h)):
             errors.append(float("inf"))
             continue
-        rows, forces = run(method, units[0], units[1], loop, x, e, kept)
+        rows, forces = run(method, units[0], units[1], loop, x, e, completed)
         truth = _reference(loop, x, e, number)
-        same = _simulated(method, loop, x, e, kept)
+        same = _simulated(method, loop, x, e, completed)
         difference = max(difference, float(_relative(rows, same, same, groups).max(initial=0.0)))
-        each = _relative(rows, truth[: kept + 1], truth, groups)[:plant]
-        errors.append(float(each.max(initial=0.0)))
-        if not worst and len(each):
-            worst = signals[int(each.argmax())].name
+        relative = _relative(rows, truth[: completed + 1], truth, groups)[:plant]
+        errors.append(float(relative.max(initial=0.0)))
+        if not worst and len(relative):
+            worst = signals[int(relative.argmax())].name
         if divisor == 1 and work:
             energy = _made(rows, forces, loop, units, work, e)
     largest = largest_stable_step(make, method, h, growth)
@@ -258,22 +258,22 @@ def _simulated(method: str, loop: Loop, x: Array, e: Array, count: int) -> Array
     return np.array(rows)[:, n + nk : n + nk + out + outk]
 
 
-def _relative(found: Array, truth: Array, scale: Array, groups: list[str]) -> Array:
+def _relative(actual: Array, truth: Array, scale: Array, groups: list[str]) -> Array:
     """Largest error of each output by its own size; those that hardly move are measured by others of their unit."""
     size = np.abs(scale).max(axis=0, initial=0.0)
-    floor = np.array([max(size[i] for i, other in enumerate(groups) if other == group) for group in groups])
+    floor = np.array([max(size[i] for i, name in enumerate(groups) if name == group) for group in groups])
     size = np.maximum(size, _FLOOR * floor)
-    return np.asarray(np.abs(found - truth).max(axis=0) / np.where(size > 0, size, 1.0))
+    return np.asarray(np.abs(actual - truth).max(axis=0) / np.where(size > 0, size, 1.0))
 
 
 def _made(
     rows: Array, forces: Array, loop: Loop, units: list[UnitFile], work: list[tuple[int, int]], e: Array
 ) -> float:
-    """Energy that the coupling makes: work by what the plant was given less that by what the controller said."""
+    """Energy error of the coupling: work of the plant's inputs minus work of the controller's outputs."""
     out = len(units[0].outputs)
-    said = rows[:, out:] @ loop.actuate.T + loop.plant_free @ e
-    into, onto = [each[0] for each in work], [each[1] for each in work]
+    actuation = rows[:, out:] @ loop.actuate.T + loop.plant_free @ e
+    into, onto = [column[0] for column in work], [column[1] for column in work]
     moved = np.diff(rows[:, onto], axis=0)
-    meant = (said[1:, into] + said[:-1, into]) / 2 * moved
+    meant = (actuation[1:, into] + actuation[:-1, into]) / 2 * moved
     through = float(np.abs(meant).sum())
     return float((forces[:, into] * moved - meant).sum() / through) if through else float("nan")

@@ -43,14 +43,14 @@ class Connections:
         return actuate, measure
 
 
-def connect(plant: UnitFile, controller: UnitFile, given: Mapping[str, str | None] | None) -> Connections:
+def connect(plant: UnitFile, controller: UnitFile, wanted: Mapping[str, str | None] | None) -> Connections:
     """Return the connections of a plant and a controller: signals of one name, and those that are given.
 
     Parameters
     ----------
     plant, controller : UnitFile
         The FMUs.
-    given : mapping of str to str, optional
+    wanted : mapping of str to str, optional
         Output by input; ``"plant:NAME"`` or ``"controller:NAME"`` where both FMUs have an input of this name.
 
     Returns
@@ -64,11 +64,11 @@ def connect(plant: UnitFile, controller: UnitFile, given: Mapping[str, str | Non
         If a name is unknown, units differ, or the FMUs are not connected both ways.
     """
     wishes: dict[str, dict[int, str | None]] = {PLANT: {}, CONTROLLER: {}}
-    for name, wish in (given or {}).items():
+    for name, wish in (wanted or {}).items():
         side, index = _input_of(plant, controller, name)
         wishes[side][index] = wish
-    into_plant = _one_way(plant, controller, PLANT, wishes[PLANT])
-    into_controller = _one_way(controller, plant, CONTROLLER, wishes[CONTROLLER])
+    into_plant = _signals_into(plant, controller, PLANT, wishes[PLANT])
+    into_controller = _signals_into(controller, plant, CONTROLLER, wishes[CONTROLLER])
     for into, source, goal, words in (
         (into_plant, controller, plant, "outputs of the controller to inputs of the plant"),
         (into_controller, plant, controller, "outputs of the plant to inputs of the controller"),
@@ -76,8 +76,8 @@ def connect(plant: UnitFile, controller: UnitFile, given: Mapping[str, str | Non
         if not into:
             raise ExportError(
                 f"check_cosimulation: no connection from {words}: there is "
-                f"{', '.join(each.name for each in source.outputs) or 'no output'} on one side, "
-                f"{', '.join(each.name for each in goal.inputs) or 'no input'} on the other. Signals of one name are "
+                f"{', '.join(port.name for port in source.outputs) or 'no output'} on one side, "
+                f"{', '.join(port.name for port in goal.inputs) or 'no input'} on the other. Signals of one name are "
                 f"connected; say others by connections={{input: output}}, on the command line by --connect "
                 f"INPUT=OUTPUT."
             )
@@ -99,20 +99,20 @@ def _input_of(plant: UnitFile, controller: UnitFile, name: str) -> tuple[str, in
     places = {PLANT: plant, CONTROLLER: controller}
     if side in places and rest:
         places, name = {side: places[side]}, rest
-    found = [(key, [each.name for each in unit.inputs].index(name)) for key, unit in places.items()
-             if name in [each.name for each in unit.inputs]]  # fmt: skip
-    if len(found) == 1:
-        return found[0]
-    known = [each.name for unit in places.values() for each in unit.inputs]
-    if found:
+    matches = [(key, [signal.name for signal in unit.inputs].index(name)) for key, unit in places.items()
+               if name in [signal.name for signal in unit.inputs]]  # fmt: skip
+    if len(matches) == 1:
+        return matches[0]
+    known = [signal.name for unit in places.values() for signal in unit.inputs]
+    if matches:
         raise ExportError(f"check_cosimulation: connections: both FMUs have an input '{name}'; say 'plant:{name}' or "
                           f"'controller:{name}'.")  # fmt: skip
     raise ExportError(f"check_cosimulation: connections: there is no input '{name}'; inputs are {', '.join(known)}."
                       f"{nearest(name, known)}")  # fmt: skip
 
 
-def _one_way(goal: UnitFile, source: UnitFile, side: str, wishes: Mapping[int, str | None]) -> dict[int, int]:
-    names = [each.name for each in source.outputs]
+def _signals_into(goal: UnitFile, source: UnitFile, side: str, wishes: Mapping[int, str | None]) -> dict[int, int]:
+    names = [port.name for port in source.outputs]
     result = {}
     for i, signal in enumerate(goal.inputs):
         wish = wishes.get(i, signal.name)
@@ -136,7 +136,7 @@ def _same_unit(out: Signal, into: Signal, side: str) -> None:
 
 
 def refuse_algebraic_loop(
-    plant: UnitFile, controller: UnitFile, found: Connections, through_plant: Array, through_controller: Array
+    plant: UnitFile, controller: UnitFile, links: Connections, through_plant: Array, through_controller: Array
 ) -> None:
     """Refuse a loop in which signals depend on each other at once, which no master without iteration can solve.
 
@@ -144,7 +144,7 @@ def refuse_algebraic_loop(
     ----------
     plant, controller : UnitFile
         The FMUs.
-    found : Connections
+    links : Connections
         Their connections.
     through_plant, through_controller : array, shape (outputs, inputs)
         Their matrices D.
@@ -154,14 +154,14 @@ def refuse_algebraic_loop(
     ExportError
         If there is one, with the names of the signals in it.
     """
-    actuate, measure = found.selection(plant, controller)
+    actuate, measure = links.selection(plant, controller)
     p = len(plant.outputs)
     total = p + len(controller.outputs)
     direct = np.zeros((total, total), dtype=bool)  # row depends on column
     direct[:p, p:] = _filled(through_plant) @ (actuate != 0)
     direct[p:, :p] = _filled(through_controller) @ (measure != 0)
-    names = [*(f"{each.name} (plant)" for each in plant.outputs),
-             *(f"{each.name} (controller)" for each in controller.outputs)]  # fmt: skip
+    names = [*(f"{signal.name} (plant)" for signal in plant.outputs),
+             *(f"{signal.name} (controller)" for signal in controller.outputs)]  # fmt: skip
     left = set(range(total))
     while left:  # what depends on nothing that is left cannot be in a loop
         free = {i for i in left if not direct[i, sorted(left)].any()}

@@ -72,13 +72,13 @@ class CosimulationCheck:
     @property
     def passed(self) -> bool:
         """Whether all masters asked for passed."""
-        return all(each.passed for each in self.masters)
+        return all(master.passed for master in self.masters)
 
     def __getitem__(self, method: str) -> MasterCheck:
         """Return the results of one master."""
-        for each in self.masters:
-            if each.method == method:
-                return each
+        for master in self.masters:
+            if master.method == method:
+                return master
         raise KeyError(method)
 
     def __str__(self) -> str:
@@ -88,17 +88,17 @@ class CosimulationCheck:
         columns += [("order", "right"), ("FMU against reference", "right"), ("largest stable H", "right"),
                     ("ratio to step", "right"), ("passed", "right")]  # fmt: skip
         rows = []
-        for each in self.masters:
-            largest = each.largest_stable_step
+        for master in self.masters:
+            largest = master.largest_stable_step
             rows.append((
-                each.method, *(f"{error:.1e}" for error in each.errors),
-                "-" if np.isnan(each.order) else f"{each.order:.2f}", f"{each.difference:.1e}",
+                master.method, *(f"{error:.1e}" for error in master.errors),
+                "-" if np.isnan(master.order) else f"{master.order:.2f}", f"{master.difference:.1e}",
                 f"> {self.step * 100:.2g} s" if np.isinf(largest) else f"{largest:.3g} s",
                 "0 %" if np.isinf(largest) else "-" if not largest else f"{100 * self.step / largest:.0f} %",
-                "yes" if each.passed else "NO, unstable" if not each.stable else "NO",
+                "yes" if master.passed else "NO, unstable" if not master.stable else "NO",
             ))  # fmt: skip
         notes = ["Connected: " + "; ".join(self.connections) + "."]
-        if any(each.method == "slopes" for each in self.masters):
+        if any(master.method == "slopes" for master in self.masters):
             notes.append("slopes: inputs by linear extrapolation.")
         notes += self.remarks
         title = f"Co-simulation of {self.plant} and {self.controller}, H = {self.step:g} s, over {self.duration:.3g} s"
@@ -117,11 +117,11 @@ class CosimulationCheck:
         with style.context():
             figure = style.new_figure(6.4, 4.2)
             axes = figure.subplots()
-            for each, colour in zip(self.masters, style.COLOURS, strict=False):
-                order = "" if np.isnan(each.order) else f", order {each.order:.2f}"
-                axes.loglog(each.steps, each.errors, "o-", color=colour, label=f"{each.method}{order}")
-                if 0 < each.largest_stable_step < 100 * self.step:
-                    axes.axvline(each.largest_stable_step, color=colour, linestyle=":")
+            for master, colour in zip(self.masters, style.COLOURS, strict=False):
+                order = "" if np.isnan(master.order) else f", order {master.order:.2f}"
+                axes.loglog(master.steps, master.errors, "o-", color=colour, label=f"{master.method}{order}")
+                if 0 < master.largest_stable_step < 100 * self.step:
+                    axes.axvline(master.largest_stable_step, color=colour, linestyle=":")
             axes.set_xlabel("step [s]")
             axes.set_ylabel("relative error [-]")
             axes.set_title("Error of co-simulation; dotted: largest stable step")

@@ -68,15 +68,15 @@ def run(
 
 def _run(method: str, p: Instance, k: Instance, loop: Loop, x: Array, e: Array, count: int) -> tuple[Array, Array]:
     n, h = len(p.unit.states), loop.h
-    given_p, given_k = loop.plant_free @ e, loop.controller_free @ e
+    plant_excitation, controller_excitation = loop.plant_free @ e, loop.controller_free @ e
     p.enter().set_states(x[:n])
     k.enter().set_states(x[n:])
     y, f = np.zeros(len(p.unit.outputs)), np.zeros(len(k.unit.outputs))
     for _ in range(len(y) + len(f) + 1):  # what answers at once settles, as no signal does so to itself
         before = y, f
-        p.set(loop.actuate @ f + given_p)
+        p.set(loop.actuate @ f + plant_excitation)
         y = p.get()
-        k.set(loop.measure @ y + given_k)
+        k.set(loop.measure @ y + controller_excitation)
         f = k.get()
         if np.array_equal(before[0], y) and np.array_equal(before[1], f):
             break
@@ -84,7 +84,7 @@ def _run(method: str, p: Instance, k: Instance, loop: Loop, x: Array, e: Array, 
     k.leave()
     rows, forces = [np.concatenate((y, f))], []
     for i in range(count):
-        t, up, uk = i * h, loop.actuate @ f + given_p, loop.measure @ y + given_k
+        t, up, uk = i * h, loop.actuate @ f + plant_excitation, loop.measure @ y + controller_excitation
         if method == "iteration":
             middle, y, f = _iterate(p, k, loop, t, up, uk, y, f)
         elif method == "slopes":
@@ -102,7 +102,7 @@ def _run(method: str, p: Instance, k: Instance, loop: Loop, x: Array, e: Array, 
             p.step(t, h)
             y = p.get()
             if method == "gauss-seidel":
-                k.set(loop.measure @ y + given_k)
+                k.set(loop.measure @ y + controller_excitation)
             k.step(t, h)
             middle, f = up, k.get()
         rows.append(np.concatenate((y, f)))
@@ -114,26 +114,26 @@ def _iterate(
     p: Instance, k: Instance, loop: Loop, t: float, up: Array, uk: Array, y: Array, f: Array
 ) -> tuple[Array, Array, Array]:
     h = loop.h
-    saved = [each.fmu.getFMUState() for each in (p, k)]
+    saved = [instance.fmu.getFMUState() for instance in (p, k)]
     try:
         guess = f
         for number in range(_MOST):
             if number:
-                for each, state in zip((p, k), saved, strict=True):
-                    each.fmu.setFMUState(state)
+                for instance, state in zip((p, k), saved, strict=True):
+                    instance.fmu.setFMUState(state)
             slope = loop.actuate @ (guess - f) / h
             p.set(up)
             p.step(t, h, slope)
             y1 = p.get()
             k.set(uk)
             k.step(t, h, loop.measure @ (y1 - y) / h)
-            found = k.get()
-            change = np.abs(found - guess).max(initial=0.0)
-            if change <= _MET * max(np.abs(found).max(initial=0.0), np.abs(f).max(initial=0.0)):
-                return up + h / 2 * slope, y1, found
-            guess = found
+            outputs = k.get()
+            change = np.abs(outputs - guess).max(initial=0.0)
+            if change <= _MET * max(np.abs(outputs).max(initial=0.0), np.abs(f).max(initial=0.0)):
+                return up + h / 2 * slope, y1, outputs
+            guess = outputs
     finally:
-        for each, state in zip((p, k), saved, strict=True):
-            each.fmu.freeFMUState(state)
+        for instance, state in zip((p, k), saved, strict=True):
+            instance.fmu.freeFMUState(state)
     raise ExportError(f"check_cosimulation: iteration: the step at {t:g} s does not converge in {_MOST} iterations; "
                       f"take a smaller step.")  # fmt: skip

@@ -17,7 +17,7 @@ _MOST, _LEAST, _DIGITS = 1e2, 1e-6, 10  # of the step where the search begins; h
 
 
 def radius(loop: Loop, method: str) -> float:
-    """Return the spectral radius of a step; for iteration also what it makes of its own error, if that is larger.
+    """Return the spectral radius of a step; for iteration the contraction factor, if that is larger.
 
     Parameters
     ----------
@@ -31,17 +31,17 @@ def radius(loop: Loop, method: str) -> float:
     float
         Growth in a step [1].
     """
-    found = _largest(loop.matrix(method))
-    return max(found, _largest(loop.contraction())) if method == "iteration" else found
+    largest = _largest(loop.matrix(method))
+    return max(largest, _largest(loop.contraction())) if method == "iteration" else largest
 
 
 def _largest(matrix: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)) if np.isfinite(matrix).all() else np.inf
 
 
-def is_stable(found: float, growth: float, h: float) -> bool:
+def is_stable(spectral_radius: float, growth: float, h: float) -> bool:
     """Return whether a spectral radius is no more than that of the loop itself, whose poles end at ``growth`` [1/s]."""
-    return bool(found <= np.exp(min(max(growth, 0.0) * h, 50.0)) + _ROUNDING)
+    return bool(spectral_radius <= np.exp(min(max(growth, 0.0) * h, 50.0)) + _ROUNDING)
 
 
 def largest_stable_step(make: Callable[[float], Loop], method: str, step: float, growth: float) -> float:

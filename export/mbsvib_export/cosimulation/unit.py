@@ -44,7 +44,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class UnitFile:
-    """An FMU that was unpacked: what its description says, and what it takes to make instances."""
+    """An unpacked FMU: data of its description, and data for making instances."""
 
     path: Path
     folder: str
@@ -127,7 +127,7 @@ def _check_archive(file: Path) -> None:
 
 
 def _described(file: Path, folder: str, description: Any) -> UnitFile:
-    units = {each.name: each.baseUnit for each in description.unitDefinitions}
+    units = {item.name: item.baseUnit for item in description.unitDefinitions}
 
     def signal(variable: Any, name: str) -> Signal:
         if variable.type not in ("Real", "Float64") or variable.dimensions:
@@ -137,25 +137,25 @@ def _described(file: Path, folder: str, description: Any) -> UnitFile:
         numbers = None if base is None else tuple(float(getattr(base, key)) for key in _BASE)
         return Signal(name, int(variable.valueReference), variable.unit or "", numbers)
 
-    inputs = [each for each in description.modelVariables if each.causality == "input"]
-    taken = {each.name for each in inputs}
+    inputs = [item for item in description.modelVariables if item.causality == "input"]
+    taken = {item.name for item in inputs}
 
     def plain(name: str) -> str:
         """The name that the export changed where an input has the same one."""
         short = name.removesuffix(" (output)")
         return short if short in taken else name
 
-    rates = [each.variable for each in description.derivatives]
+    rates = [item.variable for item in description.derivatives]
     return UnitFile(
-        file, folder, description, tuple(signal(each, each.name) for each in inputs),
-        tuple(signal(each, plain(each.name)) for each in description.modelVariables if each.causality == "output"),
-        tuple(signal(each.derivative, each.derivative.name) for each in rates),
-        tuple(int(each.valueReference) for each in rates),
+        file, folder, description, tuple(signal(item, item.name) for item in inputs),
+        tuple(signal(item, plain(item.name)) for item in description.modelVariables if item.causality == "output"),
+        tuple(signal(item.derivative, item.derivative.name) for item in rates),
+        tuple(int(item.valueReference) for item in rates),
     )  # fmt: skip
 
 
 class Instance:
-    """An instance of an FMU: values by arrays, calls without copies of references. ``log`` holds its messages."""
+    """An instance of an FMU: values by arrays, calls without copies of references. ``log`` are its messages."""
 
     def __init__(self, unit: UnitFile, kind: str, extrapolate: bool = False) -> None:
         from fmpy import fmi2, fmi3
@@ -267,9 +267,9 @@ class Instance:
 
     def set_states(self, x: Array) -> None:
         """Set all states, in initialization mode or of model exchange."""
-        references = [each.reference for each in self.unit.states]
+        references = [value.reference for value in self.unit.states]
         if references:
-            (self.fmu.setFloat64 if self.new else self.fmu.setReal)(references, [float(each) for each in x])
+            (self.fmu.setFloat64 if self.new else self.fmu.setReal)(references, [float(value) for value in x])
 
     def rates(self) -> Array:
         """Return the derivatives of all states."""
@@ -280,18 +280,18 @@ class Instance:
 
 
 class _Values:
-    """References and room for values of signals, as C holds them."""
+    """C arrays of references and values of signals."""
 
     def __init__(self, signals: tuple[Signal, ...]) -> None:
         self.count = len(signals)
-        self.references = (ctypes.c_uint * self.count)(*(each.reference for each in signals))
+        self.references = (ctypes.c_uint * self.count)(*(signal.reference for signal in signals))
         self.first = (ctypes.c_int * self.count)(*([1] * self.count))
         self.values = (ctypes.c_double * self.count)()
         self.array = np.ctypeslib.as_array(self.values) if self.count else np.zeros(0)
 
 
 def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
-    """Return A, B, C, D of an FMU, from what its model exchange answers to unit states and inputs.
+    """Return A, B, C, D of an FMU, from its model-exchange results for unit states and inputs.
 
     Parameters
     ----------
@@ -310,22 +310,22 @@ def equations(unit: UnitFile) -> tuple[Array, Array, Array, Array]:
     """
     n, m = len(unit.states), len(unit.inputs)
     with ExitStack() as stack:
-        found = Instance(unit, "me")
-        stack.callback(found.close)
-        found.enter()
+        instance = Instance(unit, "me")
+        stack.callback(instance.close)
+        instance.enter()
 
         def answer(z: Array) -> Array:
-            found.set_states(z[:n])
-            found.set(z[n:])
-            return np.concatenate((found.rates(), found.get()))
+            instance.set_states(z[:n])
+            instance.set(z[n:])
+            return np.concatenate((instance.rates(), instance.get()))
 
         try:
             rest = answer(np.zeros(n + m))
-            columns = [answer(each) for each in np.eye(n + m)]
+            columns = [answer(point) for point in np.eye(n + m)]
             z = np.random.default_rng(0).standard_normal(n + m)
             there = answer(z)
         except Exception as error:
-            raise ExportError(f"{unit.path}: {error} {'; '.join(found.log)}".strip()) from error
+            raise ExportError(f"{unit.path}: {error} {'; '.join(instance.log)}".strip()) from error
     matrix = np.array(columns).T if columns else np.zeros((n + len(unit.outputs), 0))
     size = np.abs(matrix) @ np.abs(z)
     if not np.isfinite(matrix).all() or rest.any() or (np.abs(there - matrix @ z) > _SAME * size).any():
@@ -354,7 +354,7 @@ def state_space_of_unit(path: str | os.PathLike[str]) -> StateSpace:
     """
     with open_unit(path, "state_space_of_unit") as unit:
         a, b, c, d = equations(unit)
-        names = {kind: tuple(each.name for each in getattr(unit, kind)) for kind in ("states", "inputs", "outputs")}
-        units = {kind: tuple(each.unit for each in getattr(unit, kind)) for kind in names}
+        names = {kind: tuple(signal.name for signal in getattr(unit, kind)) for kind in ("states", "inputs", "outputs")}
+        units = {kind: tuple(signal.unit for signal in getattr(unit, kind)) for kind in names}
         return StateSpace(unit.name, "unit", a, b, c, d, np.eye(len(a)), names["states"], units["states"],
                           names["inputs"], units["inputs"], names["outputs"], units["outputs"])  # fmt: skip

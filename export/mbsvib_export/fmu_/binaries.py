@@ -34,8 +34,8 @@ class Platform:
 
 
 PLATFORMS = {
-    each.name: each
-    for each in (
+    target.name: target
+    for target in (
         Platform("x86_64-linux", "linux64", ".so", "x86_64-linux-gnu.2.17"),
         Platform("aarch64-linux", "aarch64-linux", ".so", "aarch64-linux-gnu.2.17"),
         Platform("x86_64-windows", "win64", ".dll", "x86_64-windows-gnu"),
@@ -86,9 +86,9 @@ def cache_folder() -> Path:
     Path
         One for each version of the source; it need not be there.
     """
-    given = os.environ.get(CACHE_VARIABLE)
-    if given:
-        root = Path(given)
+    configured = os.environ.get(CACHE_VARIABLE)
+    if configured:
+        root = Path(configured)
     elif os.name == "nt":
         root = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "mbsvib" / "Cache"
     elif sys.platform == "darwin":
@@ -154,19 +154,19 @@ def binary(name: str) -> bytes:
     ExportError
         If there is no compiler for it, or it fails.
     """
-    found = _in_wheel(name)
-    if found:
-        return found.read_bytes()
-    kept = cache_folder() / name / f"{_NAME}{PLATFORMS[name].suffix}"
-    if kept.is_file():
-        return kept.read_bytes()
+    shipped = _in_wheel(name)
+    if shipped:
+        return shipped.read_bytes()
+    cached = cache_folder() / name / f"{_NAME}{PLATFORMS[name].suffix}"
+    if cached.is_file():
+        return cached.read_bytes()
     with tempfile.TemporaryDirectory(prefix="mbsvib-") as folder:
         content = build(name, Path(folder)).read_bytes()
     try:  # a cache that cannot be written costs time, not the export
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=kept.parent, delete=False) as stream:
+        cached.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=cached.parent, delete=False) as stream:
             stream.write(content)
-        Path(stream.name).replace(kept)
+        Path(stream.name).replace(cached)
     except OSError:
         pass
     return content
@@ -213,7 +213,7 @@ def build(name: str, folder: Path, portable: bool = False) -> Path:
 def _compiler(goal: Platform, portable: bool) -> list[str]:
     """The compiler of this machine for itself, zig for the others."""
     if goal.name == this_platform() and not portable:
-        own = next((found for word in ("gcc", "clang", "cc") if (found := shutil.which(word))), None)
+        own = next((path for word in ("gcc", "clang", "cc") if (path := shutil.which(word))), None)
         if own:
             return [own]
     if find_spec("ziglang"):

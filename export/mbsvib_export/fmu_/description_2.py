@@ -67,7 +67,7 @@ def _structure(variables: Variables) -> list[str]:
     unknowns = {}
     for kind in ("output", "derivative"):
         unknowns[kind] = "".join(
-            f'<Unknown index="{each.reference}"{variables.known_by(each)}/>' for each in variables.of(kind)
+            f'<Unknown index="{variable.reference}"{variables.known_by(variable)}/>' for variable in variables.of(kind)
         )
     outputs, derivatives = unknowns["output"], unknowns["derivative"]
     return [

@@ -77,7 +77,7 @@ def _variable(variable: Variable) -> str:
 
 def _structure(variables: Variables) -> list[str]:
     entries = {
-        kind: [f' valueReference="{each.reference}"{variables.known_by(each)}/>' for each in variables.of(kind)]
+        kind: [f' valueReference="{item.reference}"{variables.known_by(item)}/>' for item in variables.of(kind)]
         for kind in ("output", "derivative")
     }
     return [

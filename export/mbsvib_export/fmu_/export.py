@@ -118,9 +118,9 @@ def to_fmu(
         If the realization is unknown.
     """
     versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
-    for each in versions:
-        if each not in VERSIONS:
-            raise ExportError(f'to_fmu: version = {each!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
+    for one_version in versions:
+        if one_version not in VERSIONS:
+            raise ExportError(f'to_fmu: version = {one_version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     if not versions:
         raise ExportError('to_fmu: version = (); expected "2.0", "3.0" or both, ("2.0", "3.0").')
     goal = a_path(path, "to_fmu", ExportError)
@@ -132,11 +132,12 @@ def to_fmu(
     libraries = {name: binary(name) for name in wanted}
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)
-    places = [goal.with_name(f"{goal.stem}-fmi{each[0]}{goal.suffix}") for each in versions]
+    places = [goal.with_name(f"{goal.stem}-fmi{one_version[0]}{goal.suffix}") for one_version in versions]
     for path in places:
         check_companion(path, lambda file: _holds(file, plant.name), f"an FMU of '{plant.name}' by mbsvib",
                         "Move it, or take another name.")  # fmt: skip
-    return tuple(_write(plant, path, each, libraries) for path, each in zip(places, versions, strict=True))
+    return tuple(_write(plant, path, one_version, libraries)
+                 for path, one_version in zip(places, versions, strict=True))  # fmt: skip
 
 
 def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:
@@ -155,9 +156,9 @@ def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) 
         with zipfile.ZipFile(stream, "w") as archive:
             _put(archive, "modelDescription.xml", description.encode())
             _put(archive, "resources/model.lti", content)
-            for each, library in libraries.items():
-                folder = each if version == "3.0" else PLATFORMS[each].folder_2
-                _put(archive, f"binaries/{folder}/{name}{PLATFORMS[each].suffix}", library)
+            for target, library in libraries.items():
+                folder = target if version == "3.0" else PLATFORMS[target].folder_2
+                _put(archive, f"binaries/{folder}/{name}{PLATFORMS[target].suffix}", library)
 
     return FmuFile(write_whole(path, write), version, tuple(libraries), variables.names)
 

@@ -42,17 +42,17 @@ def matrices_file(plant: Plant, described: str) -> tuple[bytes, str]:
     """
     blocks = plant.blocks
     n, np_ = len(plant.states), len(plant.tunable)
-    first = np.cumsum([0, *(len(each.place) for each in plant.tunable)])
-    whole = [blocks, first, *(each.place for each in plant.tunable)]
+    first = np.cumsum([0, *(len(item.indices) for item in plant.tunable)])
+    integers = [blocks, first, *(item.indices for item in plant.tunable)]
     real = [
-        np.zeros(n), plant.nominal, np.zeros(len(plant.inputs)), np.array([each.value for each in plant.tunable]),
-        *(each.slope for each in plant.tunable),
+        np.zeros(n), plant.nominal, np.zeros(len(plant.inputs)), np.array([item.value for item in plant.tunable]),
+        *(item.slope for item in plant.tunable),
         *(plant.A[a:b, a:b].ravel() for a, b in pairwise(blocks)),
         plant.B.ravel(), plant.C.ravel(), plant.D.ravel(),
         *(() if plant.E is None or plant.F is None else (plant.E.ravel(), plant.F.ravel())),
     ]  # fmt: skip
-    body = b"".join([*(np.asarray(each, dtype="<i8").tobytes() for each in whole),
-                     *(np.asarray(each, dtype="<f8").tobytes() for each in real)])  # fmt: skip
+    body = b"".join([*(np.asarray(item, dtype="<i8").tobytes() for item in integers),
+                     *(np.asarray(item, dtype="<f8").tobytes() for item in real)])  # fmt: skip
     sizes = struct.pack("<6q", n, len(plant.inputs), len(plant.outputs), np_, len(blocks) - 1,
                         2 * int(first[-1]) + (plant.E is not None))  # fmt: skip
     digest = hashlib.sha256(sizes + body + described.encode()).hexdigest()

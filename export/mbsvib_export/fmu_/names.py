@@ -1,4 +1,4 @@
-"""Names and units as FMI holds them."""
+"""Names and units in FMI."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def unique_names(groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:
         result[group] = []
         for name in names:
             plain = _CONTROL.sub(" ", name).strip() or group
-            found, count = plain, 1
-            while found in taken:
-                found = f"{plain} ({group})" if count == 1 else f"{plain} ({group} {count})"
+            unique, count = plain, 1
+            while unique in taken:
+                unique = f"{plain} ({group})" if count == 1 else f"{plain} ({group} {count})"
                 count += 1
-            taken.add(found)
-            result[group].append(found)
+            taken.add(unique)
+            result[group].append(unique)
     return result
 
 
@@ -80,10 +80,10 @@ def base_unit(unit: str) -> dict[str, int] | None:
     total: dict[str, int] = {}
     for k, part in enumerate(unit.split("/")):
         for factor in part.split():
-            found = _FACTOR.match(factor)
-            if not found or (found[1] != "1" and found[1] not in _UNITS):
+            match = _FACTOR.match(factor)
+            if not match or (match[1] != "1" and match[1] not in _UNITS):
                 return None
-            power = int(found[2] or 1) * (1 if k == 0 else -1)
-            for base, exponent in _UNITS.get(found[1], {}).items():
+            power = int(match[2] or 1) * (1 if k == 0 else -1)
+            for base, exponent in _UNITS.get(match[1], {}).items():
                 total[base] = total.get(base, 0) + power * exponent
     return {base: exponent for base, exponent in total.items() if exponent}

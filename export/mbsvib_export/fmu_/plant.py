@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Tunable:
-    """A parameter on which the matrices depend affinely: derivatives ``slope`` of the entries at ``place``, which
+    """A parameter on which the matrices depend affinely: derivatives ``slope`` of the entries at ``indices``, which
     counts from the start of A through B, C, D, E and F, row by row.
     """
 
     name: str
     unit: str
     value: float
-    place: NDArray[np.int64]
+    indices: NDArray[np.int64]
     slope: Array
 
 

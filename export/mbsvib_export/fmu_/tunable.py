@@ -56,18 +56,18 @@ def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Pl
     if source.massless:
         raise ExportError(f"to_fmu: '{source.name}' has motions that move no mass (see system.explain()), whose rates "
                           f"are affine in no parameter; give them a little mass, or leave tunable out.")  # fmt: skip
-    found, space = affine(source, tunable, "to_fmu"), source.state_space()
+    form, space = affine(source, tunable, "to_fmu"), source.state_space()
     descriptor = _first_order(*(getattr(source, label) for label in MATRICES), unit=1.0)
-    sizes = [each.size for each in descriptor]
+    sizes = [matrix.size for matrix in descriptor]
     starts = np.cumsum([0, *sizes])
     entries = []
-    for i, name in enumerate(found.names):
-        slopes = _first_order(*(found.slopes[label][i] for label in MATRICES), unit=0.0)
-        place = [np.flatnonzero(each) for each in slopes]
+    for i, name in enumerate(form.names):
+        slopes = _first_order(*(form.slopes[label][i] for label in MATRICES), unit=0.0)
+        cells = [np.flatnonzero(matrix) for matrix in slopes]
         entries.append(Tunable(
-            name, found.units[i], float(found.values[i]),
-            np.concatenate([start + each for start, each in zip(starts[:-1], place, strict=True)]).astype(np.int64),
-            np.concatenate([each.ravel()[k] for each, k in zip(slopes, place, strict=True)]),
+            name, form.units[i], float(form.values[i]),
+            np.concatenate([start + matrix for start, matrix in zip(starts[:-1], cells, strict=True)]).astype(np.int64),
+            np.concatenate([matrix.ravel()[k] for matrix, k in zip(slopes, cells, strict=True)]),
         ))  # fmt: skip
     a, b, c, d, e, f = descriptor
     return Plant(
@@ -82,10 +82,10 @@ def _first_order(
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """A, B, C, D, E, F with x = (q, q'); ``unit`` is 1 for the equations and 0 for their derivatives."""
     m = len(mass)
-    one, none = unit * np.eye(m), np.zeros((m, m))
+    identity, none = unit * np.eye(m), np.zeros((m, m))
     return (
-        np.block([[none, one], [-stiffness, -damping]]), np.concatenate((np.zeros_like(b), b)),
-        np.concatenate((cq, cv), axis=1), d, np.block([[one, none], [none, mass]]),
+        np.block([[none, identity], [-stiffness, -damping]]), np.concatenate((np.zeros_like(b), b)),
+        np.concatenate((cq, cv), axis=1), d, np.block([[identity, none], [none, mass]]),
         np.concatenate((np.zeros_like(ca), ca), axis=1),
     )  # fmt: skip
 
@@ -108,11 +108,11 @@ def patterns(plant: Plant) -> dict[str, Mask]:
     assert plant.E is not None
     assert plant.F is not None
     matrices = (plant.A, plant.B, plant.C, plant.D, plant.E, plant.F)
-    flat = np.concatenate([each.ravel() != 0 for each in matrices])
-    for each in plant.tunable:
-        flat[each.place] = True
-    ends = np.cumsum([each.size for each in matrices])[:-1]
-    a, b, c, d, e, f = (part.reshape(each.shape) for part, each in zip(np.split(flat, ends), matrices, strict=True))
+    flat = np.concatenate([item.ravel() != 0 for item in matrices])
+    for item in plant.tunable:
+        flat[item.indices] = True
+    ends = np.cumsum([item.size for item in matrices])[:-1]
+    a, b, c, d, e, f = (part.reshape(item.shape) for part, item in zip(np.split(flat, ends), matrices, strict=True))
     label = connected_components(e, directed=False)[1]
     joined = label[:, None] == label
     a, b = joined @ a, joined @ b

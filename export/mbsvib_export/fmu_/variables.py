@@ -62,8 +62,8 @@ class Variables:
     @property
     def units(self) -> dict[str, dict[str, int]]:
         """The units in use and their base units."""
-        found = {variable.unit: base_unit(variable.unit) for variable in self.listed if variable.unit}
-        return {unit: base for unit, base in found.items() if base is not None}
+        base_units = {variable.unit: base_unit(variable.unit) for variable in self.listed if variable.unit}
+        return {unit: base for unit, base in base_units.items() if base is not None}
 
 
 def variables_of(plant: Plant) -> Variables:
@@ -79,9 +79,9 @@ def variables_of(plant: Plant) -> Variables:
     Variables
         In the order of their value references: inputs, outputs, states, derivatives, parameters.
     """
-    given = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(each.name for each in plant.tunable),
-             "state": plant.states}  # fmt: skip
-    named = unique_names({**given, "derivative": ()})
+    groups = {"input": plant.inputs, "output": plant.outputs, "parameter": tuple(item.name for item in plant.tunable),
+              "state": plant.states}  # fmt: skip
+    named = unique_names({**groups, "derivative": ()})
     taken = {name for names in named.values() for name in names}
     rates = []
     for name in named["state"]:
@@ -109,9 +109,9 @@ def variables_of(plant: Plant) -> Variables:
     add("derivative", rates, [_rate(unit) for unit in plant.state_units],
         [f"time derivative of the state {name}" for name in plant.states], state=range(1 + m + p, 1 + m + p + n))
     tuned = plant.tunable
-    add("parameter", named["parameter"], [each.unit for each in tuned],
-        [f"{each.name}, tunable" for each in tuned], start=[each.value for each in tuned])  # fmt: skip
-    names = {kind: dict(zip(given[kind], named[kind], strict=True)) for kind in given}
+    add("parameter", named["parameter"], [item.unit for item in tuned],
+        [f"{item.name}, tunable" for item in tuned], start=[item.value for item in tuned])  # fmt: skip
+    names = {kind: dict(zip(groups[kind], named[kind], strict=True)) for kind in groups}
     return Variables(tuple(listed), dict(_dependencies(plant)), names, plant.times)
 
 
