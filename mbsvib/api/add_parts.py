@@ -49,7 +49,7 @@ class RigidMechanism(Mechanism):
         Returns
         -------
         Body
-            The part, to be used wherever a body is asked for.
+            The part, which other calls accept in place of its name.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class RigidMechanism(Mechanism):
         """Add a Maxwell (relaxation) element: a spring in series with a damper along the line between two points.
 
         Its dynamic stiffness is k0 + k1 c s / (k1 + c s). The node between spring and damper has no mass, real or fake:
-        what the damper yields is the coordinate ``"NAME.z"``, which has one first-order state.
+        the elongation of the damper is the coordinate ``"NAME.z"``, which has one first-order state.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class RigidMechanism(Mechanism):
         damping : float
             Of the damper, c [N s/m].
         static_stiffness : float
-            Of a spring beside both, k0 [N/m].
+            Of a spring in parallel with both, k0 [N/m].
         preload : float, optional
             Tension of that spring in the given pose [N]; the one in series carries nothing at rest.
 

@@ -104,7 +104,7 @@ class PortedMechanism(Mechanism):
     ) -> BaseMotion:
         """Add an acceleration of the ground as an input.
 
-        The coordinates are then relative to the moving ground, and every body feels the inertia force of
+        The coordinates are then relative to the moving ground, and on every body acts the inertia force of
         -1 times the acceleration.
 
         Parameters

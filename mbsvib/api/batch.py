@@ -58,7 +58,7 @@ class Batch(BatchEquations):
         Parameters
         ----------
         rtol : float, optional
-            Relative accuracy asked of every eigenvalue, 1e-10 if none is. Variants whose error estimate stays larger
+            Required relative accuracy of every eigenvalue, default 1e-10. Variants whose error estimate stays larger
             are warned of by index (AccuracyWarning).
 
         Returns

@@ -97,7 +97,7 @@ def linearize(
         if method is not None:
             from mbsvib.sparse.choice import wants_sparse
 
-            wants_sparse(model, method, independent, cut, values)  # refuses what is not dense
+            wants_sparse(model, method, independent, cut, values)  # refuses the sparse method
         batch = linearize_batch(model, values, independent, cut, System, Batch)
         warn(model.name, batch.nominal.provenance.undetermined)
         return batch

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class Model(RigidMechanism, FlexibleMechanism, CoupledMechanism, LoadedMechanism, PortedMechanism, Posed):
     """A mechanism: bodies, joints, spring-dampers, and the named inputs and outputs one is interested in.
 
-    SI units and radians; positions and axes in world coordinates. Where a body is asked for, its name or the
+    SI units and radians; positions and axes in world coordinates. To refer to a body, its name or the
     object that ``add_body`` returned will do; ``"ground"`` exists from the start. The pose given is the one about
     which the mechanism vibrates; where gravity, loads or preloads act, it must be in balance.
 

@@ -20,7 +20,7 @@ class Modes(result.Modes):
     ``eigenvalues`` (2n,) [1/s] of n modes come in pairs, two for each mode: conjugate where the mode oscillates, real
     where it creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2n,) estimates the relative error of each.
     ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
-    classical (``classical`` says why, and is empty elsewhere). ``rigid`` counts the rigid-body modes; ``first_order``
+    classical (``classical`` is the reason, else empty). ``rigid`` counts the rigid-body modes; ``first_order``
     (n,) marks massless motions that dampers hold, which have one eigenvalue in place of two, and is None where there is
     none. ``rung`` names the solver of undamped modes that was accurate enough.
     """
@@ -54,7 +54,7 @@ class Modes(result.Modes):
         Raises
         ------
         ResponseError
-            If there is no such mode or view, or nothing is known of what the mechanism looks like.
+            If there is no such mode or view, or the geometry of the mechanism is unknown.
         ExportError
             If the file cannot be written.
         """
@@ -70,6 +70,6 @@ class SomeModes(Modes, sparse.SomeModes):
     """Some modes of a large system: ``Modes`` with the system ``reduced`` that they make.
 
     ``shapes`` are in the coordinates of ``reduced`` (mode1, mode2, ...), ``body_shapes`` those of the bodies.
-    ``missed`` is the number of modes that the count of eigenvalues says are below the highest one and not among these
+    ``missed`` is the number of modes below the highest one that are not among these, by a count of eigenvalues
     (0; None where they cannot be counted: rows were exchanged, or the equations have no symmetry).
     """

@@ -137,7 +137,7 @@ class Sensitive(Equations):
         -------
         ModeSensitivities
             ``frequencies``, ``damped_frequencies``, ``damping_ratios``, ``eigenvalues`` and ``shapes``, one row a
-            variable; shapes are differentiated when they are asked for.
+            variable; shapes are differentiated on first access.
 
         Raises
         ------

@@ -24,7 +24,7 @@ def settled(
     model : Model
         A model that has been in balance before its values changed.
     independent, cut : sequence of str, optional
-        Minimal coordinates and cut joints that are asked for.
+        Requested minimal coordinates and cut joints.
 
     Returns
     -------

@@ -52,7 +52,7 @@ class SparseSystem(SparseEquations):
         near : float
             The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest, rigid-body modes first.
         rtol : float, optional
-            Relative accuracy asked of every eigenvalue. They come as accurate as they can; those whose error estimate
+            Required relative accuracy of every eigenvalue. They are as accurate as possible; those whose error estimate
             is larger are warned of by number (AccuracyWarning).
 
         Returns
@@ -209,7 +209,7 @@ class SparseSystem(SparseEquations):
         Raises
         ------
         ResponseError
-            If the modes are not the lowest, or lack free motions, and a correction is asked for.
+            If the modes are not the lowest, or free motions are missing, and a correction is requested.
         """
         small = cast("System", self.modes(count, near=near).reduced)
         if not correction:

@@ -1,4 +1,4 @@
-"""The system: the equations of a mechanism, and every question that can be asked of them."""
+"""The system: the equations of a mechanism, with methods for all results."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class System(Sensitive, Equations):
         near : float
             The frequency [Hz] whose ``count`` nearest modes are wanted; default: the lowest.
         rtol : float, optional
-            Relative accuracy asked of every eigenvalue, 1e-12 if none is; more accurate and slower methods are taken
+            Required relative accuracy of every eigenvalue, default 1e-12; more accurate and slower methods are taken
             as far as needed. Modes whose error estimate stays larger are warned of by number (AccuracyWarning).
 
         Returns

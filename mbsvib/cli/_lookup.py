@@ -99,7 +99,7 @@ def ports(system: System, inputs: list[str] | None, outputs: list[str] | None) -
     system : System
         The equations of motion.
     inputs, outputs : list of str or None
-        Names asked for.
+        Requested names.
 
     Returns
     -------

@@ -49,7 +49,7 @@ def csv_text(modes: Modes) -> str:
 
 
 def json_text(modes: Modes) -> str:
-    """Return the records of modes as JSON; what is infinite (the damping ratio of a braked body) becomes null."""
+    """Return the records of modes as JSON; infinite values (the damping ratio of a damped rigid body) become null."""
     import json
 
     rows = [

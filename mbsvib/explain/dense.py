@@ -120,7 +120,7 @@ def _coordinates(system: Equations) -> list[str]:
 
 
 def dropped(gone: Dropped) -> list[str]:
-    """Return what is not controllable from, or not observable at, the given ports, one sentence each."""
+    """Return the uncontrollable and unobservable parts for the given ports, one sentence each."""
     result = []
     if gone.unreached:
         result.append(f"dropped, not controllable from {listed(gone.inputs)}: {listed(gone.unreached)}")

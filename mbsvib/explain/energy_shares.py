@@ -31,10 +31,10 @@ ELASTIC, PRELOAD, LOAD, REACTION = "elastic", "preload", "load", "reaction"
 class StiffnessShares:
     """Shares of the strain energy phi^H K phi of modes: signed, and 1 in sum for each mode.
 
-    ``elements`` names what has a share and ``kinds`` tells as what: "elastic" (a spring's or bushing's stiffness),
-    "preload" (what its force adds to that), "load" (a force on a body), "reaction" (the force in a joint). ``shares``
-    (elements, modes); ``frequencies`` (modes,) [Hz]. Modes without strain energy, the rigid-body modes, have zeros.
-    Gravity acts at the centres of mass, where a force has no stiffness: it shows in the joints that carry it.
+    ``elements`` are the names of elements with a share and ``kinds`` their kinds: "elastic" (a spring's or bushing's
+    stiffness), "preload" (what its force adds to that), "load" (a force on a body), "reaction" (the force in a joint).
+    ``shares`` (elements, modes); ``frequencies`` (modes,) [Hz]. Modes without strain energy, the rigid-body modes, have
+    zeros. Gravity acts at the centres of mass, where a force has no stiffness: it shows in the joints that carry it.
     """
 
     name: str

@@ -87,12 +87,12 @@ def _tableau(system: SparseEquations) -> list[str]:
 
 
 def _forces(system: SparseEquations) -> list[str]:
-    asked = [output for output in system.model.outputs.values()
-             if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
-    if not asked:
+    wanted = [output for output in system.model.outputs.values()
+              if isinstance(output, ForceOutput) and output.element not in system.model.springs]  # fmt: skip
+    if not wanted:
         return []
-    what = counted(len(asked), "output")
-    lines = [f"  {what} by virtual work, rows as long as what they sum: {listed([output.name for output in asked])}"]
+    what = counted(len(wanted), "output")
+    lines = [f"  {what} by virtual work, rows as long as what they sum: {listed([output.name for output in wanted])}"]
     return [*lines, *(text for forces in system.undetermined for text in forces.explained())]
 
 

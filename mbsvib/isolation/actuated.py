@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 class Active(Plant):
     """A mechanism whose ``legs`` have actuators, ready for control: its figures, and its loops closed.
 
-    ``system`` has, beside the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends of the
-    leg apart, and the outputs ``LEG.tension`` [N], ``LEG.stroke`` [m], ``LEG.rate`` [m/s] and ``LEG.acceleration``
-    [m/s^2].
+    ``system`` has, in addition to the ports of an isolation study, the inputs ``LEG.actuator`` [N], which push the ends
+    of the leg apart, and the outputs ``LEG.tension`` [N], ``LEG.stroke`` [m], ``LEG.rate`` [m/s] and
+    ``LEG.acceleration`` [m/s^2].
     """
 
     def with_gains(self, *controllers: Controller) -> ClosedLoop:
@@ -74,7 +74,7 @@ def actuated(
     model: Model, body: str, legs: Sequence[str] | None = None, base: str = GROUND, *, point: ArrayLike | None = None,
     length: float | None = None, directions: Sequence[str] | None = None,
 ) -> Active:  # fmt: skip
-    """Return a mechanism with an actuator beside the spring of each leg, and sensors.
+    """Return a mechanism with an actuator in parallel with the spring of each leg, and sensors.
 
     Parameters
     ----------

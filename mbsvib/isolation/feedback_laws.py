@@ -58,7 +58,7 @@ def velocity_feedback(plant: Plant, gain: ArrayLike) -> Controller:
     plant : Plant
         The mechanism.
     gain : float or array-like, shape (legs,)
-        g [N s/m], what a damper beside the spring would have.
+        g [N s/m], as the coefficient of a damper in parallel with the spring.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def skyhook(plant: Plant, gain: ArrayLike, coordinates: str = "legs", leak: floa
     ResponseError
         If the gains or coordinates are refused.
     ModelError
-        If modal coordinates are asked for where no spring holds the body.
+        If modal coordinates are requested for a body without static stiffness.
     """
     if coordinates not in COORDINATES:
         raise ResponseError(f"skyhook: coordinates = {coordinates!r}; expected 'legs' or 'modal'.")

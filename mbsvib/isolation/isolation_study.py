@@ -101,7 +101,7 @@ def study(
 ) -> Isolation:  # fmt: skip
     """Return how well a body is isolated from the motion of its base.
 
-    Base motions, wrenches and outputs are added on a copy; what the model has of these plays no part.
+    Base motions, wrenches and outputs are added to a copy; those of the model are not used.
 
     Parameters
     ----------

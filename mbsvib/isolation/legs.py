@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mbsvib.isolation.chains import Chain, Leg
 
 
-def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None) -> tuple[Leg, ...]:
+def legs_between(model: Model, body: str, base: str, patterns: Sequence[str] | None) -> tuple[Leg, ...]:
     """Return the legs between two bodies.
 
     Parameters
@@ -26,7 +26,7 @@ def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None
         The mechanism.
     body, base : str
         The supported body, and the one on which the legs stand.
-    asked : sequence of str, optional
+    patterns : sequence of str, optional
         Names or patterns of parts, one or more of each leg. Default: every chain between both.
 
     Returns
@@ -40,10 +40,10 @@ def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None
         If there are none, or a selected part is no chain from base to body with ends that can be moved.
     """
     chains = chains_between(model, body, base)
-    if asked is None:
+    if patterns is None:
         selected = [chain for chain in chains if chain.complete]
     else:
-        selected = _picked(model, chains, [asked] if isinstance(asked, str) else asked)
+        selected = _picked(model, chains, [patterns] if isinstance(patterns, str) else patterns)
     if not selected:
         raise ModelError(f"platform: no leg leads from '{base}' to '{body}': expected line springs or chains of rigid "
                          f"bodies and joints between both.", element=body, field="body")  # fmt: skip
@@ -58,9 +58,9 @@ def legs_between(model: Model, body: str, base: str, asked: Sequence[str] | None
     return tuple(result)
 
 
-def _picked(model: Model, chains: list[Chain], asked: Iterable[str]) -> list[Chain]:
+def _picked(model: Model, chains: list[Chain], patterns: Iterable[str]) -> list[Chain]:
     picked: list[Chain] = []
-    for pattern in asked:
+    for pattern in patterns:
         these = [chain for chain in chains if any(fnmatchcase(name, pattern) for name in chain.parts)]
         if not these:
             known = [name for chain in chains for name in chain.parts]

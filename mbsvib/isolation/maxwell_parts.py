@@ -41,11 +41,11 @@ def unfolded(model: Model) -> Model:
     springs: Mapping[str, Bushing | Spring | Maxwell] = model.springs
     result = model.with_parts(springs={name: part for name, part in springs.items() if not isinstance(part, Maxwell)})
     for part in [part for part in springs.values() if isinstance(part, Maxwell)]:
-        asked = [port.name for port in (*model.inputs.values(), *model.outputs.values())
+        ports = [port.name for port in (*model.inputs.values(), *model.outputs.values())
                  if part.name in port.words().values()]  # fmt: skip
-        if asked:
-            raise ModelError(f"unfolded: '{asked[0]}' names the Maxwell element '{part.name}', which becomes several "
-                             f"parts; leave this port out.", element=asked[0])  # fmt: skip
+        if ports:
+            raise ModelError(f"unfolded: '{ports[0]}' names the Maxwell element '{part.name}', which becomes several "
+                             f"parts; leave this port out.", element=ports[0])  # fmt: skip
         start, end = np.array(part.start), np.array(part.end)
         middle = 0.5 * (start + end)
         node = f"{part.name}.node"

@@ -327,7 +327,7 @@ def passive(
     model: Model, body: str, base: str = GROUND, *, point: ArrayLike | None = None, length: float | None = None,
     directions: Sequence[str] | None = None, joints: Sequence[str] = (),
 ) -> Passive:  # fmt: skip
-    """Return what a passive design of an isolation is made of: quantities, and the search for the best values.
+    """Return the passive design of an isolation: quantities, and the optimization of parameters.
 
     Derivatives to parameters of Maxwell elements are those of the parts that ``unfolded`` makes of them.
 
@@ -369,9 +369,9 @@ def passive(
     return Passive(model, made, watched)
 
 
-def _joints(model: Model, asked: Sequence[str]) -> tuple[str, ...]:
+def _joints(model: Model, patterns: Sequence[str]) -> tuple[str, ...]:
     joint_names: list[str] = []
-    for pattern in [asked] if isinstance(asked, str) else asked:
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
         these = [name for name in model.joints if fnmatchcase(name, pattern)]
         if not these:
             raise ModelError(f"passive: joints: no joint is named '{pattern}'.{nearest(str(pattern), model.joints)} "

@@ -61,7 +61,7 @@ class Track:
 
     @property
     def curves(self) -> Complex:
-        """Poles at all gains that were looked at, in ascending order, (more, poles)."""
+        """Poles at all computed gains, in ascending order, (more, poles)."""
         return np.array([self._known[gain] for gain in self._order])
 
     def refine(self) -> None:

@@ -83,7 +83,7 @@ class RootLocus:
         return self._optima[index]
 
     def summary(self, scale: float = 1.0) -> tuple[str, str]:
-        """Return what the best gain does to all that vibrates, in two lines.
+        """Return the effect of the best gain on all oscillating poles, in two lines.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class RootLocus:
         Returns
         -------
         tuple of str
-            The least damping with open loops and at the best gain; this gain, and what it hardly moves.
+            The smallest damping with open loops and at the best gain; this gain, and the modes that hardly move.
         """
         gain, ratio = self.best()
         stays, unmoved = self.modes[~self.moved], ""

@@ -173,14 +173,14 @@ def _welded(model: Model, base: str) -> Model:
 
 def _moved(model: Model, directions: Sequence[str] | None) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if directions is not None:
-        asked = tuple(names(directions, "isolation", "directions", ModelError))
-        for direction in asked:
+        selected = tuple(names(directions, "isolation", "directions", ModelError))
+        for direction in selected:
             if direction not in DIRECTIONS:
                 raise check.refuse("isolation", "directions", direction, "some of x y z rx ry rz",
                                    nearest(str(direction), DIRECTIONS).strip())  # fmt: skip
-        if not asked:
+        if not selected:
             raise check.refuse("isolation", "directions", directions, "some of x y z rx ry rz")
-        return tuple([d for d in DIRECTIONS if d in asked]), ()
+        return tuple([d for d in DIRECTIONS if d in selected]), ()
     fixed = next(fixed_in_world(model), None)
     if fixed is None:
         return DIRECTIONS, ()

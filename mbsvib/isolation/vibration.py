@@ -57,7 +57,7 @@ class Vibration:
         Returns
         -------
         array, shape (6, n)
-            Root mean squares of what is below each frequency [m/s^2, rad/s^2].
+            Root mean squares of the part below each frequency [m/s^2, rad/s^2].
 
         Raises
         ------
@@ -125,7 +125,7 @@ class Vibration:
 
     @property
     def judged(self) -> tuple[float, float]:
-        """First and last frequency [Hz] of what is held against the criteria."""
+        """First and last frequency [Hz] of the comparison with the criteria."""
         band = (octaves.LOWEST, octaves.HIGHEST) if self.band is None else self.band
         return max(octaves.LOWEST, band[0]), min(octaves.HIGHEST, band[1])
 

@@ -89,9 +89,9 @@ def _by_laws(
     point: DesignPoint, w: Array, outputs: Sequence[str], inputs: Sequence[str], laws: Mapping[str, Law]
 ) -> tuple[Complex, Complex]:
     """Responses and derivatives, with some of the outputs computed by their laws."""
-    asked = [laws[name][0] if name in laws else name for name in outputs]
-    unique = list(dict.fromkeys(asked))
-    rows = [unique.index(name) for name in asked]
+    computed = [laws[name][0] if name in laws else name for name in outputs]
+    unique = list(dict.fromkeys(computed))
+    rows = [unique.index(name) for name in computed]
     value, slope = (part.take(rows, axis=part.ndim - 3) for part in _with_slopes(point, w, unique, inputs))
     known = point.system.parameters
     rates = _rates(point, [name for output in outputs if output in laws for name in laws[output][1:]])
@@ -126,7 +126,7 @@ def _derivatives(system: System, rates: Mapping[str, Mapping[str, float]]) -> Ma
 
 
 class MeanSquares:
-    """Mean squares of outputs, each by itself, under noise that may be correlated; quantities share what is computed.
+    """Mean squares of single outputs under noise that may be correlated; quantities share computed results.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def slider_crank(
 
 
 def _add_bar(model: Model, name: str, start: Vector, end: Vector, per_length: float) -> None:
-    """Add a slender bar; about its own line it has a hundredth of its moment, which nothing feels."""
+    """Add a slender bar; its moment of inertia about its own line is a hundredth of the others, and has no effect."""
     length = hypot(end[0] - start[0], end[2] - start[2])
     moment = per_length * length**3 / 12.0
     model.add_body(name, per_length * length, (0.01 * moment, moment, moment),

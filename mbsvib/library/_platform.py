@@ -47,7 +47,7 @@ def circle(radius: Any, height: Any, angles: Any, who: str, what: str) -> list[V
 
 
 def port_groups(ports: Any, who: str) -> tuple[str, ...]:
-    """Return the groups of ports that are asked for."""
+    """Return the requested groups of ports."""
     if ports == "all":
         return GROUPS
     if ports == "none":

@@ -32,7 +32,7 @@ def load_mjcf(
     control: Mapping[str, float] | None = None, stiffness: Any = None, damping: Any = None,
     sites: Iterable[str] = ("*",), gravity: ArrayLike | None = None, leave: Iterable[str] = (), name: str | None = None,
 ) -> Model:  # fmt: skip
-    """Read a model from a MuJoCo file (MJCF), in a pose; MuJoCo itself resolves what the file says.
+    """Read a model from a MuJoCo file (MJCF), in a pose; MuJoCo itself compiles the file.
 
     Bodies without joints are one with their parents, those of the world are the ground. Several joints of a body have
     bodies without mass between them. Springs and dampers of joints are bushings ``JOINT.k``; armature and fixed tendons
@@ -59,11 +59,11 @@ def load_mjcf(
         rz, z along the axis, where bearings give way too. Such springs are without load in the pose. Default: what the
         file says.
     damping : float, array-like of shape (6,), or mapping of str to these, optional
-        Likewise [N m s/rad, N s/m]; default: what the file says.
+        Likewise [N m s/rad, N s/m]; default: as in the file.
     sites : iterable of str
         Names or patterns of the sites that become ports; default: all that move and have a name.
     gravity : array-like, shape (3,), optional
-        As for a model, (0, 0, 0) for none; default: what the file says. The pose has to be in balance with it: see
+        As for a model, (0, 0, 0) for none; default: as in the file. The pose has to be in balance with it: see
         ``Model.equilibrium``.
     leave : iterable of str
         Names or patterns of actuators, tendons and equality constraints to be left out.

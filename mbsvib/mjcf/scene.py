@@ -46,7 +46,7 @@ class Scene:
     """The file, the model so far, and its names of the file's elements.
 
     ``bodies`` gives the body of the model by the number of MuJoCo's, ``links`` the joint. ``joint_forces`` sums up what
-    springs and actuators do along MuJoCo's coordinates, to be compared with its own. ``remarks`` tell what was left.
+    springs and actuators do along MuJoCo's coordinates, to be compared with its own. ``remarks`` list omissions.
     """
 
     file: Compiled

@@ -189,7 +189,7 @@ def refined(
     inertia, damping, elastic = _times(forms.mass, y), _times(forms.damping, y), _times(forms.stiffness, y)
     a, b, c = (np.einsum("vij,vij->vj", y, part) for part in (inertia, damping, elastic))
     improved = values
-    for _ in range(2):  # the second step squares what the first leaves
+    for _ in range(2):  # the second step squares the error of the first
         slope = 2.0 * improved * a + b
         step = np.divide(improved * (improved * a + b) + c, slope, out=np.zeros_like(slope), where=slope != 0.0)
         small = np.abs(step) <= CORRECTION * np.abs(improved)

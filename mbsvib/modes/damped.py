@@ -249,7 +249,7 @@ def _rayleigh(
     inertia, damping, elastic = moved = forms.of(y)
     a, b, c = np.einsum("ij,kij->kj", y, moved)
     improved = values
-    for _ in range(2):  # the second step squares what the first leaves
+    for _ in range(2):  # the second step squares the error of the first
         slope, none = 2.0 * improved * a + b, np.zeros(len(a), dtype=complex)
         step = np.divide(improved * (improved * a + b) + c, slope, out=none, where=slope != 0.0)
         amount, speed = np.abs(step), np.abs(improved)
@@ -260,7 +260,7 @@ def _rayleigh(
     if turning and improved.imag[:turning].min() <= 0.0:  # conjugates that are about to meet
         small[:turning] &= improved.imag[:turning] > 0.0
         improved = np.where(small, improved, values)
-    # what is left is of second order: the residual r through the resolvent, the sum of y y^T / (slope (l - l_k))
+    # the remaining error is of second order: residual r times the resolvent, the sum of y y^T / (slope (l - l_k))
     residual = improved * (improved * inertia + damping) + elastic
     every, exact_slope = _both(y, turning), 2.0 * improved * a + b
     share = every.T.dot(residual)

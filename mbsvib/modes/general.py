@@ -239,7 +239,7 @@ def _inverse(state: EnergyState) -> Array | None:
 def _separated(a: Array, values: Complex, left: Complex, right: Complex) -> _Eigensolution:
     """Replace nearly dependent vectors of eigenvalues that agree to rounding by independent ones, if they exist.
 
-    Conjugate pairs that are repeated real eigenvalues but for rounding become real, with the parts of their vectors.
+    Conjugate pairs that are repeated real eigenvalues up to rounding become real, with the parts of their vectors.
     """
     size = TOGETHER * EPS * (float(np.abs(a).sum(axis=1).max(initial=0.0)) or 1.0)
     torn = (values.imag > 0.0) & (values.imag <= np.minimum(size, NEARLY_REAL * np.abs(values)))

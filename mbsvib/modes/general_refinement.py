@@ -161,8 +161,8 @@ def _quotients(f: _Factors, eigen: Spectrum) -> Spectrum:
 def _sized(f: _Factors, values: Complex, vectors: Complex) -> Complex:
     """Vectors of unit energy."""
     speed, squared_motion = np.abs(values), np.abs(f.d @ vectors) ** 2
-    size = np.linalg.norm(f.w @ vectors, axis=0) ** 2 * speed**2
-    size += np.abs(f.k) @ squared_motion + speed * (np.abs(f.c) @ squared_motion)
+    size = np.linalg.norm(f.w @ vectors, axis=0) ** 2 * speed**2 + np.abs(f.k) @ squared_motion
+    size += speed * (np.abs(f.c) @ squared_motion)
     if f.g is not None:  # a massless motion that only spin resists
         size += speed * np.einsum("ij,ij->j", np.abs(vectors), np.abs(f.g @ vectors))
     return np.asarray(vectors / np.sqrt(size))

@@ -46,7 +46,7 @@ class Modes:
     ``eigenvalues`` (2n,) [1/s] of n modes come in pairs, two for each mode: conjugate where the mode oscillates, real
     where it creeps or diverges, exactly 0 for rigid-body modes. ``errors`` (2n,) estimates the relative error of each.
     ``shapes`` (m, n) are the displacements of the minimal coordinates, one column a mode, real where damping is
-    classical (``classical`` says why, and is empty elsewhere); shapes^T M shapes = 1 for these, and a unit vector in
+    classical (``classical`` is the reason, else empty); shapes^T M shapes = 1 for these, and a unit vector in
     the undamped modes for the others (phi^H M phi = 1 where C or K has no symmetry). ``rigid`` counts the rigid-body
     modes.
 
@@ -173,7 +173,7 @@ class Modes:
         Parameters
         ----------
         rtol : float
-            Relative accuracy asked for.
+            Required relative accuracy.
 
         Raises
         ------

@@ -31,7 +31,7 @@ def listed(systems: Systems, labels: Sequence[str] | None) -> list[tuple[str, Sy
 
 
 def pick(system: System, what: str, names: Names) -> list[str]:
-    """Return the asked names of inputs or outputs; None asks for all.
+    """Return the selected names of inputs or outputs; None selects all.
 
     Raises
     ------
@@ -42,16 +42,16 @@ def pick(system: System, what: str, names: Names) -> list[str]:
     if not known:
         raise ResponseError(f"system '{system.name}' has no {what}s, so there is no response to draw; "
                             f"add some to the model by add_{what}().")  # fmt: skip
-    asked = list(known) if names is None else listed_names(names, "plots", f"{what}s")
-    for name in asked:
+    selected = list(known) if names is None else listed_names(names, "plots", f"{what}s")
+    for name in selected:
         if name not in known:
             raise ResponseError(
                 f"{what} {name!r}: system '{system.name}' has no such {what}.{nearest(str(name), known)} "
                 f"It has {', '.join(known)}."
             )
-    if not asked:
+    if not selected:
         raise ResponseError(f"the list of {what}s is empty; name at least one of {', '.join(known)}.")
-    return asked
+    return selected
 
 
 def pairs(system: System, inputs: Names, outputs: Names) -> list[list[tuple[str, str]]]:

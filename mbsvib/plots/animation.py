@@ -99,7 +99,7 @@ class Animation:
         for phase in self._phases():
             picture.set_points(self.points(phase))
             canvas.draw()
-            figure.set_layout_engine("none")  # what the first frame needs fits all
+            figure.set_layout_engine("none")  # all frames have the layout of the first
             yield Image.fromarray(np.asarray(canvas.buffer_rgba()).copy()).convert("RGB")
 
     def _phases(self) -> list[float]:
@@ -212,7 +212,7 @@ def animation(
     Raises
     ------
     ResponseError
-        If there is no such mode or view, or nothing is known of what the mechanism looks like.
+        If there is no such mode or view, or the geometry of the mechanism is unknown.
     """
     if provenance is None:
         raise ResponseError(f"modes of '{modes.name}': nothing is known of what it looks like, as it is sparse or a "

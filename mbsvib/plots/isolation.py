@@ -23,7 +23,7 @@ class Bodies(Protocol):
 
     @property
     def base(self) -> str:
-        """Name of what is shaken."""
+        """Name of the base."""
 
 
 class Isolation(Protocol):

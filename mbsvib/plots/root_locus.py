@@ -42,7 +42,7 @@ class RootLocus(Protocol):
         """Where poles go as the gain grows [1/s]."""
 
     def summary(self, scale: float = 1.0) -> tuple[str, str]:
-        """Return what the best gain does, in two lines; gains are multiplied by the scale."""
+        """Return the effect of the best gain, in two lines; gains are multiplied by the scale."""
 
 
 def root_locus(locus: RootLocus, scale: float = 1.0) -> Figure:

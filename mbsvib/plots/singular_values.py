@@ -86,12 +86,12 @@ def _alike(system: System, what: str, names: Names) -> tuple[list[str], str]:
     """Names that have one unit, and this unit."""
     known = dict(zip(*((system.inputs, system.input_units) if what == "input" else
                        (system.outputs, system.output_units)), strict=True))  # fmt: skip
-    asked = choice.pick(system, what, names)
-    unit = known[asked[0]]
+    selected = choice.pick(system, what, names)
+    unit = known[selected[0]]
     if names is None:
-        return [name for name in asked if known[name] == unit], unit
-    odd = next((name for name in asked if known[name] != unit), None)
+        return [name for name in selected if known[name] == unit], unit
+    odd = next((name for name in selected if known[name] != unit), None)
     if odd is not None:
-        raise ResponseError(f"singular values: {what} {asked[0]!r} is in {unit}, {odd!r} in {known[odd]}; singular "
+        raise ResponseError(f"singular values: {what} {selected[0]!r} is in {unit}, {odd!r} in {known[odd]}; singular "
                             f"values of mixed units mean nothing. Name {what}s of one unit.")  # fmt: skip
-    return asked, unit
+    return selected, unit

@@ -122,7 +122,7 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
     if not (system.inputs and system.outputs and system.dof):
         return None
     sources, results = pick(system, "input", inputs), pick(system, "output", outputs)
-    asked = len(sources), len(results)
+    totals = len(sources), len(results)
     poles = system.poles()
     grid = placed(poles, poles, *span(poles, None, None))
     sources, results = _fitting(sources, results, len(grid))
@@ -135,7 +135,7 @@ def _responses(system: System, inputs: Names, outputs: Names) -> dict[str, Any] 
     return {
         "inputs": [[name, units.pretty(_unit(system.inputs, system.input_units, name))] for name in sources],
         "outputs": [[name, units.pretty(_unit(system.outputs, system.output_units, name))] for name in results],
-        "left": [asked[0] - len(sources), asked[1] - len(results)],
+        "left": [totals[0] - len(sources), totals[1] - len(results)],
         "frequencies": grid.tolist(),
         "units": [units.pretty(units.ratio(curve.output_unit, curve.source_unit)) for curve in drawn_curves],
         "negligible": [curve.negligible for curve in drawn_curves],

@@ -120,12 +120,12 @@ def numbers(system: Equations, what: str, names: str | Sequence[str] | None) -> 
         If a name is unknown.
     """
     known = system.inputs if what == "input" else system.outputs
-    asked = list(known) if names is None else listed(names, system.name, what)
-    for name in asked:
+    selected = list(known) if names is None else listed(names, system.name, what)
+    for name in selected:
         if name not in known:
             raise ResponseError(f"{what} {name!r}: system '{system.name}' has no such {what}."
                                 f"{nearest(str(name), known)} It has {', '.join(known) or 'none'}.")  # fmt: skip
-    return [known.index(name) for name in asked]
+    return [known.index(name) for name in selected]
 
 
 def _realized(

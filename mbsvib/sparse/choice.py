@@ -81,7 +81,7 @@ def linearized(
     model : Mechanism
         The mechanism.
     independent, cut : sequence of str, optional
-        Minimal coordinates and cut joints that are asked for.
+        Requested minimal coordinates and cut joints.
     method : str, optional
         "dense" or "sparse"; default: by size.
     dense, sparse : type

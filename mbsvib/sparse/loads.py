@@ -51,7 +51,7 @@ class Geometric:
     """Signed ``rows`` (n, unknowns) of geometric stiffness with their values ``stiffness`` (n,); ``owner`` (n,) are
     numbers of ``names``. ``joints`` (6, joints) are the wrenches in the joints, on their second bodies; ``pairs`` are
     all forces, those of ``applied`` and then those in joints, ``carrier`` (pairs,) the bodies that their points move
-    with, and ``feels`` the rows of their second-order terms.
+    with, and ``second_order`` the rows of their second-order terms.
     """
 
     rows: csr_matrix
@@ -61,7 +61,7 @@ class Geometric:
     joints: Array
     pairs: Pairs
     carrier: Index
-    feels: Felt
+    second_order: Felt
     applied: Applied
     circulatory: csr_matrix | None = None
 
@@ -148,8 +148,8 @@ def geometric(
     every = Pairs.join(acting.pairs, Pairs(first, second, start, point, joint_wrenches[:3], joint_wrenches[3:]))
     names = (*acting.names, *(joint.name for joint in joints), *topology.bodies)
     coupled = {name.rpartition(".")[0] for coupler in model.couplers.values() for name, _ in coupler.terms}
-    feels = felt(acting, joints, number, coupled)
-    parts = [geometric_terms(every, acting, feels, position).contribution(every.force, every.torque)]
+    second_order = felt(acting, joints, number, coupled)
+    parts = [geometric_terms(every, acting, second_order, position).contribution(every.force, every.torque)]
     unsymmetric = load_stiffness(acting, position)
     if unsymmetric is not None:
         parts.append(unsymmetric)
@@ -159,7 +159,7 @@ def geometric(
     moved_with = [carrier_of(joint, number) for joint in joints]
     carrier = np.concatenate((acting.pairs.second, np.array(moved_with, dtype=np.intp)))
     circulatory = antisymmetric(part.circulatory, moved)
-    return Geometric(rows, stiffness, owner, names, joint_wrenches, every, carrier, feels, acting, circulatory)
+    return Geometric(rows, stiffness, owner, names, joint_wrenches, every, carrier, second_order, acting, circulatory)
 
 
 def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:

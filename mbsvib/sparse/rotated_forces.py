@@ -61,11 +61,11 @@ class RotatedForces:
         array
             The row over the unknowns.
         """
-        applied, pairs, feels = self.geometric.applied, self.geometric.pairs, self.geometric.feels
+        applied, pairs, second_order = self.geometric.applied, self.geometric.pairs, self.geometric.second_order
         count, arm_a, arm_b = len(pairs.first), *self._arms
         f, t, along = pairs.force, pairs.torque, pairs.end - pairs.start
         turn_a, turn_b, gap = self._virtual(motion, along)
-        lines = feels.line_owner[::2]
+        lines = second_order.line_owner[::2]
         solid = np.ones(count)
         solid[: applied.loads] = solid[lines] = 0.0
         apart = turn_b - turn_a
@@ -75,8 +75,8 @@ class RotatedForces:
         self._two(half, twisting)
         lever = cross(f, turn_a)
         on_gap = -solid * lever
-        direction = feels.line[:, ::2]
-        pull = (f[:, lines] * direction).sum(axis=0) / feels.length[::2]
+        direction = second_order.line[:, ::2]
+        pull = (f[:, lines] * direction).sum(axis=0) / second_order.length[::2]
         on_gap[:, lines] += pull * (gap[:, lines] - direction * (direction * gap[:, lines]).sum(axis=0))
         on_a = solid * (cross(f, gap) + cross(t, apart) - half) - cross(arm_a, lever)
         on_a[:, lines] += cross(along[:, lines], on_gap[:, lines])
@@ -105,12 +105,12 @@ class RotatedForces:
 
     def _two(self, half: Array, twisting: Array) -> None:
         """Joints with two successive rotations: the moment that holds the angle between them turns with both."""
-        feels, torque = self.geometric.feels, self.geometric.pairs.torque
-        if not feels.two.size:
+        second_order, torque = self.geometric.second_order, self.geometric.pairs.torque
+        if not second_order.two.size:
             return
-        who, first, second = feels.two
-        first_axis, second_axis = feels.rows.moment[:, first], feels.rows.moment[:, second]
-        size, turn = 0.5 * (torque[:, who] * feels.cross).sum(axis=0), twisting[:, who]
+        who, first, second = second_order.two
+        first_axis, second_axis = second_order.rows.moment[:, first], second_order.rows.moment[:, second]
+        size, turn = 0.5 * (torque[:, who] * second_order.cross).sum(axis=0), twisting[:, who]
         half[:, who] -= size * ((first_axis * turn).sum(axis=0) * second_axis
                                 + (second_axis * turn).sum(axis=0) * first_axis)  # fmt: skip
 

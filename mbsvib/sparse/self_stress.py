@@ -181,7 +181,7 @@ def _of_large(region: Region, matrix: csr_matrix) -> Split:
 
 
 def regions(
-    topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], asked: Iterable[int]
+    topology: Topology, tree: Tree, closure: Constraints, number: Mapping[str, int], joints: Iterable[int]
 ) -> dict[int, Region]:
     """Return the loops with redundant constraints that contain given joints.
 
@@ -195,7 +195,7 @@ def regions(
         Locked rows of the cut joints and rank decisions.
     number : mapping
         Number of each body, ground included.
-    asked : iterable of int
+    joints : iterable of int
         Numbers of joints.
 
     Returns
@@ -218,7 +218,7 @@ def regions(
         surplus[label[closure.loop[group.rows[0]]]] += group.surplus
     of_part: dict[int, Region] = {}
     result = {}
-    for k in asked:
+    for k in joints:
         part = int(label[loops + k])
         if surplus[part] and part not in of_part:
             within = np.flatnonzero(label[:loops] == part), np.flatnonzero(label[loops:] == part)

@@ -1,16 +1,16 @@
 """Design studies: one model at many points of its parameters, and at the best of them.
 
 sweep_points, design, parameter_maps   values of variables: parameters, patterns of parameters, functions of several
-question          what is asked: results by name, functions
+question          results at each point, by name or as functions
 running           in batches, or one by one, in processes
-record            answers in a file as they come
-sweeps, results   ``sweep`` and what it returns
-figures           what is drawn of all of these
+record            results in a file as they are computed
+sweeps, results   ``sweep`` and its results
+figures           figures of all of these
 tracks            ``track``: modes that keep their names over a sweep
 scatter, spread, first_order   ``tolerances``: scatter of parameters, to first order and by samples
-dual, evaluation, quantities, extremes   numbers of a system with their gradients, and what is made of them
+dual, evaluation, quantities, extremes   numbers of a system with their gradients, and functions of them
 measures, modal, responses   frequencies, damping ratios, gains, peaks, root mean squares
-scales, search, solvers, optimizing   ``optimize`` and what it returns
+scales, search, solvers, optimizing   ``optimize`` and its result
 """
 
 from mbsvib.studies.extremes import largest, smallest

@@ -54,7 +54,7 @@ class Campbell:
 
     ``eigenvalues`` (n, modes) [1/s] have no negative imaginary part; ``errors`` (n, modes) are their relative errors.
     ``whirl`` (n, modes) is 1 where all rotors go round in circles as they spin, forward, -1 for circles backward, and
-    0 for motions without whirl. ``ratios`` says how fast each rotor turns at speed 1; ``critical`` lists critical
+    0 for motions without whirl. ``ratios`` are the speeds of the rotors at speed 1; ``critical`` lists critical
     speeds, ``limits`` the speeds [rad/s] at which the stability of a mode changes.
     """
 

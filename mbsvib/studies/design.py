@@ -90,7 +90,7 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
         Names of the variables: parameters, patterns that pick several, or names that ``ties`` explains.
     ties : mapping of str to mapping of str to float or Tie, optional
         For each variable that is a linear map, the rate at which each parameter (by name or pattern) moves with it:
-        parameter = what the model has + rate x variable. For others an object with ``values`` and ``rates``, the same
+        parameter = value of the model + rate x variable. For others an object with ``values`` and ``rates``, the same
         for all variables that it takes.
 
     Returns

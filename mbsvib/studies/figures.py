@@ -143,7 +143,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
     labels : sequence of str
         The k numbers.
     sampled, linear : array, shape (n, k)
-        Numbers of the samples, and what first order says of them.
+        Numbers of the samples, and their first-order values.
     nominal : array, shape (k,)
         Numbers of the model as it is.
     name : str
@@ -152,7 +152,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
     Returns
     -------
     matplotlib.figure.Figure
-        Samples as areas, what first order says of them as lines, the nominal value as a dashed one.
+        Samples as areas, first-order values as lines, the nominal value as a dashed line.
     """
     count = len(labels)
     columns = min(3, count)

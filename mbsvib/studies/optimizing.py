@@ -56,9 +56,9 @@ class Optimum:
     were several starts it is the best of them, and ``starts`` has all of them, the model's own first.
 
     ``constraints`` has the constrained numbers by label, and ``violation`` the largest violation relative to their
-    bounds. ``optimality`` is what is left of the objective's gradient when that of active constraints and bounds is
-    taken off, in parts of the largest gradient met: 0 at an optimum. ``success`` if the constraints hold, and the
-    solver is content or the gradient gone.
+    bounds. ``optimality`` is the norm of the objective's gradient minus its projection on those of active constraints
+    and bounds, relative to the largest gradient: 0 at an optimum. ``success`` is true if the constraints hold, and the
+    solver has converged or the projected gradient is small.
     """
 
     model: Model = field(repr=False)
@@ -144,21 +144,21 @@ def optimize(
         (``"leg*.k.stiffness"``), or a name that ``ties`` explains. Those with positive bounds are searched for by their
         logarithm.
     objective : Quantity
-        What is to be small; its negative, what is to be large.
+        The quantity to be minimised; the negative of a quantity to be maximised.
     constraints : Constraint or iterable of Constraint
         What has to hold.
     ties : mapping of str to mapping of str to float or Tie, optional
-        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has. Other
+        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to the values of the model. Other
         functions are objects with ``values(variables)`` and ``rates(variables)``, such as ``isolation.platform``.
     start : mapping of str to float, optional
-        Where to begin; default: what the model has.
+        Initial values; default: those of the model.
     method : str
         "SLSQP" or "trust-constr" of scipy, or "ipopt" of CasADi (extra ``casadi``).
     options : mapping of str to object, optional
         The solver's own.
     starts : int
-        From how many points to search: ``start``, and as many more as this asks for, a Latin hypercube within the
-        bounds, which all variables must have then (of positive bounds in logarithms).
+        Number of searches: from ``start``, and from points of a Latin hypercube within the bounds, which all variables
+        must then have (logarithmic for positive bounds).
     seed : int
         Of the Latin hypercube: the same seed gives the same points.
 
@@ -170,8 +170,8 @@ def optimize(
     Raises
     ------
     ModelError
-        If a variable is unknown, derivatives to it are not supported, bounds are none, or a peak is to be made larger.
-        If there are several starts, and none of them leads anywhere.
+        If a variable is unknown, derivatives to it are not supported, bounds are invalid, or a peak is to be maximised.
+        If there are several starts, and all searches fail.
     """
     if not isinstance(variables, Mapping) or not variables:
         raise check.refuse("optimize", "variables", variables, "bounds for each variable, such as "

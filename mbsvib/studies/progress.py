@@ -24,7 +24,7 @@ def counting(progress: Progress, total: int, what: str, done: int = 0) -> Iterat
     total : int
         How many there are.
     what : str
-        Words beside the bar.
+        Label of the bar.
     done : int
         How many are done before.
 

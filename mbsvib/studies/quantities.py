@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
 
 class Quantity:
-    """A number, or several, that a system has, with exact derivatives to whatever variables are asked for.
+    """One or several numbers of a system, with exact derivatives with respect to any variables.
 
     Quantities are added, multiplied, divided and raised to powers like numbers; ``q[i]`` picks one of several. ``<=``,
     ``>=``, ``between`` and ``equals`` make constraints of them. ``q(system)`` is the number itself.
@@ -57,7 +57,7 @@ class Quantity:
         system : System
             The equations of motion.
         variables : str, iterable of str or mapping
-            Names, patterns or linear maps of parameters, as sensitivities are asked for.
+            Names, patterns or linear maps of parameters, as for sensitivities.
 
         Returns
         -------
@@ -192,7 +192,7 @@ class Constraint:
 
     @property
     def equal(self) -> bool:
-        """Whether it asks for one value."""
+        """Whether it is an equality constraint."""
         return self.low == self.high
 
     def __bool__(self) -> bool:

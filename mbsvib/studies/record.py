@@ -112,7 +112,7 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
     values : mapping of str to array, shape (n,)
         Values of parameters at the points.
     question : Question
-        What is asked.
+        The results to be computed.
 
     Returns
     -------
@@ -125,10 +125,10 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
     table = sha256()
     for name, column in values.items():
         table.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
-    asked = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
-             for label, item in question.items.items()}  # fmt: skip
+    results = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
+               for label, item in question.items.items()}  # fmt: skip
     text = json_text(described(model))
-    return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": asked,
+    return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
             "variables": list(points.columns), "points": len(points), "values": table.hexdigest()}  # fmt: skip
 
 

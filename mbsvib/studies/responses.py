@@ -249,13 +249,13 @@ def _names(ports: Any, field: str) -> list[str] | None:
     return names
 
 
-def _known(known: tuple[str, ...], asked: list[str] | None, what: str, name: str) -> list[str]:
+def _known(known: tuple[str, ...], selected: list[str] | None, what: str, name: str) -> list[str]:
     """Names in the system's order."""
-    for port in asked or ():
+    for port in selected or ():
         if port not in known:
             raise ResponseError(f"'{name}' has no {what} '{port}'.{nearest(port, known)} It has "
                                 f"{', '.join(known) or 'none'}.")  # fmt: skip
-    result = [port for port in known if asked is None or port in asked]
+    result = [port for port in known if selected is None or port in selected]
     if not result:
         raise ResponseError(f"'{name}' has no {what}; add one by add_{what}.")
     return result

@@ -110,7 +110,7 @@ def task(model: Model, design: Design, question: Question) -> Task:
     design : Design
         Its variables.
     question : Question
-        What is asked.
+        The results to be computed.
 
     Returns
     -------
@@ -155,8 +155,8 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
     todo : sequence of int
         Numbers of the points that are to do.
     workers : int, optional
-        How many processes; 1: none beside this one. Default: what joblib is configured to do, and else as many as there
-        are processors if it takes long.
+        Number of processes; 1: only this one. Default: joblib's configuration, else the number of processors if the
+        study takes long.
 
     Returns
     -------

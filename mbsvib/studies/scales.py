@@ -57,7 +57,7 @@ def scales(design: Design, variables: Mapping[str, Any], start: Mapping[str, flo
     variables : mapping of str to (float, float) or None
         Lower and upper bound of each; None: none, on that side or on both.
     start : mapping of str to float, optional
-        Where to begin; default: what the model has, of linear maps 0.
+        Initial values; default: those of the model, 0 for linear maps.
 
     Returns
     -------

@@ -43,7 +43,7 @@ class Tolerances:
 
     To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
     at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
-    holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) what first order says of the same samples.
+    holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) their first-order values.
     Modes within a few standard deviations of each other, ``parted``, repel each other, which is no straight line: their
     first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
@@ -155,7 +155,7 @@ class Tolerances:
         return {"title": f"Tolerances of {self.name}", "columns": columns, "rows": rows, "notes": notes}
 
     def plot(self, label: str | None = None) -> Figure:
-        """Draw the samples, and what first order says of them.
+        """Draw the samples and their first-order values.
 
         Parameters
         ----------
@@ -209,7 +209,7 @@ def tolerances(
     ties : mapping of str to mapping of str to float or Tie, optional
         Linear maps: {variable: {parameter or pattern: rate}}, and other functions, as for ``sweep``.
     derivatives : bool
-        False: random samples only, for models whose derivatives are not supported; what is of first order is then not a
+        False: only random samples, for models whose derivatives are not supported; first-order results are then not a
         number.
     workers : int, optional
         How many processes.

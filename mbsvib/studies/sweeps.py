@@ -52,7 +52,7 @@ def sweep(
     how : str
         "grid": all combinations; "paired": point by point, for samples.
     ties : mapping of str to mapping of str to float or Tie, optional
-        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to what the model has. Other
+        Linear maps: {variable: {parameter or pattern: rate}} adds rate x variable to the values of the model. Other
         functions are objects with ``values(variables)`` and ``rates(variables)``, such as ``isolation.platform``.
     batched : bool
         Say that functions take a batch and return an axis of points in front.
@@ -60,8 +60,8 @@ def sweep(
         How many processes, 1 for none. Default: as many as processors where it takes seconds, or joblib's own choice
         within ``parallel_config``.
     file : str or path-like, optional
-        Record of the sweep, a line for each point as it is answered. Where it is there, only what is missing is asked.
-        It is told by model, values and names of functions; the body of a function is not compared.
+        Record of the sweep, one line for each computed point. If the file exists, only missing points are computed. The
+        record is identified by model, values and names of functions; the body of a function is not compared.
     retry : bool
         Ask points of the record again that failed.
     progress : bool, callable or None
@@ -80,13 +80,13 @@ def sweep(
     """
     sweep_points = points(values, how)
     variables = design(model, sweep_points.columns, ties)
-    asked = question(of, batched)
-    work = task(model, variables, asked)
+    quantities = question(of, batched)
+    work = task(model, variables, quantities)
     outcomes: dict[int, Outcome] = {}
     if file is not None:
         from mbsvib.studies.record import Record, head
 
-        record = Record(file, head(model, sweep_points, _moved(variables, sweep_points.columns), asked))
+        record = Record(file, head(model, sweep_points, _moved(variables, sweep_points.columns), quantities))
         outcomes.update((i, outcome) for i, outcome in record.known.items()
                         if not (retry and isinstance(outcome, str)))  # fmt: skip
     todo = [i for i in range(len(sweep_points)) if i not in outcomes]
@@ -104,7 +104,7 @@ def sweep(
                       stacklevel=2)  # fmt: skip
     answers = {i: outcome for i, outcome in by_point.items() if not isinstance(outcome, str)}
     results = gathered(len(sweep_points), answers)
-    units = dict(variables.units) | asked.units
+    units = dict(variables.units) | quantities.units
     return Sweep(model.name, sweep_points.axes, sweep_points.columns, sweep_points.shape, results, errors, units)
 
 

@@ -101,8 +101,8 @@ def track(
 ) -> Tracks:  # fmt: skip
     """Follow modes over the points of a sweep by their shapes.
 
-    Each point follows the one before it, on a grid the one before it along an axis. Where shapes change much from one
-    to the other, points in between are looked at.
+    The modes of each point are followed from the previous one, on a grid along an axis. If shapes change much between
+    two points, intermediate points are computed.
 
     Parameters
     ----------

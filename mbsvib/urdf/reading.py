@@ -76,7 +76,7 @@ def read(path: str | PathLike[str]) -> Robot:
     Returns
     -------
     Robot
-        What it says of masses and joints; shapes, colours, limits and friction are left.
+        Masses and joints of the file; shapes, colours, limits and friction are ignored.
 
     Raises
     ------

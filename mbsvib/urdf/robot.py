@@ -43,12 +43,12 @@ def load_urdf(
     path : str or path-like
         The file; xacro has to be expanded.
     pose : mapping of str to float, optional
-        Positions of joints [rad, m]; default: 0, and what a mimic says.
+        Positions of joints [rad, m]; default: 0, or that of a mimic.
     stiffness : float, array-like of shape (6,), or mapping of str to these
         Of all joints, or by joint: one number about or along the axis [N m/rad, N/m]; six values x y z rx ry rz, z
         along the axis, where bearings give way too: the joint is then free in all directions, held by the bushing.
     damping : float, array-like of shape (6,), or mapping of str to these, optional
-        Likewise [N m s/rad, N s/m]; default: what the file says.
+        Likewise [N m s/rad, N s/m]; default: as in the file.
     tip : str, optional
         A link whose frame gets forces ``TIP.Fx`` ... ``TIP.Mz`` as inputs and displacements ``TIP.x`` ... ``TIP.rz``.
     floating : bool
