@@ -20,6 +20,7 @@ from mbsvib.common.expected import names as listed
 from mbsvib.errors import ResponseError, nearest
 from mbsvib.linalg.rank import EPS
 from mbsvib.modes.damped import Damped
+from mbsvib.responses.finite_zeros import finite_zeros
 from mbsvib.responses.modal_sum import CANCELLED, ModalSum, modal_sum
 
 if TYPE_CHECKING:
@@ -34,10 +35,6 @@ if TYPE_CHECKING:
     from mbsvib.responses.resolvent import Resolvent
 
 
-# Rows and feedthroughs of unit size are zero below this: rounding in the products of some hundred states is 1e-14.
-RANK = 2e-13
-# A feedthrough whose inverse is larger is not inverted; its zeros are those of a pencil.
-REGULAR = 1e3
 # A Newton step that changes a zero by more than this share does not correct rounding errors.
 CORRECTION, NEWTON_STEPS = 1e-3, 4
 SECANT = 1e-4  # distance of the secant's points, as a share of that to the nearest pole
@@ -87,7 +84,7 @@ def transmission_zeros(
     if not system.dof or not sources or not results:
         return np.zeros(0, dtype=complex)
     a, b, c, d, still, unit = _realized(system, modal, sources, results)
-    zeros = _finite_zeros(a, b, c, d) * unit
+    zeros = finite_zeros(a, b, c, d) * unit
     total = _transfer(system, modal, (sources, results), zeros)
     zeros = _refined(modal, total, zeros)
     zeros = _at_rest(system, modal, total, zeros, (sources, results), still)
@@ -178,59 +175,6 @@ def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple
     force, seen = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
     force[force == 0.0] = seen[seen == 0.0] = 1.0
     return a / highest, b / highest / force, c / seen[:, None], d / seen[:, None] / force
-
-
-def _finite_zeros(a: Array, b: Array, c: Array, d: Array) -> Complex:
-    a, b, c, d = _peeled(a, b, c, d)
-    if not len(d):  # no output is left to tell one input from the other
-        return np.linalg.eigvals(a).astype(complex) if len(a) else np.zeros(0, dtype=complex)
-    # the same from the other side: columns of the feedthrough
-    a, b, c, d = _peeled(a.T, c.T, b.T, d.T)
-    n = len(a)
-    if n == 0:
-        return np.zeros(0, dtype=complex)
-    if not len(d):
-        return np.linalg.eigvals(a).astype(complex)
-    if np.linalg.norm(np.linalg.inv(d), 2) * np.linalg.norm(b, 2) * np.linalg.norm(c, 2) <= REGULAR:
-        return np.linalg.eigvals(a - b @ np.linalg.solve(d, c)).astype(complex)
-    from scipy.linalg import eig
-
-    turn = np.linalg.qr(np.concatenate((c, d), axis=1).T, mode="complete")[0][:, len(d) :]
-    top = np.concatenate((a, b), axis=1) @ turn
-    alpha, beta = eig(top, turn[:n], right=False, homogeneous_eigvals=True)
-    finite = np.abs(beta) > EPS * np.abs(alpha)
-    result: Complex = alpha[finite] / beta[finite]
-    return result
-
-
-def _peeled(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array, Array]:
-    """Take off outputs without feedthrough and the states they show, until the feedthrough has full row rank."""
-    while len(d):
-        rank, turn = _rank(d, max(1.0, float(np.abs(d).max(initial=0.0))))
-        c, d = turn.T @ c, turn.T @ d
-        direct, hidden = (c[:rank], d[:rank]), c[rank:]
-        if not len(hidden):
-            break
-        shown, turn = _rank(hidden.T, 1.0)
-        left = turn[:, shown:]
-        first = turn[:, :shown]
-        a, b, c, d = (
-            left.T @ a @ left, left.T @ b, np.concatenate((direct[0] @ left, first.T @ a @ left)),
-            np.concatenate((direct[1], first.T @ b)),
-        )  # fmt: skip
-        if not shown:
-            break
-    return a, b, c, d
-
-
-def _rank(matrix: Array, size: float) -> tuple[int, Array]:
-    """Rank of a matrix against entries of ``size``, and an orthogonal matrix whose first columns span its range."""
-    from scipy.linalg import qr
-
-    if not matrix.size:
-        return 0, np.eye(len(matrix))
-    turn, upper, _ = qr(matrix, pivoting=True)
-    return int(np.count_nonzero(np.abs(upper.diagonal()) > RANK * size)), turn
 
 
 def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex) -> Complex:
