@@ -107,8 +107,8 @@ def script(function: str, file: str, system: str) -> str:
 
 def is_script_of(file: str, content: bytes) -> bool:
     """Return whether a text is what ``script`` has written for a .mat file of this name."""
-    place = f"fileparts(mfilename('fullpath')), '{_plain(file)}');"
-    return b"Written by mbsvib." in content and place.encode() in content
+    lookup = f"fileparts(mfilename('fullpath')), '{_plain(file)}');"
+    return b"Written by mbsvib." in content and lookup.encode() in content
 
 
 def _plain(file: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Complex
 
 # Importers take an absolute tolerance of the relative one times the nominal value. Errors of outputs add up over many
 # steps, so that a state is as accurate as the outputs if its nominal value is this share of what outputs resolve.
@@ -28,12 +28,8 @@ PERIODS, STEPS, FAST = 20.0, 1000.0, 2.0
 DECAYS = 1.0
 
 
-def nominal_values(a: Array, b: Array, c: Array, d: Array, units: Sequence[str]) -> Array:
-    """Return at what size an error of each state matters, two digits of it.
-
-    SHARE min |y_oj| / |v_oi| over outputs o and inputs j: y are the amplitudes of outputs for steps of one unit,
-    |C (s - A)^-1 B + D|, and v those for states that begin at one unit, |s C (s - A)^-1|, each the largest for some
-    real s. States that no output sees have the largest amplitude among the states of their unit for steps.
+def scales(a: Array, b: Array, c: Array, d: Array, units: Sequence[str]) -> tuple[Array, tuple[float, float]]:
+    """Return the nominal values of states, and stop time and step [s] of the default experiment.
 
     Parameters
     ----------
@@ -45,13 +41,41 @@ def nominal_values(a: Array, b: Array, c: Array, d: Array, units: Sequence[str])
     Returns
     -------
     array, shape (n,)
+        Nominal values, see ``nominal_values``.
+    tuple of float
+        Stop time and step, see ``experiment_times``.
+    """
+    values = np.linalg.eigvals(a).astype(complex)
+    return nominal_values((a, b, c, d), values, units), experiment_times(values)
+
+
+def nominal_values(space: tuple[Array, Array, Array, Array], values: Complex, units: Sequence[str]) -> Array:
+    """Return at what size an error of each state matters, two digits of it.
+
+    SHARE min |y_oj| / |v_oi| over outputs o and inputs j: y are the amplitudes of outputs for steps of one unit,
+    |C (s - A)^-1 B + D|, and v those for states that begin at one unit, |s C (s - A)^-1|, each the largest for some
+    real s. States that no output sees have the largest amplitude among the states of their unit for steps.
+
+    Parameters
+    ----------
+    space : tuple of array
+        State-space matrices A, B, C, D of n states.
+    values : array, shape (n,)
+        Eigenvalues of A [1/s].
+    units : sequence of str
+        Units of the states.
+
+    Returns
+    -------
+    array, shape (n,)
         Positive.
     """
+    a, b, c, d = space
     if not len(a):
         return np.ones(0)
     if not b.any():  # no inputs: what an unknown force on everything would do
         b, d = np.eye(len(a)), np.zeros((len(c), len(a)))
-    states, outputs, seen = _amplitudes(a, b, c, d)
+    states, outputs, seen = _amplitudes((a, b, c, d), values)
     largest = outputs.max(axis=1, keepdims=True, initial=0.0)
     strength = (outputs / np.where(largest > 0.0, largest, 1.0)).max(axis=0, initial=0.0)
     outputs = np.maximum(outputs, LEAST * strength * largest)
@@ -65,9 +89,9 @@ def nominal_values(a: Array, b: Array, c: Array, d: Array, units: Sequence[str])
     return np.array([float(f"{value:.1e}") for value in np.clip(SHARE * np.minimum(size, limit), 1e-100, 1e100)])
 
 
-def _amplitudes(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, Array]:
+def _amplitudes(space: tuple[Array, Array, Array, Array], values: Complex) -> tuple[Array, Array, Array]:
     """Amplitudes of states (n,) and of outputs (o, i) for steps of inputs, of outputs (o, n) for initial states."""
-    values = np.linalg.eigvals(a)
+    a, b, c, d = space
     slow, fast = _rates(np.abs(values))
     start = max(0.0, float(values.real.max()))
     states, outputs, seen = np.zeros(len(a)), np.zeros(d.shape), np.zeros(c.shape)
@@ -80,13 +104,13 @@ def _amplitudes(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array, A
     return states, outputs, seen
 
 
-def experiment_times(a: Array) -> tuple[float, float]:
+def experiment_times(values: Complex) -> tuple[float, float]:
     """Return stop time and step [s] of the default experiment, of one digit: 1, 2 or 5.
 
     Parameters
     ----------
-    a : array, shape (n, n)
-        State matrix [1/s].
+    values : array, shape (n,)
+        Eigenvalues of the state matrix [1/s].
 
     Returns
     -------
@@ -94,7 +118,6 @@ def experiment_times(a: Array) -> tuple[float, float]:
         Stop time: some periods of the slowest rate that is no rigid-body motion, or as many of the fastest oscillation
         as integrators get through; step.
     """
-    values = np.linalg.eigvals(a)
     rates = np.abs(values)
     if not rates.any():
         return 1.0, 1.0 / STEPS

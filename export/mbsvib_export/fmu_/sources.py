@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
-from mbsvib_export.fmu_.nominal import experiment_times, nominal_values
+from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant
 from mbsvib_export.fmu_.tunable import tunable_plant
 from mbsvib_export.names_ import SignalNames
@@ -62,7 +62,7 @@ def _of_space(space: StateSpace) -> Plant:
     return Plant(
         space.name, space.realization, space.A, space.B, space.C, space.D, space.states, space.state_units,
         space.inputs, space.input_units, space.outputs, space.output_units,
-        nominal_values(space.A, space.B, space.C, space.D, space.state_units), experiment_times(space.A),
+        *scales(space.A, space.B, space.C, space.D, space.state_units),
     )  # fmt: skip
 
 
@@ -83,7 +83,7 @@ def _controller(source: Any, tunable: tuple[str, ...]) -> Plant:
                                for kind in ("input", "output", "state"))  # fmt: skip
     return Plant(
         _plain(name), "given", a, b, c, d, states, ("",) * len(states), inputs, ("",) * len(inputs), outputs,
-        ("",) * len(outputs), nominal_values(a, b, c, d, ("",) * len(states)), experiment_times(a),
+        ("",) * len(outputs), *scales(a, b, c, d, ("",) * len(states)),
     )  # fmt: skip
 
 

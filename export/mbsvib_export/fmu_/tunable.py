@@ -10,7 +10,7 @@ from mbsvib.api.system import System
 from mbsvib.equations.equations import MATRICES
 from mbsvib.errors import ExportError
 from mbsvib_export.affine import affine
-from mbsvib_export.fmu_.nominal import experiment_times, nominal_values
+from mbsvib_export.fmu_.nominal import scales
 from mbsvib_export.fmu_.plant import Plant, Tunable
 from mbsvib_export.neutral import refuse_many
 
@@ -72,8 +72,8 @@ def tunable_plant(source: Any, realization: str, tunable: tuple[str, ...]) -> Pl
     a, b, c, d, e, f = descriptor
     return Plant(
         space.name, space.realization, a, b, c, d, space.states, space.state_units, space.inputs, space.input_units,
-        space.outputs, space.output_units, nominal_values(space.A, space.B, space.C, space.D, space.state_units),
-        experiment_times(space.A), e, f, tuple(entries),
+        space.outputs, space.output_units, *scales(space.A, space.B, space.C, space.D, space.state_units), e, f,
+        tuple(entries),
     )  # fmt: skip
 
 

@@ -153,8 +153,8 @@ def test_model_exchange_is_as_accurate_as_asked_for(name, version, realization, 
         result = simulate_fmu(str(file), fmi_type="ModelExchange", stop_time=time[-1], output_interval=time[1],
                               relative_tolerance=rtol, output=list(system.outputs),
                               start_values=dict(zip(system.inputs, size.tolist(), strict=True)))  # fmt: skip
-        found = np.array([result[output] for output in system.outputs])
-        error, allowed = np.abs(found - truth).max(axis=1), 1e4 * rtol * np.abs(truth).max(axis=1)
+        response = np.array([result[output] for output in system.outputs])
+        error, allowed = np.abs(response - truth).max(axis=1), 1e4 * rtol * np.abs(truth).max(axis=1)
         assert (error <= allowed).all(), (rtol, [system.outputs[i] for i in np.flatnonzero(error > allowed)])
 
 
