@@ -118,6 +118,10 @@ class SensitivityBasis:
             known = checked_loads(self.equations, self.network, inputs, outputs)
             if known is not None:
                 return self.network, *known
+        return self._without_ports(inputs, outputs)
+
+    def _without_ports(self, inputs: list[int], outputs: list[int]) -> tuple[Network, Loads, Loads]:
+        """The bare network, whose ports are no loads."""
         network = self.bare_network
         return network, no_loads(network, len(inputs)), no_loads(network, len(outputs))
 
@@ -179,11 +183,9 @@ class SensitivityBasis:
         system = self.equations
         inputs, outputs = list(range(len(system.inputs))), list(range(len(system.outputs)))
         separation = system.provenance.massless
-        if separation is not None and separation.mixed:  # rules know no coordinates that change with the parameters
-            network = self.bare_network
-            acting, seeing = no_loads(network, len(inputs)), no_loads(network, len(outputs))
-        else:
-            network, acting, seeing = self.ported(inputs, outputs)
+        # rules know no coordinates that change with the parameters
+        mixed = separation is not None and separation.mixed
+        network, acting, seeing = (self._without_ports if mixed else self.ported)(inputs, outputs)
         return matrix_derivatives(system, self.groups(parameters, network), acting, seeing)
 
     def matrix_derivatives_in_parts(

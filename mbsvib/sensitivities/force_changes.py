@@ -100,16 +100,16 @@ class RowTerms:
         self.row, self.at = row, at
         self._terms: list[tuple[int, int, float]] = []
 
-    def put(self, own: tuple[str, str, tuple[int, ...]], place: int, vector: Iterable[float]) -> None:
-        """Let a parameter change the numbers from a place on; parts that the user did not give have none."""
+    def put(self, own: tuple[str, str, tuple[int, ...]], column: int, vector: Iterable[float]) -> None:
+        """Let a parameter change the numbers from a column on; parts that the user did not give have none."""
         if own in self.row:
             row = self.row[own]
-            self._terms += [(row, place + i, float(value)) for i, value in enumerate(vector) if value != 0.0]
+            self._terms += [(row, column + i, float(value)) for i, value in enumerate(vector) if value != 0.0]
 
-    def along(self, part: str, field: str, place: int) -> None:
-        """Let the three entries of a field change the three numbers from a place on."""
+    def along(self, part: str, field: str, column: int) -> None:
+        """Let the three entries of a field change the three numbers from a column on."""
         for i in range(3):
-            self.put((part, field, (i,)), place + i, (1.0,))
+            self.put((part, field, (i,)), column + i, (1.0,))
 
     def matrix(self, width: int) -> csr_array:
         """Return the matrix, (parameters, width)."""
@@ -157,16 +157,16 @@ def _spring(terms: RowTerms, spring: Spring, k: int) -> None:
     """Its force is -T e on the second body, with T as given, or k (L - L0)."""
     terms.along(spring.name, "start", terms.at.start_of(k))
     terms.along(spring.name, "end", terms.at.point_of(k))
-    line, place = np.array(spring.line), terms.at.wrench_of(k)
+    line, column = np.array(spring.line), terms.at.wrench_of(k)
     if spring.free_length is None:
         if spring.preload is not None:
-            terms.put((spring.name, "preload", ()), place, -line)
+            terms.put((spring.name, "preload", ()), column, -line)
         return
-    terms.put((spring.name, "stiffness", ()), place, (spring.free_length - spring.length) * line)
-    terms.put((spring.name, "free_length", ()), place, spring.stiffness * line)
+    terms.put((spring.name, "stiffness", ()), column, (spring.free_length - spring.length) * line)
+    terms.put((spring.name, "free_length", ()), column, spring.stiffness * line)
     for i in range(3):
         for field, sign in (("start", 1.0), ("end", -1.0)):
-            terms.put((spring.name, field, (i,)), place, sign * spring.stiffness * line[i] * line)
+            terms.put((spring.name, field, (i,)), column, sign * spring.stiffness * line[i] * line)
 
 
 def _bushing(terms: RowTerms, bushing: Bushing, k: int) -> None:
@@ -174,12 +174,12 @@ def _bushing(terms: RowTerms, bushing: Bushing, k: int) -> None:
     terms.along(bushing.name, "position", terms.at.point_of(k))
     if bushing.preload is None:
         return
-    axes, place = np.array(bushing.orientation), terms.at.wrench_of(k)
+    axes, column = np.array(bushing.orientation), terms.at.wrench_of(k)
     wrench = np.array(bushing.preload).reshape(2, 3) @ axes.T
     for i in range(6):
-        terms.put((bushing.name, "preload", (i,)), place + 3 * (i // 3), axes[:, i % 3])
+        terms.put((bushing.name, "preload", (i,)), column + 3 * (i // 3), axes[:, i % 3])
     for i, unit in enumerate(np.eye(3)):
-        terms.put((bushing.name, "orientation", (i,)), place, np.cross(unit, wrench).reshape(6))
+        terms.put((bushing.name, "orientation", (i,)), column, np.cross(unit, wrench).reshape(6))
 
 
 def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, motion: Array) -> Array:
@@ -243,14 +243,14 @@ def force_rates(network: Network, forces: Forces, changes: ForceChanges, motion:
     relative, joints, at = forces.seen(motion)[1], forces.counts[0], changes.at
     result = np.zeros((at.size, motion.shape[2]))
     for k, spring in enumerate(network.springs, joints):
-        own, place = relative[k], slice(at.wrench_of(k), at.wrench_of(k) + 6)
+        own, entries = relative[k], slice(at.wrench_of(k), at.wrench_of(k) + 6)
         if isinstance(spring, Bushing):
-            result[place] = -network.stiffness[k - joints] @ own
+            result[entries] = -network.stiffness[k - joints] @ own
             moment = forces.wrench[k, 3:]
-            result[place.start + 3 : place.stop] += 0.5 * np.cross(own[3:], moment, axisa=0).T
+            result[entries.start + 3 : entries.stop] += 0.5 * np.cross(own[3:], moment, axisa=0).T
         elif spring.free_length is None:
             line = np.array(spring.line)
-            result[place.start : place.start + 3] = -spring.stiffness * np.multiply.outer(line, line @ own[:3])
+            result[entries.start : entries.start + 3] = -spring.stiffness * np.multiply.outer(line, line @ own[:3])
     result[at.twist] = relative[forces.bushings, 3:].reshape(3 * len(forces.bushings), relative.shape[2])
     for k in forces.follower.tolist():
         turned = np.cross(relative[k, 3:], forces.wrench[k].reshape(2, 1, 3), axisa=0)

@@ -187,16 +187,16 @@ def forces_at_rest(
     ground, j = len(bodies), len(joints)
     connections = (*joints, *springs)
     n = len(connections) + len(bodies) + len(loads)
-    wrench, place, span, axes = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3))
+    wrench, points, span, axes = np.zeros((n, 6)), np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 2, 3))
     first, second = np.full(n, ground), np.empty(n, dtype=np.intp)
     first[: len(connections)] = [number[part.first] for part in connections]
     second[:] = [*(number[part.second] for part in connections), *range(ground), *(number[p.body] for p in loads)]
-    place[: len(connections)] = point
+    points[: len(connections)] = point
     halves = np.array([k for k, joint in enumerate(joints) if joint.kind == "homokinetic"], dtype=np.intp)
     for k, joint in enumerate(joints):
         at = statics.pairs.end[:, len(statics.applied.names) + k]
         wrench[k] = statics.joints[:, k]
-        wrench[k, 3:] += np.cross(at - place[k], wrench[k, :3])
+        wrench[k, 3:] += np.cross(at - points[k], wrench[k, :3])
         if joint.end is not None:
             span[k] = np.subtract(joint.end, joint.position or np.zeros(3))
         if joint.successive:
@@ -206,17 +206,18 @@ def forces_at_rest(
             own = np.array(spring.preload or np.zeros(6)).reshape(2, 3)
             wrench[k] = (own @ np.array(spring.orientation).T).reshape(6)
         else:
-            place[k], span[k] = spring.end, np.subtract(spring.end, spring.start)
+            points[k], span[k] = spring.end, np.subtract(spring.end, spring.start)
             wrench[k, :3] = -spring.tension * np.array(spring.line)
     for k, body in enumerate(bodies, len(connections)):
-        place[k], wrench[k, :3] = body.position, body.mass * gravity
+        points[k], wrench[k, :3] = body.position, body.mass * gravity
     for k, load in enumerate(loads, len(connections) + len(bodies)):
-        place[k] = bodies[number[load.body]].position if load.position is None else load.position
+        points[k] = bodies[number[load.body]].position if load.position is None else load.position
         wrench[k] = *load.force, *load.torque
     follows = np.array([load.follower for load in loads], dtype=bool)
     every = np.arange(n - len(loads), n)
     angle = _angles(system, bodies, [joints[k] for k in halves])
-    return Forces(first, second, place, wrench, span, axes, halves, angle, np.array([body.position for body in bodies]),
+    centre = np.array([body.position for body in bodies])
+    return Forces(first, second, points, wrench, span, axes, halves, angle, centre,
                   (j, len(springs), ground, len(loads)), gravity, every[~follows], every[follows])  # fmt: skip
 
 

@@ -36,13 +36,13 @@ def coupler_rule(network: Network, coupler: Coupling, field: str, index: tuple[i
     assert network.constraints is not None
     names = [part.name for part in network.parts if isinstance(part, Coupling)]
     row = network.constraints.pull.shape[0] - len(names) + names.index(coupler.name)
-    place = {joint.name: k for k, joint in enumerate(network.joints)}
+    number_of = {joint.name: k for k, joint in enumerate(network.joints)}
     reads = []
     for name, rate in _rates(coupler, field, index):
         owner, _, direction = name.rpartition(".")
-        force, moment, _ = measure(network.joints[place[owner]], direction)
+        force, moment, _ = measure(network.joints[number_of[owner]], direction)
         if rate:
-            reads.append((place[owner], np.concatenate((force, moment)), rate))
+            reads.append((number_of[owner], np.concatenate((force, moment)), rate))
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         return [[(-rate * fields.tied[row : row + 1], np.tensordot(six, fields.relative[k], axes=1)[None])
@@ -63,13 +63,13 @@ def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[
 
 def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> Rule:
     """Return the rule by which a number of a Maxwell element enters the equations."""
-    place = {spring.name: k for k, spring in enumerate(network.springs)}
-    static, spring, _ = (place[line_name(part, each)] for each in ("static_stiffness", "stiffness", "damping"))
+    number_of = {spring.name: k for k, spring in enumerate(network.springs)}
+    static, spring, _ = (number_of[line_name(part, each)] for each in ("static_stiffness", "stiffness", "damping"))
     line, joints = np.array([part.line]), len(network.joints)
     span = np.array([np.subtract(part.end, part.start)])
 
     def coefficient(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        own = place[line_name(part, field)]
+        own = number_of[line_name(part, field)]
         seen = along(line, fields.strain[own : own + 1, :3])
         return [[(0.5 * (fields.rate if field == "damping" else fields.stiff) * seen, seen)]]
 

@@ -127,9 +127,9 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     axes = np.array([body.orientation for body in bodies])
     tensors = np.array([body.inertia for body in bodies])[:, _TENSOR].reshape(-1, 3, 3)
     position = np.array([body.position for body in bodies])
-    place = np.concatenate((point, position))
+    all_points = np.concatenate((point, position))
     displacements = system.body_motion.reshape(6 * len(bodies), -1)
-    centre = 0.5 * (place.min(axis=0) + place.max(axis=0))
+    centre = 0.5 * (all_points.min(axis=0) + all_points.max(axis=0))
     ties = ways.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])

@@ -103,9 +103,9 @@ def _coordinates(system: Equations) -> tuple[Index, Array]:
     """Body behind each joint coordinate and its sign; those of floating bodies come last."""
     topology = system.provenance.topology
     hangs = {branch.joint: branch for branch in topology.branches if branch.joint != FLOATS}
-    found = [(hangs[k].body, hangs[k].sign) for k in sorted(hangs) for _ in topology.joints[k].freedom]
-    found += [(branch.body, 1) for branch in topology.branches if branch.joint == FLOATS for _ in range(6)]
-    table = np.array(found, dtype=np.intp).reshape(-1, 2)
+    bodies_and_signs = [(hangs[k].body, hangs[k].sign) for k in sorted(hangs) for _ in topology.joints[k].freedom]
+    bodies_and_signs += [(branch.body, 1) for branch in topology.branches if branch.joint == FLOATS for _ in range(6)]
+    table = np.array(bodies_and_signs, dtype=np.intp).reshape(-1, 2)
     return table[:, 0], table[:, 1].astype(float)
 
 

@@ -66,11 +66,11 @@ class ModalCoordinates:
     @staticmethod
     def of(system: SparseEquations, small: Equations) -> ModalCoordinates:
         """Return the amplitudes that a small system of a sparse one has as its coordinates."""
-        place = system.layout
-        unknowns = np.zeros((place.size, small.dof))
-        body, direction = place.moving
-        unknowns[place.displacement[body, direction]] = small.body_motion[body, direction]
-        unknowns[place.coordinate] = small.provenance.reduction.matrix
+        layout = system.layout
+        unknowns = np.zeros((layout.size, small.dof))
+        body, direction = layout.moving
+        unknowns[layout.displacement[body, direction]] = small.body_motion[body, direction]
+        unknowns[layout.coordinate] = small.provenance.reduction.matrix
         return ModalCoordinates(system, unknowns)
 
     def relative(self, rows: Rows) -> Any:
@@ -136,8 +136,8 @@ class LoopForces:
         flat = forces.reshape(columns, prod(forces.shape[1:]))
         parts = [flat.real, flat.imag] if flat.dtype.kind == "c" else [flat]
         right = np.concatenate([np.ascontiguousarray(part) for part in parts], axis=1)
-        found = self._factor.solve(np.concatenate((right, np.zeros((rows, right.shape[1])))))[columns:]
-        both = np.split(found, len(parts), axis=1)
+        solution = self._factor.solve(np.concatenate((right, np.zeros((rows, right.shape[1])))))[columns:]
+        both = np.split(solution, len(parts), axis=1)
         result = np.zeros((self.shape[0], flat.shape[1]), dtype=flat.dtype)
         result[self.system.constraints.kept] = both[0] if len(both) == 1 else both[0] + 1j * both[1]
         return result.reshape(self.shape[0], *forces.shape[1:])
@@ -200,9 +200,9 @@ def sparse_mode_sensitivities(
         extra *= 2
     basis = _basis(system, known.reduced)
     values = eigenvalue_sensitivities(basis, parameters)
-    place = places(wanted.eigenvalues, basis.modes.eigenvalues)
+    order = places(wanted.eigenvalues, basis.modes.eigenvalues)
     groups = basis.groups(parameters)
-    return ModeSensitivities(tuple(groups.variables.names), wanted, values[:, place], basis, groups)
+    return ModeSensitivities(tuple(groups.variables.names), wanted, values[:, order], basis, groups)
 
 
 def _cut(wanted: SomeModes, known: SomeModes, near: float) -> bool:
