@@ -13,6 +13,7 @@ from mbsvib.elements import (
     beam_expansion,
     body,
     bushing,
+    bushing_rows,
     inerter,
     joint,
     load,
@@ -27,11 +28,13 @@ from mbsvib.elements import (
     torsion_spring,
 )
 from mbsvib.elements.coupler import Coupler, Coupling, Gear, Rack, Worm
+from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import Part, defaults
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
+    from mbsvib.elements.connection import Connection
     from mbsvib.elements.shared_rows import PlainParts
 
 P = TypeVar("P", bound=Part)
@@ -42,15 +45,15 @@ class Family:
     """A family of parts.
 
     ``word`` names its call, ``add_WORD``, and its type in model files, where it stands in ``section``. ``make`` checks
-    the words of the call and returns the part. ``rows`` are the rows of connections that are neither springs nor
-    bushings; ``plain`` returns the other parts that stand for one in the equations.
+    the words of the call and returns the part. ``rows`` returns the relative displacements on which connections act;
+    ``plain`` returns the other parts that stand for one in the equations.
     """
 
     part: type[Part]
     word: str
     section: str
     make: Callable[..., Part] | None
-    rows: Callable[..., tuple[Any, ...]] | None = None
+    rows: Callable[..., ElementRows] | None = None
     plain: Callable[..., PlainParts] | None = None
 
 
@@ -65,8 +68,8 @@ FAMILIES = (
     Family(superelement.Superelement, "superelement", "superelements", _superelement,
            plain=superelement_expansion.plain),
     Family(joint.Joint, "joint", "joints", joint.make),
-    Family(spring.Spring, "spring", "springs", spring.make),
-    Family(bushing.Bushing, "bushing", "springs", bushing.make),
+    Family(spring.Spring, "spring", "springs", spring.make, rows=spring.rows),
+    Family(bushing.Bushing, "bushing", "springs", bushing.make, rows=bushing_rows.rows),
     Family(maxwell.Maxwell, "maxwell", "springs", maxwell.make, rows=maxwell_rows.rows),
     Family(inerter.Inerter, "inerter", "springs", inerter.make, rows=inerter.rows),
     Family(torsion_spring.TorsionSpring, "torsion_spring", "springs", torsion_spring.make, plain=torsion_spring.plain),
@@ -83,6 +86,29 @@ FAMILIES = (
     Family(strain_output.StrainOutput, "strain_output", "outputs", strain_output.make, plain=strain_output.plain),
 )  # fmt: skip
 _MAKERS = {family.part: family.make for family in FAMILIES if family.make is not None}
+_ROWS = {family.part: family.rows for family in FAMILIES if family.rows is not None}
+
+
+def connection_rows(parts: Iterable[Connection], number: Mapping[str, int]) -> ElementRows:
+    """Return the rows of all connections.
+
+    Parameters
+    ----------
+    parts : iterable of Connection
+        The model's connections, all of them plain.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    ElementRows
+        Rows family by family; ``owner`` counts in the order of ``parts``.
+    """
+    families: dict[type, list[tuple[int, Connection]]] = {}
+    for i, part in enumerate(parts):
+        families.setdefault(type(part), []).append((i, part))
+    return ElementRows.join([_ROWS[family](some, number) for family, some in families.items()]
+                            or [spring.rows([], number)])  # fmt: skip
 
 
 def remade(part: P, words: Mapping[str, Any]) -> P:

@@ -16,13 +16,13 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
+from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, point
-from mbsvib.elements.rows import Rows, columns
+from mbsvib.elements.rows import columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.placement import Placement
 
 
@@ -64,26 +64,21 @@ def make(name: str, first: str, second: str, start: Any, end: Any, inertance: An
     return Inerter(name, first, second, a, b, mass, line)
 
 
-def rows(
-    parts: Sequence[tuple[int, Inerter]], number: Mapping[str, int]
-) -> tuple[Rows, Array, Array, Index, Array, Array]:
-    """Return the rows of inerters, the change of their length.
+def rows(parts: Sequence[tuple[int, Inerter]], number: Mapping[str, int]) -> ElementRows:
+    """Return the rows of inerters, the changes of their lengths.
 
     Parameters
     ----------
     parts : sequence of (int, Inerter)
-        The inerters and their numbers among the model's spring-dampers.
+        The inerters and their numbers among the model's connections.
     number : mapping
         Number of each body, ground included.
 
     Returns
     -------
-    tuple of Rows and array
-        Rows, stiffness, damping (both 0), owner, direction in the owner's axes and inertance, as in ``Elements``.
+    ElementRows
+        One row an inerter, without stiffness and damping.
     """
     table = columns([(number[p.first], number[p.second], i, *p.start, *p.line, p.inertance) for i, p in parts], 10)
-    first, second, owner = table[:3].astype(np.intp)
-    unit = np.zeros((len(parts), 6))
-    unit[:, 2] = 1.0
     none = np.zeros(len(parts))
-    return Rows(first, second, table[3:6], table[6:9], np.zeros((3, len(parts)))), none, none, owner, unit, table[9]
+    return ElementRows.along_lines(table[:3], table[3:6], table[6:9], none, none, table[9])

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mbsvib.elements import Body, Joint, Maxwell
 from mbsvib.elements import joint as _joint
-from mbsvib.elements.rows import Rows, columns
+from mbsvib.elements.element_rows import ElementRows
+from mbsvib.elements.rows import columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from mbsvib.common.arrays import Array, Index
     from mbsvib.elements.part import Part
 
 
@@ -57,7 +55,7 @@ def given(parts: Iterable[Part]) -> tuple[Part, ...]:
     return tuple(part for part in parts if not isinstance(part, (Node, Slide)))
 
 
-def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> tuple[Rows, Array, Array, Index, Array]:
+def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> ElementRows:
     """Return the rows of Maxwell elements.
 
     k1 acts between the first body and the node, c between the node and the second body, k0 between both bodies; the
@@ -66,26 +64,25 @@ def rows(parts: Sequence[tuple[int, Maxwell]], number: Mapping[str, int]) -> tup
     Parameters
     ----------
     parts : sequence of (int, Maxwell)
-        The elements and their numbers among the model's spring-dampers.
+        The elements and their numbers among the model's connections.
     number : mapping
         Number of each body and node, ground included.
 
     Returns
     -------
-    tuple of Rows and array
-        Rows, stiffness, damping, owner and direction in the owner's axes, as ``Elements`` has them.
+    ElementRows
+        Up to three rows an element; that of the damper has no direction in the owner's axes, as it adds no force.
     """
     tuples = []
     for i, p in parts:
         first, second, node = number[p.first], number[p.second], number[p.node]
-        on = (*p.start, *p.line, 0.0, 0.0, 0.0)
+        on = (*p.start, *p.line)
         tuples.append((first, node, i, *on, p.stiffness, 0.0, 1.0))
         if p.damping:
             tuples.append((second, node, i, *on, 0.0, p.damping, 0.0))
         if p.static_stiffness:
             tuples.append((first, second, i, *on, p.static_stiffness, 0.0, 1.0))
-    table = columns(tuples, 15)
-    first, second, owner = table[:3].astype(np.intp)
-    unit = np.zeros((len(tuples), 6))
-    unit[:, 2] = table[14]
-    return Rows(first, second, table[3:6], table[6:9], table[9:12]), table[12], table[13], owner, unit
+    table = columns(tuples, 12)
+    result = ElementRows.along_lines(table[:3], table[3:6], table[6:9], table[9], table[10])
+    result.unit[:, 2] = table[11]
+    return result

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any, Self
 from mbsvib.common import arguments as check
 from mbsvib.common.arguments import Vector
 from mbsvib.elements.connection import Connection, check_ends, line_between
+from mbsvib.elements.element_rows import ElementRows
 from mbsvib.elements.part import ParameterField, Part, derived, point
+from mbsvib.elements.rows import columns
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from mbsvib.elements.placement import Placement
 
@@ -104,3 +106,23 @@ def make(
         raise ModelError(f"{who}: neither stiffness nor damping is given; give one, or leave the spring out.",
                          element=who, field="stiffness")  # fmt: skip
     return Spring(name, first, second, a, b, k, c, preload, free_length, line, length, tension)
+
+
+def rows(parts: Sequence[tuple[int, Spring]], number: Mapping[str, int]) -> ElementRows:
+    """Return the rows of line springs, the changes of their lengths.
+
+    Parameters
+    ----------
+    parts : sequence of (int, Spring)
+        The springs and their numbers among the model's connections.
+    number : mapping
+        Number of each body, ground included.
+
+    Returns
+    -------
+    ElementRows
+        One row a spring.
+    """
+    table = columns([(number[s.first], number[s.second], i, *s.start, *s.line, s.stiffness, s.damping)
+                     for i, s in parts], 11)  # fmt: skip
+    return ElementRows.along_lines(table[:3], table[3:6], table[6:9], table[9], table[10])

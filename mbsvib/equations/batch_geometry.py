@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.elements import Bushing, Input, Joint, Output, Spring
+from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows
 from mbsvib.equations.inertia import SpatialInertia, roots
-from mbsvib.equations.spring_rows import Elements, stack
 from mbsvib.linalg.rotations import exponential
 from mbsvib.mechanism.topology import FLOATS
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.elements.part import Part
     from mbsvib.equations.batch_values import Values
     from mbsvib.equations.ports import Ports
@@ -153,7 +154,7 @@ def _cuts(scene: Scene, values: Values) -> Cuts | None:
     return replace(cuts, rows=Rows(rows.first, rows.second, point, force, moment))
 
 
-def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Elements:
+def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> ElementRows:
     """Rows of the spring-dampers; directions come in that only some variant has a stiffness or damping in."""
     parts = list(scene.elements)
     varying = [i for i, part in enumerate(parts) if part.name in values.fields]
@@ -165,7 +166,7 @@ def _springs(scene: Scene, values: Values, number: Mapping[str, int]) -> Element
                                 if field in ("stiffness", "damping") and isinstance(parts[i], Bushing)}  # fmt: skip
         if acts:
             parts[i] = replace(parts[i], **acts)
-    springs = scene.springs if parts == list(scene.elements) else stack(parts, number)
+    springs = scene.springs if parts == list(scene.elements) else connection_rows(parts, number)
     owners = [(scene.elements[i], (springs.owner == i).nonzero()[0]) for i in varying]
     rows = springs.rows
     force, moment, point = _of_parts((rows.force, rows.moment, rows.point), owners, values)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body, Output
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
-    from mbsvib.equations.spring_rows import Elements
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
 
@@ -135,7 +135,7 @@ def unit(wrench: tuple[float, ...], units: tuple[str, str]) -> str:
 
 
 def port_matrices(
-    port: Ports, seen: Array, springs: Elements, elastic: Array, inertia: SpatialInertia, factor: Array,
+    port: Ports, seen: Array, springs: ElementRows, elastic: Array, inertia: SpatialInertia, factor: Array,
     position: Array, shared: Shared | None = None,
 ) -> dict[str, Array]:
     """Return B, Cq, Cv, Ca and D of q'' M + ... = B u, y = Cq q + Cv q' + Ca q'' + D u, by name.
@@ -146,7 +146,7 @@ def port_matrices(
         Inputs and outputs.
     seen : array, shape (..., port rows, m)
         Their relative displacements in minimal coordinates.
-    springs : Elements
+    springs : ElementRows
         The spring-dampers that act.
     elastic : array, shape (..., elastic rows, m)
         Their rows in minimal coordinates.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.elements.families import connection_rows
 from mbsvib.elements.rows import Rows, table
-from mbsvib.equations import spring_rows as _elements
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.ports import Ports, ports
 from mbsvib.equations.wrenches import is_loaded
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Bushing, Spring
     from mbsvib.elements.coupler import Coupling
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.second_order_rows import Felt
-    from mbsvib.equations.spring_rows import Elements
     from mbsvib.equations.wrenches import Applied
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
@@ -45,7 +45,7 @@ class Scene:
     position: Array
     coordinates: Twists
     cuts: Cuts | None
-    springs: Elements
+    springs: ElementRows
     port: Ports
     inertia: SpatialInertia
     shared: Shared | None = None
@@ -110,7 +110,7 @@ def scene(model: Mechanism, cut: Sequence[str] | None = None) -> Scene:
         cuts = with_couplers(cuts, couplers, topology, bodies, number, coordinates)
     return Scene(
         topology, tuple(bodies), elements, table([body.position for body in bodies], 3), coordinates, cuts,
-        _elements.stack(elements, number), ports(model, bodies, number),
+        connection_rows(elements, number), ports(model, bodies, number),
         spatial_inertia(bodies), None if model.pieces is None else shared_rows(model.pieces, number, len(elements)),
         model.derived(_loading) if is_loaded(model) else None, couplers,
     )  # fmt: skip

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mbsvib.elements import Bushing
-from mbsvib.equations import spring_rows as _elements
+from mbsvib.elements.families import connection_rows
 from mbsvib.equations.inertia import spatial_inertia
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.ports import ports
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.spring_rows import Elements
     from mbsvib.kinematics.shared_rows import Shared
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sparse.constraints import Constraints
@@ -94,7 +94,7 @@ def linearized(
     couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
     closure = constraints(topology, bodies, number, structure, couplers)
     unknowns = layout(structure, int(closure.kept.sum()), closure.touched)
-    springs = _elements.stack(model.springs.values(), number)
+    springs = connection_rows(model.springs.values(), number)
     elastic = relative_rows(structure, unknowns, springs.rows)
     acting = np.flatnonzero(np.diff(elastic.indptr))
     springs, elastic = springs.only(acting), elastic[acting]
@@ -167,7 +167,7 @@ def linearized(
     )  # fmt: skip
 
 
-def _with_inerters(factor: csr_matrix, springs: Elements, elastic: csr_matrix) -> csr_matrix:
+def _with_inerters(factor: csr_matrix, springs: ElementRows, elastic: csr_matrix) -> csr_matrix:
     """Append the rows of inerters, times the roots of their inertance, to those of bodies."""
     if springs.inertance is None:
         return factor
@@ -282,8 +282,8 @@ def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:
 
 
 def _port_rows(
-    port: Ports, seen: csr_matrix, springs: Elements, elastic: csr_matrix, factor: csr_matrix, inertia: SpatialInertia,
-    layout: Layout, position: Array, shared: Shared | None = None,
+    port: Ports, seen: csr_matrix, springs: ElementRows, elastic: csr_matrix, factor: csr_matrix,
+    inertia: SpatialInertia, layout: Layout, position: Array, shared: Shared | None = None,
 ) -> tuple[csr_matrix, tuple[csr_matrix, csr_matrix, csr_matrix], Array]:  # fmt: skip
     """Rows of the inputs, rows of the outputs by derivative, and the feedthrough D."""
     from scipy.sparse import coo_matrix, csr_matrix

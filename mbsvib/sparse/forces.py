@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.inertia import SpatialInertia
     from mbsvib.equations.ports import Ports
     from mbsvib.equations.self_stress import Undetermined
-    from mbsvib.equations.spring_rows import Elements
     from mbsvib.kinematics.shared_rows import Composite, Shared
     from mbsvib.mechanism.topology import Topology
     from mbsvib.sparse.constraints import Constraints
@@ -57,7 +57,7 @@ class ForceSums:
     layout: Layout
     closure: Constraints
     number: Mapping[str, int]
-    springs: Elements
+    springs: ElementRows
     elastic: csr_matrix
     inertia: SpatialInertia
     factor: csr_matrix

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.element_rows import ElementRows
     from mbsvib.equations.second_order_rows import Felt
-    from mbsvib.equations.spring_rows import Elements
     from mbsvib.equations.wrenches import Applied
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.topology import Topology
@@ -75,7 +75,7 @@ class Geometric:
 
 def geometric(
     model: Mechanism, topology: Topology, tree: Tree, layout: Layout, closure: Constraints, number: Mapping[str, int],
-    springs: Elements, regions: Iterable[Region] = (),
+    springs: ElementRows, regions: Iterable[Region] = (),
 ) -> Geometric:  # fmt: skip
     """Return the geometric stiffness of a loaded mechanism.
 
@@ -93,7 +93,7 @@ def geometric(
         Locked rows of the cut joints.
     number : mapping
         Number of each body, ground included.
-    springs : Elements
+    springs : ElementRows
         Springs and dampers; rounding of the pose causes forces in them.
     regions : iterable of Region
         Loops in which redundant constraints share forces of least norm; elsewhere redundant constraints have none.
@@ -173,7 +173,7 @@ def _on_bodies(pairs: Pairs, position: Array) -> tuple[Array, Array]:
     return wrench.T.copy(), size.T.copy()
 
 
-def _rounding(springs: Elements, reach: float, position: Array) -> Array:
+def _rounding(springs: ElementRows, reach: float, position: Array) -> Array:
     """Magnitudes (2, bodies + 1) of forces and moments; ``BALANCE`` times these are due to rounding of positions."""
     rows = springs.rows
     along, about = (np.linalg.norm(part, axis=0) for part in (rows.force, rows.moment))
