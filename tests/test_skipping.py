@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import mbsvib as mv
-from mbsvib.equations import assembly
+from mbsvib.equations import assembly, draft
 from mbsvib.kinematics import loops, mobility
 from mbsvib.modes import damped, undamped
 from mbsvib.modes import result as modal
@@ -54,7 +54,7 @@ def assert_same(one, other, rtol=0.0):
 def test_no_loop_no_second_transformation(monkeypatch):
     """B'' of an open tree is not formed; formed as the identity it changes no bit."""
     model = spatial(4, bodies=4)
-    reduced = assembly.reduce
+    reduced = draft.reduce
 
     def forced(*args):
         found = reduced(*args)
@@ -65,7 +65,7 @@ def test_no_loop_no_second_transformation(monkeypatch):
         never(patch, loops, "_solve", "pivoted_qr")
         plain = model.linearize()
     with monkeypatch.context() as patch:
-        patch.setattr(assembly, "reduce", forced)
+        patch.setattr(draft, "reduce", forced)
         whole = model.linearize()
     for key in MATRICES:
         assert_array_equal(getattr(plain, key), getattr(whole, key), err_msg=key)
@@ -146,8 +146,8 @@ def test_springs_that_nothing_moves_are_left_out():
     assert "as no motion of the mechanism strains them: idle" in system.explain()
     scene = assembly.scene(model)
     relative = scene.relative()
-    reduction = assembly.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
-    whole = assembly.matrices(scene, relative, reduction)
+    reduction = draft.reduce(scene.coordinates, scene.cuts, relative.dense(0, scene.locked))
+    whole = draft.matrices(scene, relative, reduction)
     assert len(whole.stiffness) == 12
     for key in MATRICES:
         assert_array_equal(getattr(system, key), getattr(whole, key), err_msg=key)

@@ -7,26 +7,22 @@ of D per elastic direction: everything comes from the geometry by the path rule,
 from __future__ import annotations
 
 from copy import copy
-from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from mbsvib.common.memory import keep_freed_memory
+from mbsvib.equations.draft import begun
 from mbsvib.equations.equations import Equations, Provenance
 from mbsvib.equations.expansion import expanded
 from mbsvib.equations.inertia import check_mass
-from mbsvib.equations.matrices import matrices
 from mbsvib.equations.maxwell_nodes import with_maxwell_nodes
 from mbsvib.equations.scene import scene
-from mbsvib.kinematics.loops import reduce
 from mbsvib.kinematics.mobility import check_mobility
-from mbsvib.kinematics.relative_motion import arm
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from mbsvib.elements.part import Part
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.self_stress import Undetermined
     from mbsvib.mechanism.mechanism import Mechanism
 
 E = TypeVar("E", bound=Equations)
@@ -99,54 +95,58 @@ def assembled(
     Equations
         Matrices, names and the way back to the bodies.
     """
-    relative = scene.relative()
-    locked, coordinates, felt = scene.locked, scene.coordinates, len(scene.springs.owner)
-    phi = scene.closure(relative)
-    reduction = reduce(coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
-    planar = check_mobility(scene.topology, coordinates, scene.cuts, reduction, scene.position)
-    kept, turns = reduction.independent.tolist(), coordinates.turns.take(reduction.independent).tolist()
-    names = tuple([coordinates.names[i] for i in kept])
-    terms = matrices(scene, relative, reduction, relative.acting(locked, locked + felt))
-    separation = statics = None
-    said = model if origin is None else origin
-    parts: tuple[Part, ...] = (  # in the order in which the model lists its parameters
-        *said.gravity_parts, *scene.bodies, *scene.topology.joints, *scene.elements, *scene.couplers,
-        *model.rotors.values(), *said.loads.values(),
-    )  # fmt: skip
-    if scene.loads is not None:
-        from mbsvib.equations.loaded import load
-
-        terms, statics = load(scene, relative, reduction, terms, model.name, checked, phi)
-    undetermined: tuple[Undetermined, ...] = () if statics is None else statics.undetermined
-    if scene.port.wrench_outputs:
-        from mbsvib.equations.joint_forces import joint_force_rows
-
-        terms, undetermined = joint_force_rows(model, scene, relative, reduction, terms, statics)
-    if model.rotors:
-        from mbsvib.equations.spin_terms import with_spin
-
-        terms = with_spin(model, scene, reduction, terms)
-    if scene.inertia.whole:
-        check_mass(terms.M, names)
-    else:
-        from mbsvib.elements.maxwell_rows import given
-        from mbsvib.equations.massless_separation import separate
-
-        parts = given(parts)
-        terms, stays, separation = separate(scene, reduction, terms, names, model, independent)
-        names, turns = tuple([names[i] for i in stays]), [turns[i] for i in stays]
-    if model.pieces is not None:
-        parts = model.pieces.declared(parts)
+    draft = begun(model, scene, independent, checked)
+    planar = check_mobility(scene.topology, scene.coordinates, scene.cuts, draft.reduction, scene.position)
+    for step in STEPS:
+        draft = step(draft)
+    turns = scene.coordinates.turns
     return form(
-        name=model.name, coordinates=names,
-        coordinate_units=tuple(["rad" if turn else "m" for turn in turns]),
+        name=model.name, coordinates=draft.names,
+        coordinate_units=tuple(["rad" if turns[k] else "m" for k in draft.kept]),
         inputs=tuple(model.inputs), input_units=scene.port.input_units, outputs=tuple(model.outputs),
-        output_units=scene.port.output_units, bodies=scene.topology.bodies, **terms.named(),
+        output_units=scene.port.output_units, bodies=scene.topology.bodies, **draft.terms.named(),
         provenance=Provenance(
-            scene.topology, reduction, coordinates.names, scene.owners, parts, separation, statics,
+            scene.topology, draft.reduction, scene.coordinates.names, scene.owners,
+            (model if origin is None else origin).declared_parts, draft.separation, draft.statics,
             ports=(*model.inputs.values(), *model.outputs.values()), origin=origin, planar=planar,
-            undetermined=undetermined,
+            undetermined=draft.undetermined,
         ),
     )  # fmt: skip
 
 
+def _loads(draft: Draft) -> Draft:
+    if draft.scene.loads is None:
+        return draft
+    from mbsvib.equations.loaded import with_loads
+
+    return with_loads(draft)
+
+
+def _joint_forces(draft: Draft) -> Draft:
+    if not draft.scene.port.wrench_outputs:
+        return draft
+    from mbsvib.equations.joint_forces import with_joint_forces
+
+    return with_joint_forces(draft)
+
+
+def _spin(draft: Draft) -> Draft:
+    if not draft.model.rotors:
+        return draft
+    from mbsvib.equations.spin_terms import with_spin
+
+    return with_spin(draft)
+
+
+def _masses(draft: Draft) -> Draft:
+    if draft.scene.inertia.whole:
+        check_mass(draft.terms.M, draft.names)
+        return draft
+    from mbsvib.equations.massless_separation import separated
+
+    return separated(draft)
+
+
+# What parts add beyond the rows of bodies and connections, in this order; a step without parts returns its draft, and
+# does not load its module.
+STEPS: tuple[Callable[[Draft], Draft], ...] = (_loads, _joint_forces, _spin, _masses)

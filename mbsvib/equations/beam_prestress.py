@@ -13,7 +13,6 @@ so that rigid halves and this form are together N / 2 times the integral of the 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -86,17 +85,13 @@ def carried(
     list of array
         Forces in the rows of each superelement.
     """
-    from mbsvib.equations.loaded import load
-    from mbsvib.equations.matrices import matrices
+    from mbsvib.equations.draft import begun
+    from mbsvib.equations.loaded import with_loads
     from mbsvib.equations.scene import scene
-    from mbsvib.kinematics.loops import reduce
-    from mbsvib.kinematics.relative_motion import arm
 
     view = scene(with_maxwell_nodes(model))
-    relative = view.relative()
-    reduction = reduce(view.coordinates, view.cuts, view.closure(relative),
-                       arms=partial(arm, view.topology, view.position))  # fmt: skip
-    terms = matrices(view, relative, reduction)
+    draft = begun(model, view, checked=False, all_rows=True)
+    relative, reduction, terms = draft.relative, draft.reduction, draft.terms
     names = [name for beam in beams for name in beam.element_names]
     place = {name: i for i, name in enumerate(names)}
     which = [(row, place[view.elements[owner].name]) for row, owner in enumerate(view.springs.owner.tolist())
@@ -120,7 +115,9 @@ def carried(
     rows, before = np.concatenate(felt), np.concatenate(known)
     residual = np.zeros(rows.shape[1])
     if view.loads is not None:
-        residual = load(view, relative, reduction, terms, model.name, checked=False)[1].residual
+        statics = with_loads(draft).statics
+        assert statics is not None
+        residual = statics.residual
     open_rows, size = np.concatenate(opened), np.concatenate(root)
     forces = before + spread(rows, open_rows, size, -residual - before @ rows)
     if reduced:  # rows that feel many coordinates lose digits, which a second look finds again

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements.part import Part
-    from mbsvib.equations.massless_separation import Separation
     from mbsvib.equations.self_stress import Undetermined
     from mbsvib.equations.statics import Statics
     from mbsvib.kinematics.loops import Reduction
@@ -43,6 +42,24 @@ class Dropped:
     def names(self) -> tuple[str, ...]:
         """All that was left out."""
         return self.unreached + self.unseen
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """What became of the motions without mass, for ``explain``.
+
+    ``condensed`` names the coordinates that follow from statics, ``first_order`` those with one state in place of two;
+    ``kept`` and ``dropped`` are the smallest pivot of W that counts as mass and the largest that does not.
+    ``transform`` T (n, m) leads back to all coordinates before condensation, None where nothing is condensed;
+    condensed motions that are ``mixed`` with the coordinates kept move these, too.
+    """
+
+    condensed: tuple[str, ...]
+    first_order: tuple[str, ...]
+    kept: float
+    dropped: float
+    transform: Array | None = None
+    mixed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

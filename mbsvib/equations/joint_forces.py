@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.elements import Body
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.joint_carriers import Carriers
     from mbsvib.equations.reactions import Reactions
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.self_stress import SelfStress, Undetermined
+    from mbsvib.equations.self_stress import SelfStress
     from mbsvib.equations.statics import Statics
-    from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Triplets
     from mbsvib.mechanism.mechanism import Mechanism
@@ -50,35 +50,24 @@ class _Motion:
         return self.shift[:, body] + crossed_product(self.turn[:, body], arm[..., None])
 
 
-def joint_force_rows(
-    model: Mechanism, scene: Scene, relative: Triplets, reduction: Reduction, terms: Terms,
-    statics: Statics | None,
-) -> tuple[Terms, tuple[Undetermined, ...]]:  # fmt: skip
-    """Return the terms with the rows of outputs that are forces in joints, or all forces on a body or the ground.
+def with_joint_forces(draft: Draft) -> Draft:
+    """Return equations of motion with the rows of outputs that are forces in joints, or all forces on a body.
 
     Parameters
     ----------
-    model : Mechanism
-        The mechanism, for names.
-    scene : Scene
-        The same in numbers.
-    relative : Triplets
-        Its relative displacements.
-    reduction : Reduction
-        Its minimal coordinates.
-    terms : Terms
-        Its matrices, without these rows of Cq, Cv, Ca and D.
-    statics : Statics or None
-        The forces at the pose, if anything loads it.
+    draft : Draft
+        The equations without these rows of Cq, Cv, Ca and D.
 
     Returns
     -------
-    tuple of Terms and tuple of Undetermined
-        The matrices, and which of these outputs redundant constraints leave open.
+    Draft
+        The equations with them, and which of these outputs redundant constraints leave ``undetermined``.
     """
+    model, scene, relative, reduction = draft.model, draft.scene, draft.relative, draft.reduction
+    terms, statics = draft.terms, draft.statics
     position = np.concatenate((scene.position, np.zeros((1, 3)))).T
     ways = carriers(scene.topology, position)
-    to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, scene.closure(relative))
+    to_joints = reactions(ways, scene.coordinates, scene.cuts, reduction, draft.phi)
     still = np.concatenate((terms.body_motion, np.zeros((1, *terms.body_motion.shape[1:]))))
     motion = _Motion(still[:, :3].transpose(1, 0, 2), still[:, 3:].transpose(1, 0, 2), position)
     elastic, damping, inerters = _of_springs(scene, relative, reduction, position)
@@ -117,7 +106,8 @@ def joint_force_rows(
         else:
             _sum(rows, row, place, wrench, {"Cv": gyroscopic, "Ca": inertia, "D": base}, position, change)
     names = [joint.name for joint in scene.topology.joints]
-    return replace(terms, **rows), tuple([stress.undetermined(names, asked) for stress in to_joints.stress])
+    undetermined = tuple([stress.undetermined(names, asked) for stress in to_joints.stress])
+    return replace(draft, terms=replace(terms, **rows), undetermined=undetermined)
 
 
 def _in_every_pose(changed: Array, to_joints: Reactions, statics: Statics, change: _Change) -> Array:

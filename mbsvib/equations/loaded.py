@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,56 +19,38 @@ from mbsvib.linalg.rank import POSITION_ROUNDING
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.equations.applied_forces import Acting
-    from mbsvib.equations.scene import Scene
-    from mbsvib.equations.terms import Terms
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.wrenches import Mask
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.kinematics.relative_motion import Triplets
 
 
-def load(
-    scene: Scene, relative: Triplets, reduction: Reduction, terms: Terms, name: str, checked: bool = True,
-    phi: Array | None = None,
-) -> tuple[Terms, Statics]:
-    """Return the terms of a mechanism with what its loads add to the stiffness, and the forces at its pose.
+def with_loads(draft: Draft) -> Draft:
+    """Return equations of motion with what loads add to the stiffness, and the forces at the pose.
 
     Parameters
     ----------
-    scene : Scene
-        The mechanism in numbers.
-    relative : Triplets
-        Its relative displacements.
-    reduction : Reduction
-        Its minimal coordinates.
-    terms : Terms
-        Its matrices and factors without loads.
-    name : str
-        Name of the model.
-    checked : bool
-        Whether a pose that is not in balance is refused; if not, ``Statics.residual`` is what is left over.
-    phi : array, shape (locked rows, n), optional
-        ``scene.closure(relative)``, where it is known already.
+    draft : Draft
+        The equations without loads.
 
     Returns
     -------
-    tuple of Terms and Statics
-        The matrices and factors under load, and the forces applied and in joints.
+    Draft
+        Matrices and factors under load; ``statics`` are the forces applied and in joints.
 
     Raises
     ------
     EquilibriumError
-        If the pose is not in balance.
+        If the pose is not in balance and this is ``checked``.
     """
+    scene, reduction, terms = draft.scene, draft.reduction, draft.terms
     assert scene.loads is not None
     applied, felt, memory = scene.loads
     known = acting(applied, felt, scene, memory)
     motion = terms.body_motion
     reach = max(float(np.abs(known.start).max(initial=0.0)), float(np.abs(known.ways.position).max(initial=0.0)))
     residual, size = balance(known.wrench[:, :-1], known.sizes[:, :-1], motion, reach)
-    if checked:
-        check_balance(residual, size, terms.K, scene, reduction, name)
-    phi = scene.closure(relative) if phi is None else phi
-    to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, phi, known.loops)
+    if draft.checked:
+        check_balance(residual, size, terms.K, scene, reduction, draft.model.name)
+    to_joints = reactions(known.ways, scene.coordinates, scene.cuts, reduction, draft.phi, known.loops)
     carried = to_joints.closed(known.tree)[:, :, 0]
     wrench = np.concatenate((known.pairs, carried), axis=1)
     pairs = Pairs(known.first, known.second, known.start, known.end, wrench[:3], wrench[3:])
@@ -88,7 +71,8 @@ def load(
         rows[:, idle] = 0.0
     used = (stiffness * rows.any(axis=1)).nonzero()[0]
     terms = terms.with_rows(rows.take(used, axis=0), stiffness.take(used), len(scene.owners) + owner.take(used))
-    return terms.with_antisymmetric(None, antisymmetric(every.circulatory, moved)), statics
+    terms = terms.with_antisymmetric(None, antisymmetric(every.circulatory, moved))
+    return replace(draft, terms=terms, statics=statics, undetermined=statics.undetermined)
 
 
 def _without_effect(rows: Array, stiffness: Array, known: Acting, pairs: Pairs, motion: Array) -> Mask:

@@ -5,12 +5,13 @@ Source: Campbell, Singular Systems of Differential Equations (1980), for the par
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import lapack
 
+from mbsvib.equations.equations import Separation
 from mbsvib.equations.inertia import check_mass
 from mbsvib.equations.massless_condensation import Condensation, condense, unheld
 from mbsvib.equations.massless_null_motion import cleaned, null_space, possible, scale_of, unfelt
@@ -27,58 +28,25 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.massless_null_motion import Scale
-    from mbsvib.equations.scene import Scene
-    from mbsvib.kinematics.loops import Reduction
-    from mbsvib.mechanism.mechanism import Mechanism
 
 # Pivots kept and dropped closer than this leave in doubt what is massless.
 RANK_GAP = 1e3
 
 
-@dataclass(frozen=True, slots=True)
-class Separation:
-    """What became of the motions without mass, for ``explain``.
-
-    ``condensed`` names the coordinates that follow from statics, ``first_order`` those with one state in place of two;
-    ``kept`` and ``dropped`` are the smallest pivot of W that counts as mass and the largest that does not.
-    ``transform`` T (n, m) leads back to all coordinates before condensation, None where nothing is condensed;
-    condensed motions that are ``mixed`` with the coordinates kept move these, too.
-    """
-
-    condensed: tuple[str, ...]
-    first_order: tuple[str, ...]
-    kept: float
-    dropped: float
-    transform: Array | None = None
-    mixed: bool = False
-
-
-def separate(
-    scene: Scene, reduction: Reduction, terms: Terms, names: tuple[str, ...], model: Mechanism,
-    independent: Sequence[str] | None = None,
-) -> tuple[Terms, Index, Separation | None]:  # fmt: skip
-    """Return the equations of motion with the motions that move no mass told apart.
+def separated(draft: Draft) -> Draft:
+    """Return equations of motion with the motions that move no mass told apart.
 
     Parameters
     ----------
-    scene : Scene
-        The mechanism in numbers.
-    reduction : Reduction
-        Its minimal coordinates.
-    terms : Terms
-        Its matrices and factors.
-    names : tuple of str
-        Names of the minimal coordinates.
-    model : Mechanism
-        The mechanism, for the names of its inputs and outputs.
-    independent : sequence of str, optional
-        Coordinates that the user wants to keep.
+    draft : Draft
+        The equations, in which such motions may be among the coordinates.
 
     Returns
     -------
-    tuple of Terms, array and Separation or None
-        The matrices and factors; the numbers of the coordinates that stay; None where every motion moves mass.
+    Draft
+        The equations in the coordinates that stay; ``separation`` is None where every motion moves mass.
 
     Raises
     ------
@@ -87,30 +55,32 @@ def separate(
     SingularPoseError
         If it is in doubt which motions move mass.
     """
-    everything = np.arange(len(names))
+    scene, terms, names, model = draft.scene, draft.terms, draft.names, draft.model
     if not names:
-        return terms, everything, None
-    scale = scale_of(scene.coordinates, scene.position, reduction.independent)
-    bodies = possible(scene.coordinates, reduction, scene.inertia, scale)
+        return draft
+    scale = scale_of(scene.coordinates, scene.position, draft.reduction.independent)
+    bodies = possible(scene.coordinates, draft.reduction, scene.inertia, scale)
     shared = terms.inertia_factor[6 * len(scene.bodies) :]
     size = np.sqrt(bodies**2 + np.einsum("ij,ij->j", shared, shared))
     if _regular(terms.M, size):
-        return terms, everything, None
+        return draft
     factor = terms.inertia_factor[terms.inertia_factor.any(axis=1)]
     null, least, most = null_space(factor, size, RANK_FACTOR * scale.noise)
     if not null.shape[1]:
         check_mass(terms.M, names)
-        return terms, everything, None
+        return draft
     null = cleaned(null, scale.unit, RANK_FACTOR * scale.noise)
     check_gap(null[:, 0], scale.unit, names, least, most)
-    pins = np.array([name in (independent or ()) for name in names])
+    pins = np.array([name in draft.pins for name in names])
     ports = list(model.outputs), list(model.inputs)
     terms, condensation, slow = resolved(null, terms, size, scale, names, scene.topology.bodies, ports, pins)
     if condensation is None:
-        return terms, everything, Separation((), slow, least, most)
+        return replace(draft, terms=terms, separation=Separation((), slow, least, most))
     gone = tuple(names[i] for i in condensation.dependent)
     mixed = bool(condensation.motions[condensation.kept].any())
-    return terms, condensation.kept, Separation(gone, slow, least, most, condensation.transform, mixed)
+    kept = tuple([draft.kept[i] for i in condensation.kept.tolist()])
+    return replace(draft, terms=terms, kept=kept,
+                   separation=Separation(gone, slow, least, most, condensation.transform, mixed))  # fmt: skip
 
 
 def check_gap(motion: Array, unit: Array, names: tuple[str, ...], kept: float, dropped: float) -> None:

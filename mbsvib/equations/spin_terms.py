@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body, Spring
+    from mbsvib.equations.draft import Draft
     from mbsvib.equations.scene import Scene
-    from mbsvib.equations.terms import Terms
     from mbsvib.kinematics.loops import Reduction
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.mechanism.mechanism import Mechanism
@@ -76,34 +76,30 @@ def _antisymmetric(matrix: Array) -> Weights:
     return Weights(first[used], second[used], value[used], np.zeros(len(used), dtype=np.intp))
 
 
-def with_spin(model: Mechanism, scene: Scene, reduction: Reduction, terms: Terms) -> Terms:
-    """Return the terms of a mechanism with what its rotors add.
+def with_spin(draft: Draft) -> Draft:
+    """Return equations of motion with what rotors add.
 
     Parameters
     ----------
-    model : Mechanism
-        The mechanism.
-    scene : Scene
-        The same in numbers.
-    reduction : Reduction
-        Its minimal coordinates.
-    terms : Terms
-        Its matrices and factors without spin.
+    draft : Draft
+        The equations without spin.
 
     Returns
     -------
-    Terms
-        The same with ``gyroscopic`` and ``circulatory``, where they are not zero, and as part of C and K.
+    Draft
+        The same with ``gyroscopic`` and ``circulatory`` terms, where they are not zero, as part of C and K.
 
     Raises
     ------
     ModelError
         If a spin is not steady, or a body is not symmetric about the axis on which it spins.
     """
+    model, scene, reduction, terms = draft.model, draft.scene, draft.reduction, draft.terms
     part = spin_contribution(model, scene.bodies, scene.elements)
     rows = minimal_rows(part, scene.coordinates, reduction, terms.body_motion)
-    return replace(terms, Cq=_with_forces(model, scene, reduction, terms.Cq)).with_antisymmetric(
+    terms = replace(terms, Cq=_with_forces(model, scene, reduction, terms.Cq)).with_antisymmetric(
         antisymmetric(part.gyroscopic, rows), antisymmetric(part.circulatory, rows))  # fmt: skip
+    return replace(draft, terms=terms)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.equations.matrices import matrices
+from mbsvib.equations.draft import begun
 from mbsvib.equations.scene import scene
 from mbsvib.equilibrium.articulation import elastic_scale, plain
 from mbsvib.equilibrium.moved_parts import carried
 from mbsvib.errors import NearSingularWarning
-from mbsvib.kinematics.loops import reduce
-from mbsvib.kinematics.relative_motion import arm
 from mbsvib.linalg.rank import EPS
 
 if TYPE_CHECKING:
@@ -86,22 +83,17 @@ def balance(at: Stance, independent: Sequence[str] | None = None) -> Balance:
     """
     model = plain(at.described if at.pose.as_described else carried(at.described, at.pose))
     numbers = scene(model, at.cut)
-    relative = numbers.relative()
-    locked, coordinates = numbers.locked, numbers.coordinates
     with warnings.catch_warnings():  # a pose on the way, not the one that is asked for
         warnings.simplefilter("ignore", NearSingularWarning)
-        reduction = reduce(coordinates, numbers.cuts, numbers.closure(relative), independent,
-                           arms=partial(arm, numbers.topology, numbers.position))  # fmt: skip
-    terms = matrices(numbers, relative, reduction, relative.acting(locked, locked + len(numbers.springs.owner)))
-    kept = reduction.independent
-    residual = acting = np.zeros(len(kept))
+        draft = begun(model, numbers, independent, checked=False)
+    residual = acting = np.zeros(len(draft.kept))
     if numbers.loads is not None:
-        from mbsvib.equations.loaded import load
+        from mbsvib.equations.loaded import with_loads
 
-        terms, statics = load(numbers, relative, reduction, terms, model.name, checked=False)
-        residual, acting = statics.residual, statics.size
-    names = tuple([coordinates.names[k] for k in kept.tolist()])
-    lengths = at.scale[kept]
-    size = np.maximum(acting, EPS / RESOLVED * (np.abs(terms.K) @ lengths))
-    scale = lengths * elastic_scale(at.described, names, terms.K.diagonal() * lengths**2)
-    return Balance(reduction, names, residual, acting, size, terms.K, scale)
+        draft = with_loads(draft)
+        assert draft.statics is not None
+        residual, acting = draft.statics.residual, draft.statics.size
+    lengths, stiffness = at.scale[draft.reduction.independent], draft.terms.K
+    size = np.maximum(acting, EPS / RESOLVED * (np.abs(stiffness) @ lengths))
+    scale = lengths * elastic_scale(at.described, draft.names, stiffness.diagonal() * lengths**2)
+    return Balance(draft.reduction, draft.names, residual, acting, size, stiffness, scale)

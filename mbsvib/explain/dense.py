@@ -12,8 +12,7 @@ from mbsvib.mechanism.topology import FLOATS
 from mbsvib.mechanism.unit_warnings import unit_warnings
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Dropped, Equations
-    from mbsvib.equations.massless_separation import Separation
+    from mbsvib.equations.equations import Dropped, Equations, Separation
     from mbsvib.responses.basis import Basis
 
 _ENOUGH = {

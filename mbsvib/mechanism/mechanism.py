@@ -13,7 +13,7 @@ from mbsvib.elements.superelement import Superelement
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
     from typing import Self
 
     from numpy.typing import ArrayLike
@@ -159,8 +159,13 @@ class Mechanism:
         """Every number of parts and of gravity by its name (``"leg1.k.stiffness"``, ``"gravity.z"``); read-only."""
         from mbsvib.mechanism.parameters import Parameters
 
-        parts: Iterable[Part] = (part for key in GROUPS[:-2] for part in self._group(key).values())
-        return Parameters([*self.gravity_parts, *parts])
+        return Parameters(self.declared_parts)
+
+    @property
+    def declared_parts(self) -> tuple[Part, ...]:
+        """Gravity and all parts but inputs and outputs, as the user knows them, in the order of their parameters."""
+        parts = (*self.gravity_parts, *[part for key in GROUPS[:-2] for part in self._group(key).values()])
+        return parts if self._pieces is None else self._pieces.declared(parts)
 
     def groups(self) -> dict[str, Mapping[str, Any]]:
         """Return all parts in their groups.

@@ -40,11 +40,9 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex, Index
     from mbsvib.elements import Body
-    from mbsvib.elements.part import Part
     from mbsvib.elements.rows import Rows
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
-    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.variables import Asked, Direction
     from mbsvib.sparse.equations import SparseEquations
     from mbsvib.sparse.modes import SomeModes
@@ -227,7 +225,7 @@ def places(values: Complex, known: Complex) -> Index:
 
 def _basis(system: SparseEquations, small: Equations) -> SparseSensitivityBasis:
     """The basis of a small system that knows the model, with the network of all of its parts."""
-    came = replace(small.provenance, parts=declared_parts(system.model), origin=system.model, springs=system.springs)
+    came = replace(small.provenance, parts=system.model.declared_parts, origin=system.model, springs=system.springs)
     ways = ModalCoordinates.of(system, small)
     small = replace(small, provenance=came)
     network = assembled(small, ways)
@@ -235,15 +233,6 @@ def _basis(system: SparseEquations, small: Equations) -> SparseSensitivityBasis:
         raise ModelError(f"mode_sensitivities: the forces of the parts of '{system.name}' are not all that its "
                          f"equations have; use linearize(method='dense').", element=system.name)  # fmt: skip
     return SparseSensitivityBasis(Basis(small), network)
-
-
-def declared_parts(model: Mechanism) -> tuple[Part, ...]:
-    """Return the parts of a mechanism in the order of its parameters, those that stand for others in place of these."""
-    parts: tuple[Part, ...] = (
-        *model.gravity_parts, *model.bodies.values(), *model.joints.values(), *model.springs.values(),
-        *model.couplers.values(), *model.rotors.values(), *model.loads.values(),
-    )  # fmt: skip
-    return parts if model.pieces is None else model.pieces.declared(parts)
 
 
 class SparseSensitivityBasis(SensitivityBasis):

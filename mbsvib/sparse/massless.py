@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.equations.equations import Separation
 from mbsvib.equations.massless_null_motion import Scale
-from mbsvib.equations.massless_separation import Separation, resolved
+from mbsvib.equations.massless_separation import resolved
 from mbsvib.equations.terms import Terms
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 

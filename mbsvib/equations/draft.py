@@ -1,0 +1,87 @@
+"""Drafts: a mechanism in numbers, with its equations of motion as far as they are assembled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from mbsvib.equations.matrices import matrices
+from mbsvib.kinematics.loops import reduce
+from mbsvib.kinematics.relative_motion import arm
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Separation
+    from mbsvib.equations.scene import Scene
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.equations.statics import Statics
+    from mbsvib.equations.terms import Terms
+    from mbsvib.kinematics.loops import Reduction
+    from mbsvib.kinematics.relative_motion import Triplets
+    from mbsvib.mechanism.mechanism import Mechanism
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """Equations of motion on the way: each step of the assembly returns a draft with what its parts add.
+
+    ``model`` in plain parts is ``scene`` in numbers; ``relative`` are its relative displacements, ``phi`` those that
+    loops hold at zero, ``reduction`` leads to minimal coordinates with the numbers ``kept`` among joint coordinates.
+    ``pins`` are coordinates that the user wants to keep. A pose out of balance is refused if ``checked``.
+    """
+
+    model: Mechanism
+    scene: Scene
+    relative: Triplets
+    phi: Array
+    reduction: Reduction
+    kept: tuple[int, ...]
+    terms: Terms
+    pins: tuple[str, ...] = ()
+    checked: bool = True
+    statics: Statics | None = None
+    undetermined: tuple[Undetermined, ...] = ()
+    separation: Separation | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the minimal coordinates."""
+        names = self.scene.coordinates.names
+        return tuple([names[k] for k in self.kept])
+
+
+def begun(
+    model: Mechanism, scene: Scene, independent: Sequence[str] | None = None, checked: bool = True,
+    all_rows: bool = False,
+) -> Draft:
+    """Return the equations of motion of bodies, joints, connections and ports, without what depends on other parts.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The mechanism in plain parts.
+    scene : Scene
+        The same in numbers.
+    independent : sequence of str, optional
+        Joint coordinates that are to be among the minimal ones.
+    checked : bool
+        Whether later steps refuse a pose that is not in balance.
+    all_rows : bool
+        Whether elastic rows that no coordinate moves are kept, so that they stand as in ``scene.springs``.
+
+    Returns
+    -------
+    Draft
+        M, C, K, B, Cq, Cv, Ca, D with their factors.
+    """
+    relative = scene.relative()
+    phi = scene.closure(relative)
+    reduction = reduce(scene.coordinates, scene.cuts, phi, independent, partial(arm, scene.topology, scene.position))
+    locked = scene.locked
+    acting = None if all_rows else relative.acting(locked, locked + len(scene.springs.owner))
+    terms = matrices(scene, relative, reduction, acting)
+    return Draft(model, scene, relative, phi, reduction, tuple(reduction.independent.tolist()), terms,
+                 tuple(independent or ()), checked)  # fmt: skip
