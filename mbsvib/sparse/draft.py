@@ -1,0 +1,175 @@
+"""Drafts: a mechanism as sparse rows over its unknowns, with its equations as far as they are assembled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.elements.families import connection_rows
+from mbsvib.equations.inertia import spatial_inertia
+from mbsvib.equations.ports import ports
+from mbsvib.kinematics.shared_rows import shared_rows
+from mbsvib.sparse.constraints import constraints
+from mbsvib.sparse.couplers import coupled
+from mbsvib.sparse.layout import kinematics, layout
+from mbsvib.sparse.rows import relative_rows
+from mbsvib.sparse.self_stress import regions
+from mbsvib.sparse.tree import tree
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements import Body
+    from mbsvib.elements.element_rows import ElementRows
+    from mbsvib.equations.inertia import SpatialInertia
+    from mbsvib.equations.ports import Ports
+    from mbsvib.equations.self_stress import Undetermined
+    from mbsvib.kinematics.shared_rows import Shared
+    from mbsvib.mechanism.mechanism import Mechanism
+    from mbsvib.mechanism.topology import Topology
+    from mbsvib.sparse.constraints import Constraints
+    from mbsvib.sparse.layout import Layout
+    from mbsvib.sparse.loads import Geometric
+    from mbsvib.sparse.massless import SparseSeparation
+    from mbsvib.sparse.self_stress import Region
+    from mbsvib.sparse.spin_forces import SpinForces
+    from mbsvib.sparse.tableau import Tableau
+    from mbsvib.sparse.tree import Tree
+
+_LATER: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class SparseDraft:
+    """Sparse equations on the way: each step of the assembly returns a draft with what its parts add.
+
+    ``nodes`` is the ``model`` with the nodes of its Maxwell elements. ``springs`` are the rows of connections,
+    ``elastic`` the same over the unknowns; ``rows`` with stiffness ``k``, damping ``c`` and ``owner`` are all elastic
+    rows. ``body_factor`` are the rows of bodies and of what they share, ``factor`` those of inerters as well. ``seen``
+    are the relative displacements of ``port``, ``regions`` the parts in which redundant constraints share the forces of
+    joints that outputs ask for, ``moving`` the equations of kinematics. What a later step adds is None before.
+    """
+
+    model: Mechanism
+    nodes: Mechanism
+    topology: Topology
+    bodies: Sequence[Body]
+    number: Mapping[str, int]
+    structure: Tree
+    closure: Constraints
+    layout: Layout
+    springs: ElementRows
+    elastic: csr_matrix
+    rows: csr_matrix
+    k: Array
+    c: Array
+    owner: Index
+    inertia: SpatialInertia
+    body_factor: csr_matrix
+    factor: csr_matrix
+    shared: Shared | None
+    port: Ports
+    seen: csr_matrix
+    regions: Mapping[int, Region]
+    moving: csr_matrix
+    names: tuple[str, ...]
+    geometric: Geometric | None = None
+    spins: SpinForces | None = None
+    circulatory: csr_matrix | None = None
+    gyroscopic: csr_matrix | None = None
+    loop_rows: csr_matrix = _LATER
+    tableau: Tableau = _LATER
+    inputs: csr_matrix = _LATER
+    outputs: tuple[csr_matrix, csr_matrix, csr_matrix] = _LATER
+    D: Array = _LATER
+    undetermined: tuple[Undetermined, ...] = ()
+    separation: SparseSeparation | None = None
+
+    def with_rows(self, rows: csr_matrix, k: Array, c: Array, owner: Index) -> SparseDraft:
+        """Return the draft with more elastic rows."""
+        from scipy.sparse import vstack
+
+        return replace(
+            self, rows=vstack((self.rows, rows)).tocsr(), k=np.concatenate((self.k, k)),
+            c=np.concatenate((self.c, c)), owner=np.concatenate((self.owner, owner)),
+        )  # fmt: skip
+
+    def with_antisymmetric(self, gyroscopic: csr_matrix | None, circulatory: csr_matrix | None) -> SparseDraft:
+        """Return the draft with antisymmetric matrices or None added to C and to K."""
+        return replace(self, gyroscopic=_sum(self.gyroscopic, gyroscopic),
+                       circulatory=_sum(self.circulatory, circulatory))  # fmt: skip
+
+
+def _sum(one: csr_matrix | None, other: csr_matrix | None) -> csr_matrix | None:
+    return one if other is None else other if one is None else one + other
+
+
+def begun(model: Mechanism, nodes: Mechanism, topology: Topology, gone: frozenset[str]) -> SparseDraft:
+    """Return the rows of bodies, joints and connections.
+
+    Parameters
+    ----------
+    model, nodes : Mechanism
+        The mechanism in plain parts, without and with the nodes of its Maxwell elements.
+    topology : Topology
+        The spanning tree of ``nodes``.
+    gone : frozenset of str
+        Bodies that are no longer in the mechanism, though springs and ports still name them: they are fixed.
+
+    Returns
+    -------
+    SparseDraft
+        The rows, without those of other parts.
+    """
+    bodies = list(nodes.bodies.values())
+    number = {name: i for i, name in enumerate(topology.bodies)}
+    number |= dict.fromkeys(("ground", *gone), len(bodies))
+    structure = tree(topology, bodies)
+    couplers = coupled(tuple(model.couplers.values()), topology, bodies, number, structure)
+    closure = constraints(topology, bodies, number, structure, couplers)
+    unknowns = layout(structure, int(closure.kept.sum()), closure.touched)
+    springs = connection_rows(model.springs.values(), number)
+    elastic = relative_rows(structure, unknowns, springs.rows)
+    acting = np.flatnonzero(np.diff(elastic.indptr))
+    springs, elastic = springs.only(acting), elastic[acting]
+    inertia, port = spatial_inertia(bodies), ports(model, bodies, number)
+    factor = inertia_rows(unknowns, inertia)
+    shared = None if model.pieces is None else shared_rows(model.pieces, number, len(model.springs))
+    asked = [joint for _, kind, joint, _ in port.wrench_outputs if kind == "joint"]
+    return SparseDraft(
+        model, nodes, topology, bodies, number, structure, closure, unknowns, springs, elastic, elastic,
+        springs.stiffness, springs.damping, springs.owner, inertia, factor, factor, shared, port,
+        relative_rows(structure, unknowns, port.rows), regions(topology, structure, closure, number, asked),
+        kinematics(structure, unknowns), (*model.springs, *(() if shared is None else shared.names)),
+    )  # fmt: skip
+
+
+def inertia_rows(layout: Layout, inertia: SpatialInertia) -> csr_matrix:
+    """Return W of M = W^T W over the unknowns: three rows for the translation of each body and three for its rotation.
+
+    Parameters
+    ----------
+    layout : Layout
+        Positions of the displacements among the unknowns.
+    inertia : SpatialInertia
+        Square roots of the bodies' inertia.
+
+    Returns
+    -------
+    csr_matrix, shape (6 bodies, size)
+        The factor.
+    """
+    from scipy.sparse import csr_matrix
+
+    n = len(inertia.linear)
+    root = np.zeros((n, 6, 6))
+    root[:, [0, 1, 2], [0, 1, 2]] = inertia.linear[:, None]
+    root[:, 3:, 3:] = inertia.angular
+    body, row, direction = np.nonzero((root != 0.0) & (layout.displacement >= 0)[:, None])
+    return csr_matrix((root[body, row, direction], (6 * body + row, layout.displacement[body, direction])),
+                      shape=(6 * n, layout.size))  # fmt: skip

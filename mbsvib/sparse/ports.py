@@ -1,0 +1,86 @@
+"""Rows of inputs and outputs over sparse unknowns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements import Bushing
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+    from mbsvib.sparse.draft import SparseDraft
+
+
+def with_ports(draft: SparseDraft) -> SparseDraft:
+    """Return a draft with the rows of its inputs and outputs, but for forces in joints.
+
+    Parameters
+    ----------
+    draft : SparseDraft
+        The equations without ports.
+
+    Returns
+    -------
+    SparseDraft
+        The same with ``inputs``, ``outputs`` by derivative, and the feedthrough ``D``.
+    """
+    from scipy.sparse import coo_matrix, csr_matrix
+
+    port, springs, layout = draft.port, draft.springs, draft.layout
+    forces = len(port.force_inputs)
+    shape = (len(port.input_units), layout.size)
+    entries = draft.seen[:forces].tocoo()
+    inputs = coo_matrix((entries.data, (port.force_inputs[entries.row], entries.col)), shape=shape).tocsr()
+    through = np.zeros((len(port.output_units), len(port.input_units)))
+    position = draft.structure.position
+    for column, motion in port.base_motions:
+        linear, angular = np.array(motion.wrench[:3]), np.array(motion.wrench[3:])
+        base_acceleration = np.empty((len(position), 6, 1))
+        base_acceleration[:, :3, 0] = np.cross(angular, position - motion.position) + linear
+        base_acceleration[:, 3:, 0] = angular
+        moved = draft.inertia.factor(base_acceleration)
+        if draft.shared is not None:
+            moved = draft.shared.carried(moved, linear, angular, np.array(motion.position))
+        force = -(draft.body_factor.T @ moved[:, 0])
+        at = np.flatnonzero(force)
+        inputs = inputs + csr_matrix((force[at], (np.full(len(at), column), at)), shape=shape)
+        for row, output, point in port.inertial_outputs:
+            here = np.cross(angular, np.subtract(point, motion.position)) + linear
+            through[row, column] = np.dot(output.wrench, (*here, *angular))
+    shape = (len(port.output_units), layout.size)
+    outputs = []
+    entries = draft.seen[forces:].tocoo()
+    for derivative in range(3):
+        used = port.derivative[entries.row] == derivative
+        rows = port.motion_outputs[entries.row[used]]
+        outputs.append(csr_matrix((entries.data[used], (rows, entries.col[used])), shape=shape))
+    for row, owner, wrench in port.force_outputs:
+        own = np.flatnonzero(springs.owner == owner)
+        share = springs.unit[own] @ wrench
+        for derivative, value in springs.weights:
+            line = (csr_matrix(share * value[own]) @ draft.elastic[own]).tocoo()
+            outputs[derivative] = outputs[derivative] + csr_matrix(
+                (line.data, (np.full(line.nnz, row), line.col)), shape=shape)  # fmt: skip
+    return replace(draft, inputs=inputs, outputs=(_with_spin(draft, outputs[0]), outputs[1], outputs[2]), D=through)
+
+
+def _with_spin(draft: SparseDraft, rows: csr_matrix) -> csr_matrix:
+    """Rows of outputs, with the contributions of rotating dampers to the forces in their bushings."""
+    if draft.spins is None:
+        return rows
+    from scipy.sparse import csr_matrix
+
+    elements = list(draft.model.springs.values())
+    for row, owner, wrench in draft.port.force_outputs:
+        spring = elements[owner]
+        if isinstance(spring, Bushing):
+            axes = np.array(spring.orientation)
+            line = draft.spins.in_bushing(spring.name, np.concatenate((axes @ wrench[:3], axes @ wrench[3:])))
+            if line is not None:
+                at = np.flatnonzero(line)
+                rows = rows + csr_matrix((line[at], (np.full(len(at), row), at)), shape=rows.shape)
+    return rows
