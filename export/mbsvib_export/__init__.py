@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mbsvib_export.batch_ import BatchData, from_npz_batch, to_npz_batch
+    from mbsvib_export.c_ import CFiles, to_c
     from mbsvib_export.casadi_ import CasadiModel, to_casadi
     from mbsvib_export.casadi_objectives import to_casadi_eigenvalues, to_casadi_response
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from mbsvib_export.hdf5_ import from_hdf5, to_hdf5
     from mbsvib_export.json_ import from_json, json_schema, to_json
     from mbsvib_export.mat_ import from_mat, to_mat
+    from mbsvib_export.modelica_ import to_modelica
     from mbsvib_export.names_ import SignalNames
     from mbsvib_export.naming import named, with_names
     from mbsvib_export.nastran_ import to_dmig, to_op4
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BatchData",
+    "CFiles",
     "CasadiModel",
     "Comparison",
     "CosimulationCheck",
@@ -52,6 +55,7 @@ __all__ = [
     "from_uff",
     "json_schema",
     "named",
+    "to_c",
     "to_casadi",
     "to_casadi_eigenvalues",
     "to_casadi_response",
@@ -62,6 +66,7 @@ __all__ = [
     "to_hdf5",
     "to_json",
     "to_mat",
+    "to_modelica",
     "to_npz",
     "to_npz_batch",
     "to_op4",
@@ -74,6 +79,7 @@ __all__ = [
 
 _HOMES = {
     "BatchData": "batch_",
+    "CFiles": "c_",
     "CasadiModel": "casadi_",
     "Comparison": "checking",
     "CosimulationCheck": "cosimulation",
@@ -93,6 +99,7 @@ _HOMES = {
     "from_uff": "uff_",
     "json_schema": "json_",
     "named": "naming",
+    "to_c": "c_",
     "to_casadi": "casadi_",
     "to_casadi_eigenvalues": "casadi_objectives",
     "to_casadi_response": "casadi_objectives",
@@ -103,6 +110,7 @@ _HOMES = {
     "to_hdf5": "hdf5_",
     "to_json": "json_",
     "to_mat": "mat_",
+    "to_modelica": "modelica_",
     "to_npz": "npz_",
     "to_npz_batch": "batch_",
     "to_op4": "nastran_",

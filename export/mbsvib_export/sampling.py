@@ -1,4 +1,4 @@
-"""Exact discretisation: what a linear system does in one step while its inputs are held or vary linearly."""
+"""Discretisation: exact while inputs are held or vary linearly over a step, or by Tustin's rule."""
 
 from __future__ import annotations
 
@@ -9,10 +9,15 @@ import numpy as np
 
 from mbsvib.errors import ExportError
 from mbsvib.linalg.balancing import exponents
+from mbsvib.linalg.discrete import tustin
+from mbsvib.responses.modal_steps import Oscillators
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.responses.state_space import StateSpace
+
+
+METHODS = ("zoh", "foh", "tustin")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,22 +57,100 @@ def step_of(space: StateSpace, dt: float, caller: str = "step_of") -> Step:
     ExportError
         If the step is no positive number.
     """
+    from scipy.sparse.csgraph import connected_components
+
+    check_step(dt, caller)
+    n, i = space.B.shape
+    phi, gamma, slope = np.zeros((n, n)), np.zeros((n, i)), np.zeros((n, i))
+    count, block = connected_components(space.A != 0.0, directed=False) if n else (0, np.zeros(0, dtype=int))
+    for number in range(count):  # modes one by one: a fast one must not decide how often a slow one is squared
+        own = np.flatnonzero(block == number)
+        within = np.ix_(own, own)
+        of_block = _oscillator if _is_oscillator(space.A[within], space.B[own]) else _exponential
+        phi[within], gamma[own], slope[own] = of_block(space.A[within], space.B[own], space.C[:, own], dt)
+    return Step(float(dt), phi, gamma, slope)
+
+
+def _is_oscillator(a: Array, b: Array) -> bool:
+    """Tell whether two states are a mode and its rate, on which forces act."""
+    return len(a) == 2 and a[0, 0] == 0.0 and a[0, 1] == 1.0 and not b[0].any()
+
+
+def _oscillator(a: Array, b: Array, _: Array, dt: float) -> tuple[Array, Array, Array]:
+    """phi, gamma and slope of a mode, in closed form, as the time responses of the core have them."""
+    carry, held, ramp = Oscillators(-a[1, :1], -a[1, 1:]).step(np.array([dt]))
+    return carry[:, :, 0, 0], held[:, 0] * b[1], ramp[:, 0] * b[1]
+
+
+def _exponential(a: Array, b: Array, c: Array, dt: float) -> tuple[Array, Array, Array]:
+    """phi, gamma and slope of coupled states."""
     from scipy.linalg import expm
 
-    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.floating, np.integer)) or not 0.0 < dt < np.inf:
-        raise ExportError(f"{caller}: step = {dt!r}; expected a positive number of seconds.")
-    n, i = space.B.shape
-    power = exponents(space.A, space.B, space.C)
-    b = np.ldexp(space.B, -power[:, None])
+    n, i = b.shape
+    power = exponents(a, b, c)
+    b = np.ldexp(b, -power[:, None])
     # the size of inputs must not decide how often expm squares
     largest = np.abs(b).max(axis=0, initial=0.0)
     scale = np.where(largest > 0.0, np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)))), 1.0)
     augmented = np.zeros((n + 2 * i, n + 2 * i))
-    augmented[:n, :n] = np.ldexp(space.A, power[None, :] - power[:, None]) * dt
+    augmented[:n, :n] = np.ldexp(a, power[None, :] - power[:, None]) * dt
     augmented[:n, n : n + i] = b * scale
     augmented[n : n + i, n + i :] = np.eye(i)
     result = expm(augmented)
     phi = np.ldexp(result[:n, :n], power[:, None] - power[None, :])
     gamma, slope = (np.ldexp(result[:n, part], power[:, None]) * (dt / scale)
                     for part in (slice(n, n + i), slice(n + i, None)))  # fmt: skip
-    return Step(float(dt), phi, gamma, slope)
+    return phi, gamma, slope
+
+
+def check_step(dt: float, caller: str) -> None:
+    """Refuse a time between samples that is no positive number."""
+    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.floating, np.integer)) or not 0.0 < dt < np.inf:
+        raise ExportError(f"{caller}: step = {dt!r}; expected a positive number of seconds.")
+
+
+def discretised(space: StateSpace, dt: float, method: str, caller: str) -> tuple[Array, Array, Array, Array]:
+    """Return the discrete-time equations x+ = A x + B u, y = C x + D u of a state space.
+
+    zoh: exact for inputs that are held over each step;  foh: exact for inputs that are linear over each step, its
+    states are x - slope u;  tustin: s = 2/h (z - 1)/(z + 1), as for a controller whose frequency response counts
+
+    Parameters
+    ----------
+    space : StateSpace
+        Continuous equations.
+    dt : float
+        Time between samples h [s].
+    method : str
+        "zoh", "foh" or "tustin".
+    caller : str
+        Name of the public function, for messages.
+
+    Returns
+    -------
+    tuple of array
+        A, B, C, D.
+
+    Raises
+    ------
+    ExportError
+        If the step is no positive number, the method is unknown, or Tustin's rule has a pole at 2/h.
+    """
+    check_step(dt, caller)
+    if method not in METHODS:
+        raise ExportError(f"{caller}: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}.")
+    if method == "tustin":
+        power = exponents(space.A, space.B, space.C)
+        balanced = (np.ldexp(space.A, power[None, :] - power[:, None]), np.ldexp(space.B, -power[:, None]),
+                    np.ldexp(space.C, power[None, :]))  # fmt: skip
+        try:
+            a, b, c, d = tustin(*balanced, space.D, dt)
+        except np.linalg.LinAlgError:
+            raise ExportError(f"{caller}: '{space.name}' has a pole at 2/step = {2.0 / dt:g} 1/s, where Tustin's rule "
+                              f"divides by zero; take another step.") from None  # fmt: skip
+        return (np.ldexp(a, power[:, None] - power[None, :]), np.ldexp(b, power[:, None]),
+                np.ldexp(c, -power[None, :]), d)  # fmt: skip
+    step = step_of(space, dt, caller)
+    if method == "zoh":
+        return step.phi, step.gamma, space.C, space.D
+    return step.phi, step.gamma - step.slope + step.phi @ step.slope, space.C, space.D + space.C @ step.slope

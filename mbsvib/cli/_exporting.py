@@ -23,6 +23,8 @@ KINDS = {
     ".op4": "M, C, K and the other matrices for Nastran",
     ".pch": "M, C, K as DMIG cards for Nastran",
     ".fmu": "an FMU (FMI 3.0), for model exchange and co-simulation",
+    ".mo": "the state space as a model in Modelica",
+    ".c": "the discrete-time state space as C source, with header and test program beside it",
     ".yaml": "the model itself, to be edited",
 }
 
@@ -31,8 +33,9 @@ def export(
     model: ModelArgument,
     file: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help=f"Where to: {', '.join(KINDS)}.")],
     realization: Annotated[
-        str, typer.Option("--states", metavar="KIND", help="States of the state space: physical, modal or balanced.")
-    ] = "physical",
+        str | None, typer.Option("--states", metavar="KIND", help="States: physical (of .c: modal), modal or balanced.")
+    ] = None,
+    dt: Annotated[float | None, typer.Option("--dt", metavar="SECONDS", help="Time between samples, for .c.")] = None,
 ) -> None:
     """Write the linear system, frequency responses or the model (.yaml), by the suffix of the file."""
     suffix = file.suffix.lower()
@@ -40,6 +43,8 @@ def export(
         known = "; ".join(f"{kind}: {words}" for kind, words in KINDS.items())
         hint = nearest(suffix, KINDS)
         raise shell.UsageProblem(f"'{file}': no format goes by the suffix '{suffix}'.{hint} Known: {known}.")
+    if dt is not None and suffix != ".c":
+        raise shell.UsageProblem(f"--dt {dt:g}: '{file}' is continuous in time; give --dt with a file that ends in .c.")
     source = model_of(model)
     if file.exists() and Path(model).exists() and file.samefile(model):
         raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
@@ -53,9 +58,13 @@ def export(
         system = source.linearize()
         with_states: dict[str, Callable[..., object]] = {
             ".json": mx.to_json, ".npz": mx.to_npz, ".mat": mx.to_mat, ".h5": mx.to_hdf5, ".fmu": mx.to_fmu,
+            ".mo": mx.to_modelica,
         }  # fmt: skip
-        if suffix in with_states:
-            with_states[suffix](system, file, realization=realization)
+        states = {} if realization is None else {"realization": realization}
+        if suffix == ".c":
+            mx.to_c(system, file.parent, name=file.stem, **states, **({} if dt is None else {"step": dt}))  # type: ignore[arg-type]
+        elif suffix in with_states:
+            with_states[suffix](system, file, **states)
         else:
             others: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
             others[suffix](system, file)

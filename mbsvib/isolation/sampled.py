@@ -12,6 +12,7 @@ from mbsvib.errors import ResponseError
 from mbsvib.isolation.feedback_loop import FeedbackLoop
 from mbsvib.isolation.linear import Resolution
 from mbsvib.isolation.participation import eigen
+from mbsvib.linalg.discrete import tustin
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
@@ -36,12 +37,7 @@ class SampledLoop(FeedbackLoop):
     @cached_property
     def discrete(self) -> tuple[Array, Array, Array, Array]:
         """The controller z+ = A z + B y, u = C z + D y, by Tustin's rule."""
-        law, half = self.law, 0.5 / self.rate
-        n = len(law.A)
-        left = np.linalg.inv(np.eye(n) - half * law.A) if n else np.zeros((0, 0))
-        a, b = left @ (np.eye(n) + half * law.A), left @ law.B / self.rate
-        c = law.C @ left
-        return a, b, c, law.D + half * c @ law.B
+        return tustin(self.law.A, self.law.B, self.law.C, self.law.D, 1.0 / self.rate)
 
     @cached_property
     def _mechanism(self) -> tuple[Array, Array, Array]:

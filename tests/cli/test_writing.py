@@ -164,3 +164,17 @@ def test_the_mechanism_and_its_modes_are_drawn(run, tmp_path):
 def test_extras_that_the_demo_names_are_those_of_the_package():
     project = tomllib.loads((Path(mv.__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert {extra for extra, _, _ in EXTRAS} <= set(project["optional-dependencies"])
+
+
+def test_c_and_modelica(run, tmp_path):
+    assert run("export quarter_car -o car.c --dt 0.002").exit_code == 0
+    assert "CAR_STEP 0.002" in (tmp_path / "car.h").read_text()
+    assert "(modal)" in (tmp_path / "car.c").read_text()
+    assert (tmp_path / "car_test.c").exists()
+    assert run("export quarter_car -o car.c --states physical").exit_code == 0
+    assert "(physical)" in (tmp_path / "car.c").read_text()
+    assert run("export quarter_car -o car.mo").exit_code == 0
+    assert "der(hub_z)" in (tmp_path / "car.mo").read_text()
+    result = run("export quarter_car -o car.mat --dt 0.1")
+    assert result.exit_code == 2
+    assert "give --dt with a file that ends in .c" in result.stderr.replace("\n", " ")

@@ -1,0 +1,156 @@
+"""C: a discrete-time state space as source text for controllers' hardware, with test vectors of its own."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mbsvib.common.expected import a_path
+from mbsvib.errors import ExportError
+from mbsvib.isolation.controller import Controller
+from mbsvib_export.c_text import MARK, Plan, ascii_text, header, source, test_program
+from mbsvib_export.fmu_.names import identifier
+from mbsvib_export.neutral import state_space_of
+from mbsvib_export.sampling import discretised
+from mbsvib_export.whole_file import check_companion, write_whole
+
+if TYPE_CHECKING:
+    import os
+
+    from mbsvib.api.system import System
+    from mbsvib.responses.state_space import StateSpace
+    from mbsvib_export.neutral import SystemData
+
+# Samples in the test vectors: enough to see each state several times, few enough to read.
+SAMPLES = 64
+_WORD = re.compile(r"\w+", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True)
+class CFiles:
+    """The files of an export to C: ``header``, ``source``, and the program ``test`` with test vectors."""
+
+    header: Path
+    source: Path
+    test: Path
+
+
+def to_c(
+    system: System | StateSpace | SystemData | Controller, folder: str | os.PathLike[str], step: float = 1e-4, *,
+    realization: str = "modal", method: str | None = None, precision: str = "double", name: str | None = None,
+) -> CFiles:  # fmt: skip
+    """Write a discrete-time state space as C source that depends on nothing: NAME.h, NAME.c and NAME_test.c.
+
+    x(k+1) = A x(k) + B u(k),  y(k) = C x(k) + D u(k),  samples ``step`` apart
+
+    ``NAME_reset`` sets the states to zero; ``NAME_step`` computes the outputs of a sample and goes on to the next;
+    ``NAME_outputs`` and ``NAME_update`` do both apart, where outputs must be out early. States are a struct of the
+    caller; no memory is allocated, nothing is read or written elsewhere, and each call takes the same number of
+    operations, of which those with zeros of the matrices are left out. Inputs and outputs have named indices. The test
+    program ends with 0 where the compiled code gives the outputs of its test vectors, which come from Python.
+
+    Parameters
+    ----------
+    system : System, StateSpace, SystemData or Controller
+        The equations of motion, a state space that is ready, or a controller.
+    folder : str or path
+        Where the files go; it is made if its parent exists.
+    step : float
+        Time between samples [s].
+    realization : str
+        The states of a System: "modal" (few operations, most digits), "balanced" or "physical".
+    method : str, optional
+        "zoh": exact for inputs that are held over each step; "foh": exact for inputs that are linear over each step;
+        "tustin". Default: "tustin" for a Controller, as ``loop.sampled`` has it, "zoh" for all others.
+    precision : str
+        "double", or "single" for processors that compute with 32 bits.
+    name : str, optional
+        Prefix of functions and files; default: the name of the system, as far as C allows it.
+
+    Returns
+    -------
+    CFiles
+        The paths of header, source and test program.
+
+    Raises
+    ------
+    ExportError
+        If the system has no inputs or no outputs, grows beyond numbers in the test vectors, or a value is refused; if a
+        file of one of these names was not written by this export.
+    ResponseError
+        If the realization is unknown.
+    """
+    a_path(folder, "folder", ExportError)
+    is_controller = isinstance(system, Controller)
+    space = system.state_space() if isinstance(system, Controller) else state_space_of(system, realization, "to_c")
+    if precision not in ("double", "single"):
+        raise ExportError(f"to_c: precision = {precision!r}; expected 'double' or 'single'.")
+    if not space.inputs or not space.outputs:
+        missing = "inputs (model.add_input)" if not space.inputs else "outputs (model.add_output)"
+        raise ExportError(f"to_c: '{space.name}' has no {missing}; its code would compute nothing.")
+    prefix = identifier(space.name) if name is None else name
+    if not _WORD.fullmatch(prefix) or prefix[0].isdigit():
+        raise ExportError(f"to_c: name = {name!r}; expected letters, digits and _ of ASCII, no digit first.")
+    method = method or ("tustin" if is_controller else "zoh")
+    matrices = _rounded(discretised(space, step, method, "to_c"), precision)
+    inputs, expected, tolerance = _test_vectors(space.name, matrices, precision)
+    plan = Plan(prefix, space, float(step), method, matrices, precision, inputs, expected, tolerance)
+    target = _folder(folder)
+    texts = {target / f"{prefix}.h": header(plan), target / f"{prefix}.c": source(plan),
+             target / f"{prefix}_test.c": test_program(plan)}  # fmt: skip
+    mark = MARK.format(name=ascii_text(space.name))
+    for path in texts:
+        check_companion(path, lambda file: mark in file.read_text("utf-8", "replace")[:400],
+                        f"one that to_c has written for '{space.name}'", "Give another folder or another name.")
+    one, two, three = (write_whole(path, lambda file, text=text: file.write(text.encode("ascii")))  # type: ignore[misc]
+                       for path, text in texts.items())  # fmt: skip
+    return CFiles(one, two, three)
+
+
+def _folder(folder: str | os.PathLike[str]) -> Path:
+    target = Path(folder)
+    try:
+        target.mkdir(exist_ok=True)
+    except OSError as error:
+        raise ExportError(f"to_c: folder = {str(target)!r}: {error.strerror or error}. Give a folder that exists, or "
+                          f"a new one in a folder that exists.") from error  # fmt: skip
+    return target
+
+
+def _rounded(matrices: Any, precision: str) -> Any:
+    """The matrices as the processor has them."""
+    if precision == "double":
+        return matrices
+    with np.errstate(over="ignore"):
+        single = tuple([matrix.astype(np.float32).astype(float) for matrix in matrices])
+    if not all(np.isfinite(matrix).all() for matrix in single):
+        raise ExportError("to_c: a coefficient is too large for precision = 'single'; take realization='balanced', "
+                          "other units, or 'double'.")  # fmt: skip
+    return single
+
+
+def _test_vectors(name: str, matrices: Any, precision: str) -> tuple[Any, Any, Any]:
+    """Inputs (samples, i), outputs (samples, o), and the error allowed for each output.
+
+    The error of a recursion in floating point is a sum over its states, of which the size of all products tells.
+    """
+    a, b, c, d = matrices
+    inputs = np.random.default_rng(1).integers(-8, 9, (SAMPLES, b.shape[1])) / 8.0  # exact in both precisions
+    wide = [matrix.astype(np.longdouble) for matrix in matrices]
+    x, error = np.zeros(len(a), dtype=np.longdouble), np.zeros(len(a))
+    outputs, allowed = np.empty((SAMPLES, len(c))), np.zeros(len(c))
+    unit = (len(a) + b.shape[1] + 1) * np.finfo(np.float64 if precision == "double" else np.float32).eps
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k, u in enumerate(inputs):
+            outputs[k] = wide[2] @ x + wide[3] @ u
+            uncertain = error + unit * np.abs(x).astype(float)
+            allowed = np.maximum(allowed, np.abs(c) @ uncertain + unit * (np.abs(d) @ np.abs(u)))
+            error = np.abs(a) @ uncertain + unit * (np.abs(b) @ np.abs(u))
+            x = wide[0] @ x + wide[1] @ u
+    if not (np.isfinite(outputs).all() and np.isfinite(allowed).all()):
+        raise ExportError(f"to_c: '{name}' grows beyond all numbers within {SAMPLES} steps: it is unstable.")
+    return inputs, outputs, allowed

@@ -1,0 +1,179 @@
+"""Source text in C: compiled, it gives the responses of the system; its test vectors find a wrong coefficient."""
+
+import ctypes
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib.isolation import controller
+
+FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror")
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+
+
+def compiled(files, *flags, output="program"):
+    program = files.source.with_name(output)
+    subprocess.run(["gcc", *FLAGS, *flags, files.source, files.test, "-o", program], check=True, capture_output=True)
+    return program
+
+
+def library(files, real):
+    """The compiled functions, called sample by sample."""
+    shared = files.source.with_suffix(".so")
+    subprocess.run(["gcc", *FLAGS, "-shared", "-fPIC", files.source, "-o", shared], check=True, capture_output=True)
+    code, prefix = ctypes.CDLL(str(shared)), files.source.stem
+
+    def run(u, outputs, states):
+        kind = np.dtype(real)
+        state, y = np.full(max(states, 1), np.nan, kind), np.zeros(outputs, kind)
+        getattr(code, f"{prefix}_reset")(state.ctypes)
+        result = np.empty((outputs, u.shape[1]))
+        for k in range(u.shape[1]):
+            sample = np.ascontiguousarray(u[:, k], kind)
+            getattr(code, f"{prefix}_outputs")(state.ctypes, sample.ctypes, y.ctypes)
+            early = y.copy()
+            getattr(code, f"{prefix}_step")(state.ctypes, sample.ctypes, y.ctypes)
+            assert (early == y).all()
+            result[:, k] = y
+        return result
+
+    return run
+
+
+@pytest.mark.parametrize("name", ["stewart_isolator", "quarter_car", "cantilever", "rotor_stator", "wafer_stage"])
+def test_the_compiled_code_gives_the_response(name, tmp_path):
+    """Held inputs: the exact response of the mechanism, as the core computes it mode by mode."""
+    system = getattr(mv.library, name)().linearize()
+    modes = system.modes()
+    step = 0.2 / max(abs(modes.eigenvalues).min(), 1.0)
+    files = mx.to_c(system, tmp_path, step)
+    done = subprocess.run([compiled(files)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    u = np.random.default_rng(7).normal(size=(len(system.inputs), 400))
+    y = library(files, float)(u, len(system.outputs), len(modes.eigenvalues))
+    expected = system.time_response(step * np.arange(400), u, hold="zero")
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    assert_allclose(y / size, expected / size, rtol=0, atol=1e-12)
+
+
+def test_linear_inputs(tmp_path):
+    system = mv.library.quarter_car().linearize()
+    t = 2e-3 * np.arange(300)
+    u = np.random.default_rng(3).normal(size=(len(system.inputs), 300))
+    u[:, 0] = 0.0  # the states of a first-order hold begin at -slope u(0)
+    y = library(mx.to_c(system, tmp_path, 2e-3, method="foh"), float)(u, len(system.outputs), 4)
+    expected = system.time_response(t, u, hold="first")
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    assert_allclose(y / size, expected / size, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("realization", ["physical", "balanced"])
+def test_other_states_give_the_same(realization, tmp_path):
+    system = mv.library.quarter_car().linearize()
+    u = np.random.default_rng(5).normal(size=(len(system.inputs), 50))
+    one, two = (library(mx.to_c(system, tmp_path / kind, 1e-3, realization=kind), float)(u, len(system.outputs), 4)
+                for kind in ("modal", realization))  # fmt: skip
+    assert_allclose(one, two, rtol=0, atol=1e-11 * np.abs(one).max())
+
+
+def test_controllers_go_by_tustins_rule(tmp_path):
+    """The frequency response of the code is that of the controller at 2/h tan(w h/2)."""
+    a, b, c, d = np.array([[0.0, 1.0], [-900.0, -12.0]]), np.array([[0.0], [1.0]]), np.array([[40.0, 3.0]]), [[0.5]]
+    law = controller(mv.StateSpace("k", "controller", a, b, c, np.array(d), np.zeros((0, 2)), ("a", "b"), ("", ""),
+                                   ("y",), ("m",), ("u",), ("N",)), ["y"], ["u"], "notch filter")  # fmt: skip
+    h, samples = 1e-2, 4096
+    files = mx.to_c(law, tmp_path, h)
+    assert files.source.name == "notch_filter.c"
+    impulse = np.zeros((1, samples))
+    impulse[0, 0] = 1.0
+    y = library(files, float)(impulse, 1, 2)[0]
+    omega = 2 * np.pi * np.fft.rfftfreq(samples, h)[1:-1]
+    warped = 2 / h * np.tan(omega * h / 2)
+    assert_allclose(np.fft.rfft(y)[1:-1], law.at(1j * warped)[:, 0, 0], rtol=1e-10)
+
+
+def test_gains_have_no_states(tmp_path):
+    files = mx.to_c(controller([[2.0, 0.0], [0.0, -3.0]], ["a.b", "a b"], ["f", "g"], "gain"), tmp_path)
+    assert subprocess.run([compiled(files)], check=False).returncode == 0
+    text = files.header.read_text()
+    assert "#define GAIN_IN_A_B_0 0 /* a.b */" in text
+    assert "#define GAIN_IN_A_B_1 1 /* a b */" in text
+    assert_allclose(library(files, float)(np.array([[1.0], [1.0]]), 2, 0)[:, 0], [2.0, -3.0])
+
+
+def test_single_precision(tmp_path):
+    system = mv.library.stewart_isolator().linearize()
+    files = mx.to_c(system, tmp_path, 1e-3, precision="single")
+    assert subprocess.run([compiled(files)], check=False).returncode == 0
+    u = np.random.default_rng(7).normal(size=(len(system.inputs), 200))
+    y = library(files, np.float32)(u, len(system.outputs), 2 * system.dof)
+    expected = system.time_response(1e-3 * np.arange(200), u, hold="zero")
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    assert 1e-9 < np.abs((y - expected) / size).max() < 1e-4
+
+
+def test_a_wrong_coefficient_is_found(tmp_path):
+    files = mx.to_c(mv.library.quarter_car().linearize(), tmp_path, 1e-3)
+    text = files.source.read_text()
+    start = text.index("{", text.index("next_value")) + 1
+    value = text[start : text.index(",", start)].strip()
+    for wrong in (float(value) * (1 + 1e-9), -float(value)):
+        files.source.write_text(text.replace(value, repr(wrong)))
+        done = subprocess.run([compiled(files)], capture_output=True, text=True, check=False)
+        assert done.returncode == 1
+        assert "FAILED" in done.stdout
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
+def test_the_header_serves_cpp(tmp_path):
+    files = mx.to_c(mv.library.quarter_car().linearize(), tmp_path)
+    (tmp_path / "main.cpp").write_text('#include "quarter_car.h"\nint main() { quarter_car_state s; '
+                                       'quarter_car_reset(&s); return static_cast<int>(s.x[0]); }\n')
+    subprocess.run(["gcc", "-c", files.source, "-o", tmp_path / "q.o"], check=True)
+    subprocess.run(["g++", "-Wall", "-Werror", tmp_path / "main.cpp", tmp_path / "q.o", "-o", tmp_path / "m"],
+                   check=True)  # fmt: skip
+    assert subprocess.run([tmp_path / "m"], check=False).returncode == 0
+
+
+def test_files_of_others_stay(tmp_path):
+    system = mv.library.quarter_car().linearize()
+    mx.to_c(system, tmp_path)
+    mx.to_c(system, tmp_path, 1e-3)
+    (tmp_path / "quarter_car_test.c").write_text("int main(void) { return 0; }\n")
+    before = (tmp_path / "quarter_car.c").read_text()
+    with pytest.raises(mv.ExportError, match=r"quarter_car_test\.c: this file is there already"):
+        mx.to_c(system, tmp_path)
+    assert (tmp_path / "quarter_car.c").read_text() == before
+    mx.to_c(mv.library.quarter_car().linearize(), tmp_path, name="other")
+
+
+def test_odd_names_compile(tmp_path):
+    model = mv.Model('a*/ "b" \\ ü ??/')
+    model.add_body("m", 1.0, (1, 1, 1))
+    model.add_joint("j", "prismatic", "ground", "m", axis=(0, 0, 1))
+    model.add_spring("k", "ground", "m", start=(0, 0, -1), end=(0, 0, 0), stiffness=10.0)
+    model.add_input("*/ 1", "m", "z")
+    model.add_output("ü", "m", "z")
+    files = mx.to_c(model.linearize(), tmp_path, 0.01, name="plain")
+    assert subprocess.run([compiled(files)], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(("words", "message"), [
+    ({"step": 0.0}, "step = 0.0; expected a positive number"), ({"method": "euler"}, "expected one of 'zoh', 'foh'"),
+    ({"precision": "half"}, "expected 'double' or 'single'"), ({"name": "1a"}, "no digit first"),
+    ({"folder": "/nowhere/deep/down"}, "Give a folder that exists"), ({"realization": "odd"}, "odd"),
+])  # fmt: skip
+def test_refusals(words, message, tmp_path):
+    with pytest.raises(mv.MbsvibError, match=message):
+        mx.to_c(mv.library.quarter_car().linearize(), **{"folder": tmp_path} | words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_system_without_inputs_is_refused(tmp_path):
+    with pytest.raises(mv.ExportError, match=r"has no inputs \(model.add_input\)"):
+        mx.to_c(mv.library.chain(3).with_parts(inputs={}).linearize(), tmp_path)
