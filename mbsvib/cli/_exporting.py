@@ -48,6 +48,7 @@ def export(
     source = model_of(model)
     if file.exists() and Path(model).exists() and file.samefile(model):
         raise shell.UsageProblem(f"'{file}' is the model itself, which would be overwritten; give another file by -o.")
+    content = KINDS[suffix]
     if suffix == ".yaml":
         from mbsvib.files import save
 
@@ -64,8 +65,10 @@ def export(
         if suffix == ".c":
             mx.to_c(system, file.parent, name=file.stem, **states, **({} if dt is None else {"step": dt}))  # type: ignore[arg-type]
         elif suffix in with_states:
-            with_states[suffix](system, file, **states)
+            written = with_states[suffix](system, file, **states)
+            if isinstance(written, mx.FmuFile):
+                content += f"; it runs on {', '.join(written.platforms)}"
         else:
             others: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
             others[suffix](system, file)
-    shell.say(f"Written: {shell.shown(file)} ({KINDS[suffix]})")
+    shell.say(f"Written: {shell.shown(file)} ({content})")

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import warnings
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -44,6 +45,9 @@ PLATFORMS = {
         Platform("aarch64-darwin", "aarch64-darwin", ".dylib", "aarch64-macos.11.0"),
     )
 }
+
+# Platforms that plants are simulated on most: an export has them by default where zig can compile them.
+COMMON = ("x86_64-linux", "x86_64-windows")
 
 
 def this_platform() -> str:
@@ -104,7 +108,8 @@ def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]
     Parameters
     ----------
     platforms : str, tuple of str or None
-        Names, ``"all"``, or None: this platform, and all others that the wheel brought.
+        Names, ``"all"``, or None: this platform, all others that the wheel brought, and the ``COMMON`` ones where zig
+        is installed.
 
     Returns
     -------
@@ -117,11 +122,47 @@ def wanted_platforms(platforms: str | tuple[str, ...] | None) -> tuple[str, ...]
         If a name is unknown.
     """
     if platforms is None:
-        return tuple(dict.fromkeys((_known(this_platform()), *(name for name in PLATFORMS if _in_wheel(name)))))
+        common = COMMON if find_spec("ziglang") else ()
+        return tuple(dict.fromkeys((_known(this_platform()), *filter(_in_wheel, PLATFORMS), *common)))
     names = tuple(PLATFORMS) if platforms == "all" else (platforms,) if isinstance(platforms, str) else tuple(platforms)
     if not names:
         raise ExportError("to_fmu: platforms = (); expected at least one, or None for this one.")
     return tuple(_known(name) for name in dict.fromkeys(names))
+
+
+def binaries(platforms: str | tuple[str, ...] | None) -> dict[str, bytes]:
+    """Return the binaries of an export by platform.
+
+    Parameters
+    ----------
+    platforms : str, tuple of str or None
+        As for ``wanted_platforms``.
+
+    Returns
+    -------
+    dict of str to bytes
+        Shared libraries, this platform's first if it is among them.
+
+    Raises
+    ------
+    ExportError
+        If a name is unknown or a platform that was asked for cannot be compiled for.
+
+    Warns
+    -----
+    UserWarning
+        If a platform that nobody asked for cannot be compiled for; it is left out.
+    """
+    result = {}
+    for name in wanted_platforms(platforms):
+        try:
+            result[name] = binary(name)
+        except ExportError as error:
+            if platforms is not None or name == this_platform():
+                raise
+            warnings.warn(f"to_fmu: the binary for {name} is left out. {error} Name the platforms that are needed, "
+                          f"platforms=('{this_platform()}',).", stacklevel=3)  # fmt: skip
+    return result
 
 
 def _known(name: str) -> str:

@@ -11,7 +11,7 @@ from typing import IO, TYPE_CHECKING, TypeAlias, overload
 from mbsvib import __version__
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
-from mbsvib_export.fmu_.binaries import PLATFORMS, binary, wanted_platforms
+from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description_2 import description_2
 from mbsvib_export.fmu_.description_3 import description_3
 from mbsvib_export.fmu_.matrices import matrices_file
@@ -37,7 +37,7 @@ VERSIONS = {"2.0": description_2, "3.0": description_3}
 HEAD = 20_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class FmuFile:
     """An FMU that was written: its path and version, its platforms, and the names of its variables.
 
@@ -52,6 +52,15 @@ class FmuFile:
 
     def __fspath__(self) -> str:
         return os.fspath(self.path)
+
+    @property
+    def other_platforms(self) -> tuple[str, ...]:
+        """Platforms that the file has no binary for; ``to_fmu(..., platforms="all")`` adds them."""
+        return tuple(name for name in PLATFORMS if name not in self.platforms)
+
+    def __repr__(self) -> str:
+        missing = f'; not for {", ".join(self.other_platforms)}: platforms="all"' if self.other_platforms else ""
+        return f"FmuFile('{self.path}', FMI {self.version}, runs on {', '.join(self.platforms)}{missing})"
 
     def __str__(self) -> str:
         return str(self.path)
@@ -99,8 +108,10 @@ def to_fmu(
         The states of a System: "physical" or "modal".
     platforms : str, sequence of str or None
         "x86_64-linux", "aarch64-linux", "x86_64-windows", "x86-windows", "x86_64-darwin", "aarch64-darwin" or "all".
-        Default: this one, and those that the wheel of mbsvib brought. What is not there yet is compiled once and kept:
-        for this platform by gcc or clang, for others by zig (``pip install "mbsvib[fmu]"``).
+        Default: this one, those that the wheel of mbsvib brought, and Linux and Windows of 64 bits where zig is
+        installed. What is not there yet is compiled once, in some seconds, and kept: for this platform by gcc or clang,
+        for others by zig (``pip install "mbsvib[fmu]"``). The ``repr`` of the result
+        says what is in the file.
 
     Returns
     -------
@@ -128,8 +139,7 @@ def to_fmu(
         raise ExportError(f"to_fmu: path = '{goal}'; expected a name that ends in .fmu, by which importers know it.")
     names = (tunable,) if isinstance(tunable, str) else tuple(tunable)
     plant = plant_of(system, realization, names)
-    wanted = wanted_platforms(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
-    libraries = {name: binary(name) for name in wanted}
+    libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)
     places = [goal.with_name(f"{goal.stem}-fmi{one_version[0]}{goal.suffix}") for one_version in versions]

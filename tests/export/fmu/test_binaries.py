@@ -46,16 +46,44 @@ def test_a_cache_that_cannot_be_written_costs_time_only(fake, monkeypatch, tmp_p
     assert len(fake) == 2
 
 
-def test_the_wheel_is_asked_first_and_all_that_it_brings_is_written(fake, tmp_path):
+def test_the_wheel_is_asked_first_and_all_that_it_brings_is_written(fake, monkeypatch, tmp_path):
     for name in ("x86-windows", HERE):
         place = tmp_path / "wheel" / binaries.source_hash() / name / f"mbsvib_lti{binaries.PLATFORMS[name].suffix}"
         place.parent.mkdir(parents=True)
         place.write_bytes(b"from the wheel")
+    monkeypatch.setattr(binaries, "find_spec", lambda name: None)
     file = mx.to_fmu(slider(), tmp_path / "unit.fmu")
     assert file.platforms == (HERE, "x86-windows")
     assert fake == []
     with zipfile.ZipFile(file.path) as archive:
         assert archive.read("binaries/x86-windows/slider.dll") == b"from the wheel"
+
+
+def test_linux_and_windows_are_in_by_default_where_zig_is(fake, monkeypatch, tmp_path):
+    monkeypatch.setattr(binaries, "find_spec", lambda name: object())
+    file = mx.to_fmu(slider(), tmp_path / "unit.fmu")
+    assert set(file.platforms) == {HERE, "x86_64-linux", "x86_64-windows"}
+    assert set(file.platforms) | set(file.other_platforms) == set(binaries.PLATFORMS)
+    assert 'not for aarch64-linux, x86-windows' in repr(file)
+    assert repr(file).endswith('platforms="all")')
+    assert "not for" not in repr(mx.to_fmu(slider(), tmp_path / "all.fmu", platforms="all"))
+
+
+def test_what_nobody_asked_for_is_left_out_with_a_warning(fake, monkeypatch, tmp_path):
+    def broken(name, folder, portable=False):
+        if name != HERE:
+            raise mv.ExportError("to_fmu: the binary could not be compiled.")
+        return build(name, folder, portable)
+
+    build = binaries.build
+    monkeypatch.setattr(binaries, "build", broken)
+    monkeypatch.setattr(binaries, "find_spec", lambda name: object())
+    with pytest.warns(UserWarning, match="is left out. to_fmu: the binary could not be compiled"):
+        file = mx.to_fmu(slider(), tmp_path / "unit.fmu")
+    assert file.platforms == (HERE,)
+    other = next(name for name in binaries.COMMON if name != HERE)
+    with pytest.raises(mv.ExportError, match="could not be compiled"):
+        mx.to_fmu(slider(), tmp_path / "unit.fmu", platforms=(HERE, other))
 
 
 def test_folders_are_those_of_each_version(fake, tmp_path):
