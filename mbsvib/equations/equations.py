@@ -63,13 +63,25 @@ class Separation:
 
 
 @dataclass(frozen=True, slots=True)
+class Truncation:
+    """How a reduced model came about: the ``method``, the number of coordinates ``before``, and ``error_bound``, for
+    the largest singular value of the error of the frequency response, output by input in SI units.
+    """
+
+    method: str
+    before: int
+    error_bound: float
+
+
+@dataclass(frozen=True, slots=True)
 class Provenance:
     """How a system came about, for ``explain``: topology, loops, all joint coordinates, all spring-dampers; ``parts``
     are the bodies, joints and spring-dampers themselves, for ``parameters``; ``massless`` tells what became of motions
     without mass, ``statics`` what the loads do at the pose, ``dropped`` what ``reachable`` left out; ``ports`` are the
     inputs, then the outputs themselves, ``origin`` the model as it was, which found its equilibrium elsewhere if
     ``settled``; ``planar`` says that loops are redundant as planar ones are, in every pose; ``undetermined`` is what
-    redundant constraints leave open of forces in joints, as far as these were asked for.
+    redundant constraints leave open of forces in joints, as far as these were asked for; ``truncation`` says how a
+    reduced model was made.
     """
 
     topology: Topology
@@ -85,6 +97,7 @@ class Provenance:
     planar: bool = False
     settled: bool = False
     undetermined: tuple[Undetermined, ...] = ()
+    truncation: Truncation | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -145,6 +158,14 @@ class Equations:
     def dof(self) -> int:
         """Number of degrees of freedom, m."""
         return len(self.coordinates)
+
+    @property
+    def error_bound(self) -> float | None:
+        """Bound on the error of the frequency response of a reduced model, output by input in SI units; None if it is
+        not reduced.
+        """
+        made = self.provenance.truncation
+        return None if made is None else made.error_bound
 
     @property
     def tree(self) -> tuple[str, ...]:

@@ -106,3 +106,14 @@ SAME_ENERGY = 1e-6
 COLUMN_REGULARISATION = 1e-12
 # Eigenvalues of a 6x6 coefficient matrix, scaled to a unit diagonal, are rounding below this share of the largest.
 ZERO_EIGENVALUE = 1e-14
+
+# Reduced models.
+# Unit rows of an interface of which one is a combination of the others but for this: rows carry the rounding of paths
+# and loops, some hundred eps.
+SAME_ROW = 1e-12
+# A pivot of the scaled stiffness with the interface held below this belongs to a motion that nothing holds.
+FREE_PIVOT = 1e-13
+# A free motion is damped if its damping exceeds this share of what the entries allow; less is rounding.
+DAMPED_FREE_MOTION = 1e3 * EPS
+# A pole decays if its real part is below minus this share of its size.
+DECAYS = 1e-12

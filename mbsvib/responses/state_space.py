@@ -27,7 +27,8 @@ class StateSpace:
     """x' = A x + B u, y = C x + D u, with names and units of states, inputs and outputs.
 
     ``transform`` (2m, states) recovers (q, q') = transform x + ``through`` u. ``through`` (2m, inputs) is None except
-    for damped massless motions, whose rates depend directly on inputs. Arrays are read-only.
+    for damped massless motions, whose rates depend directly on inputs. Of a reduced model ``error_bound`` bounds the
+    largest singular value of the error of its frequency response, output by input in SI units. Arrays are read-only.
     """
 
     name: str
@@ -44,6 +45,7 @@ class StateSpace:
     outputs: tuple[str, ...]
     output_units: tuple[str, ...]
     through: Array | None = None
+    error_bound: float | None = None
 
     def __post_init__(self) -> None:
         for array in (self.A, self.B, self.C, self.D, self.transform, self.through):

@@ -1,0 +1,1 @@
+"""Reduced models: fewer coordinates or states, with a bound on the error of the frequency response."""

@@ -1,0 +1,86 @@
+"""Craig-Bampton reduction: displacements of an interface, and modes of the mechanism with the interface held."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh, lapack
+
+from mbsvib.errors import ResponseError
+from mbsvib.linalg.qr import pivoted_qr
+from mbsvib.linalg.rank import FREE_PIVOT, SAME_ROW
+from mbsvib.reduction.projection import projected
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
+    from mbsvib.equations.equations import Equations
+
+
+class CraigBampton:
+    """q = P u + N Phi z: static shapes P of the interface displacements u = R q, and modes Phi in the motions N that
+    hold the interface, R N = 0.
+
+    The rows R are displacement outputs, and the directions in which inputs act.
+
+    Parameters
+    ----------
+    system : Equations
+        The equations of motion.
+
+    Raises
+    ------
+    ResponseError
+        If holding the interface leaves the mechanism free to move.
+
+    Source: Craig & Bampton, Coupling of substructures for dynamic analyses, AIAA Journal 6 (1968).
+    """
+
+    def __init__(self, system: Equations) -> None:
+        self.system = system
+        rows, self.names, self.units = _interface(system)
+        self.least, self.most = len(rows), system.dof
+        q, t = np.linalg.qr(rows.T, mode="complete")
+        self.held = q[:, len(rows) :]
+        into = np.linalg.solve(t[: len(rows)], q[:, : len(rows)].T).T  # R into = 1
+        stiffness = self.held.T @ system.K @ self.held
+        if not _regular(stiffness):
+            raise ResponseError(
+                f"reduced: method = 'craig-bampton': '{system.name}' can still move when its outputs and the points of "
+                f"its inputs are held ({', '.join(self.names)}). Add displacement outputs, or take method='modal'."
+            )
+        self.static = into - self.held @ np.linalg.solve(stiffness, self.held.T @ (system.K @ into))
+        self.shapes = self.held @ eigh(stiffness, self.held.T @ system.M @ self.held)[1]
+
+    def model(self, order: int) -> Equations:
+        """Return the reduced model of some number of coordinates: the interface and the lowest modes."""
+        count = order - self.least
+        names = [*self.names, *[f"fixed_mode{k + 1}" for k in range(count)]]
+        shapes = np.hstack((self.static, self.shapes[:, :count]))
+        return projected(self.system, shapes, names, [*self.units, *["modal"] * count])
+
+
+def _regular(stiffness: Array) -> bool:
+    """Tell whether each motion is stiff, in coordinates of the same stiffness."""
+    size = np.sqrt(np.maximum(stiffness.diagonal(), 0.0))
+    if size.min(initial=1.0) == 0.0:
+        return False
+    factor, failed = lapack.dpotrf(stiffness / size[:, None] / size)
+    return not failed and float(np.square(factor.diagonal()).min(initial=1.0)) > FREE_PIVOT
+
+
+def _interface(system: Equations) -> tuple[Array, list[str], list[str]]:
+    """Independent rows of displacement outputs and of inputs, with their names and units."""
+    outputs = [k for k in range(len(system.outputs)) if system.Cq[k].any() and system.output_units[k] in ("m", "rad")]
+    rows = np.vstack((system.Cq[outputs], system.B.T))
+    names = [*[system.outputs[k] for k in outputs], *[f"at {name}" for name in system.inputs]]
+    units = [*[system.output_units[k] for k in outputs],
+             *["rad" if unit.startswith("N m") else "m" for unit in system.input_units]]  # fmt: skip
+    size = np.linalg.norm(rows, axis=1)
+    kept: list[int] = []
+    for k in np.flatnonzero(size).tolist():  # in their order, so that outputs come before inputs at the same points
+        trial = rows[[*kept, k]] / size[[*kept, k], None]
+        diagonal = np.abs(pivoted_qr(trial.T)[0].diagonal())
+        if len(kept) < system.dof and diagonal.min() > SAME_ROW:
+            kept.append(k)
+    return rows[kept], [names[k] for k in kept], [units[k] for k in kept]

@@ -1,0 +1,104 @@
+"""The error of a reduced model: the largest singular value of the difference of two frequency responses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.linalg.rank import DAMPED_FREE_MOTION, DECAYS, EPS
+from mbsvib.modes.undamped import undamped
+from mbsvib.reduction.projection import projected
+from mbsvib.responses.basis import Basis
+from mbsvib.responses.extrema import Band, panels
+from mbsvib.responses.frequency_response import frequency_response
+
+if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array, Complex
+    from mbsvib.equations.equations import Equations
+    from mbsvib.responses.state_space import StateSpace
+
+# The difference has its peaks below this times the fastest pole.
+LAST = 1e3
+# Extrema between the samples of a band are missed below 1e-4 of the response (responses/extrema.py).
+MARGIN = 2e-4
+# The rounding of a reduced model is about, not exactly, largest at the poles' frequencies.
+ROUNDING_MARGIN = 0.1
+# Accuracy of the modes that tell free motions from others.
+RTOL = 1e-10
+
+
+def error_bound(full: Equations, small: Equations) -> float:
+    """Return a bound on the error of the frequency response of a reduced model.
+
+    max over omega of sigma(G(i w) - G_small(i w))
+
+    Free motions without damping are in both models and are left out of both.
+
+    Parameters
+    ----------
+    full, small : Equations
+        The equations of motion, and the reduced ones with the same inputs and outputs.
+
+    Returns
+    -------
+    float
+        The largest singular value, output by input in SI units; infinite where a mode does not decay.
+    """
+    if not full.inputs or not full.outputs:
+        return 0.0
+    bases = [Basis(_deforming(part)) for part in (full, small)]
+    poles = np.concatenate([basis.poles for basis in bases])
+    if (poles.real >= -EPS * np.abs(poles)).any():
+        return np.inf
+    fastest = float(np.abs(poles).max(initial=0.0)) or 1.0
+
+    def difference(omega: Array) -> Complex:
+        one, other = (frequency_response(basis, omega) for basis in bases)
+        return np.asarray((one - other).transpose(2, 0, 1))
+
+    band = Band(difference, panels(poles, 0.0, LAST * fastest))
+    _, value = band.highest(_largest)
+    far = float(_largest(difference(np.array([LAST**2 * fastest])))[0])
+    return (1.0 + MARGIN) * max(value, far)
+
+
+def rounding_error(space: StateSpace, small: tuple[Array, Array, Array]) -> float:
+    """Return the error of a reduced state space at its resonances, where rounding of its entries shows.
+
+    Parameters
+    ----------
+    space : StateSpace
+        The state space.
+    small : tuple of array
+        A, B and C of the reduced one.
+
+    Returns
+    -------
+    float
+        The largest singular value of the difference of both frequency responses at the poles' frequencies.
+    """
+    poles = np.concatenate([np.linalg.eigvals(a) for a in (space.A, small[0])])
+    decays = poles.real < -DECAYS * np.abs(poles)
+    omega = np.unique(np.abs(poles[decays]))
+    value = 0.0
+    for s in 1j * omega:
+        one, other = (c @ np.linalg.solve(s * np.eye(len(a)) - a, b) for a, b, c in (
+            (space.A, space.B, space.C), small))  # fmt: skip
+        value = max(value, float(np.linalg.norm(one - other, ord=2))) if one.size else value
+    return (1.0 + ROUNDING_MARGIN) * value
+
+
+def _largest(g: Complex) -> Array:
+    return np.asarray(np.linalg.svd(g, compute_uv=False)[:, 0])
+
+
+def _deforming(system: Equations) -> Equations:
+    """Equations without free motions that nothing damps; these are decoupled from all others."""
+    modes = undamped(system, RTOL)
+    free = modes.shapes[:, : modes.rigid]
+    size = np.abs(system.C) @ np.abs(free)
+    if not modes.rigid or (np.abs(system.C @ free) > DAMPED_FREE_MOTION * size.max(initial=0.0)).any():
+        return system
+    n = system.dof - modes.rigid
+    return projected(system, modes.shapes[:, modes.rigid :], [f"mode{k + 1}" for k in range(n)], ["modal"] * n)

@@ -1,0 +1,145 @@
+"""Reduced models of a system by four methods, to an order or to an error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.equations.equations import Truncation
+from mbsvib.errors import ResponseError, nearest
+from mbsvib.reduction.balanced import balanced
+from mbsvib.reduction.craig_bampton import CraigBampton
+from mbsvib.reduction.error import error_bound, rounding_error
+from mbsvib.reduction.modal import ModalTruncation
+
+if TYPE_CHECKING:
+    from mbsvib.equations.equations import Equations
+    from mbsvib.responses.state_space import StateSpace
+
+METHODS = ("balanced", "modal", "static-corrected", "craig-bampton")
+
+
+def reduced_space(space: StateSpace, order: int | None = None, error: float | None = None) -> StateSpace:
+    """Return a state space with fewer states by balanced truncation.
+
+    Parameters
+    ----------
+    space : StateSpace
+        Continuous equations. States that do not decay are kept.
+    order : int, optional
+        Number of states.
+    error : float, optional
+        Largest error of the frequency response, as its largest singular value, output by input in SI units.
+
+    Returns
+    -------
+    StateSpace
+        The smallest one of this order or error, with ``error_bound``; states hankel1, hankel2, ...
+
+    Raises
+    ------
+    ResponseError
+        If neither or both are given, or no smaller model is possible.
+    """
+    _check(space.name, order, error, len(space.states), "states")
+    made = balanced(space.A, space.B, space.C)
+    count = made.lasting + len(made.hankel)
+    n = made.order(float(error)) if error is not None else min(int(order or 0), count)
+    if n < made.lasting:
+        raise ResponseError(f"reduced: order = {order}; {made.lasting} of the {len(space.states)} states of "
+                            f"'{space.name}' do not decay and are kept. Ask for at least as many, or give the "
+                            f"mechanism damping.")  # fmt: skip
+    left, right = made.left[:n], made.right[:, :n]
+    a, b, c = left @ space.A @ right, left @ space.B, space.C @ right
+    bound = max(made.bound(n), rounding_error(space, (a, b, c)))
+    names = tuple([f"lasting{k + 1}" if k < made.lasting else f"hankel{k - made.lasting + 1}" for k in range(n)])
+    return replace(
+        space, realization="reduced", A=a, B=b, C=c, D=space.D.copy(),
+        transform=space.transform @ right, states=names, state_units=("",) * n,
+        error_bound=bound + (space.error_bound or 0.0),
+    )  # fmt: skip
+
+
+def reduced_equations(
+    system: Equations, method: str, order: int | None = None, error: float | None = None
+) -> Equations:
+    """Return equations of motion in fewer coordinates.
+
+    modal: the modes that contribute most;  static-corrected: these, and the static response of the others in D;
+    craig-bampton: displacements of outputs and of the points where inputs act, and modes with these held
+
+    Parameters
+    ----------
+    system : Equations
+        The equations of motion.
+    method : str
+        "modal", "static-corrected" or "craig-bampton".
+    order : int, optional
+        Number of coordinates.
+    error : float, optional
+        Largest error of the frequency response, as its largest singular value, output by input in SI units.
+
+    Returns
+    -------
+    Equations
+        The smallest model of this order or error, with ``error_bound``.
+
+    Raises
+    ------
+    ResponseError
+        If neither or both are given, a method does not apply, or no model has so small an error.
+    """
+    if method not in METHODS[1:]:
+        raise ResponseError(f"reduced: method = {method!r}; expected one of {', '.join(map(repr, METHODS))}."
+                            f"{nearest(str(method), METHODS)}")  # fmt: skip
+    _check(system.name, order, error, system.dof, "coordinates")
+    if system.massless or system.circulatory is not None:
+        what = "motions without mass" if system.massless else "forces that follow the motion"
+        raise ResponseError(f"reduced: '{system.name}' has {what}, which method = {method!r} does not project; take "
+                            f"method='balanced'.")  # fmt: skip
+    family = CraigBampton(system) if method == "craig-bampton" else ModalTruncation(system,
+                                                                                   method == "static-corrected")
+    if order is not None and order < family.least:
+        what = "coordinates of the interface" if method == "craig-bampton" else "free motions"
+        raise ResponseError(f"reduced: order = {order}; '{system.name}' has {family.least} {what}, which every reduced "
+                            f"model keeps. Ask for at least as many.")  # fmt: skip
+    if order is not None:
+        small = family.model(order)
+        bound = error_bound(system, small)
+    else:
+        small, bound = _smallest(system, family, float(error or 0.0))
+    before = system.provenance.truncation
+    made = Truncation(method, system.dof, bound + (0.0 if before is None else before.error_bound))
+    return replace(small, provenance=replace(small.provenance, truncation=made))
+
+
+def _smallest(system: Equations, family: CraigBampton | ModalTruncation, error: float) -> tuple[Equations, float]:
+    """The smallest model within an error, found by bisection."""
+    low, high = family.least, family.most
+    models = {}
+    while low < high:
+        middle = (low + high) // 2
+        small = family.model(middle)
+        models[middle] = small, error_bound(system, small)
+        low, high = (low, middle) if models[middle][1] <= error else (middle + 1, high)
+    if low not in models:
+        small = family.model(low)
+        models[low] = small, error_bound(system, small)
+    if models[low][1] > error:
+        raise ResponseError(f"reduced: error = {error:g}; all {low} coordinates of '{system.name}' leave "
+                            f"{models[low][1]:.3g}. Give a larger error, or take method='balanced'.")  # fmt: skip
+    return models[low]
+
+
+def _check(name: str, order: int | None, error: float | None, most: int, what: str) -> None:
+    if (order is None) == (error is None):
+        raise ResponseError(f"reduced: order = {order}, error = {error}; expected one of both: the number of {what}, "
+                            f"or the largest error of the frequency response.")  # fmt: skip
+    if order is not None and (isinstance(order, bool) or not isinstance(order, (int, np.integer))
+                              or not 0 <= order <= most):
+        raise ResponseError(f"reduced: order = {order!r}; expected a whole number up to {most}, the {what} of "
+                            f"'{name}'.")  # fmt: skip
+    if error is not None and not (isinstance(error, (int, float, np.floating)) and 0.0 < error < np.inf):
+        raise ResponseError(f"reduced: error = {error!r}; expected a positive number, output by input in SI units.")

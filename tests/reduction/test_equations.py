@@ -1,0 +1,120 @@
+"""Reduced equations of motion: the error bound against the responses of both models, by all methods that project."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from mbsvib.reduction.reduced import reduced_equations
+from tests.support.random_models import spatial
+
+METHODS = ("modal", "static-corrected", "craig-bampton")
+
+
+def largest_error(full, small):
+    """The largest singular value of the difference, on a grid and at all resonances."""
+    values = np.concatenate([part.modes().eigenvalues for part in (full, small)])
+    size = np.abs(values[values != 0.0])
+    omega = np.sort(np.concatenate((np.geomspace(0.01 * size.min(), 30.0 * size.max(), 1000), np.abs(values.imag),
+                                    np.sqrt(np.abs(np.abs(values) ** 2 - 2.0 * values.real**2)))))  # fmt: skip
+    omega = omega[omega > 0.0]
+    off = full.frequency_response(omega) - small.frequency_response(omega)
+    return np.linalg.norm(off.transpose(2, 0, 1), ord=2, axis=(1, 2)).max()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("seed", range(12))
+def test_the_bound_holds_and_is_tight(method, seed):
+    system = spatial(seed, bodies=4, loops=seed % 2).linearize()
+    least = np.linalg.matrix_rank(np.vstack((system.Cq, system.B.T))) if method == "craig-bampton" else 1
+    orders = sorted({least, (least + system.dof) // 2, system.dof})
+    for order in orders:
+        small = reduced_equations(system, method, order)
+        assert small.dof == order
+        assert (small.inputs, small.outputs) == (system.inputs, system.outputs)
+        if (np.abs(system.modes().damping_ratios) < 1e-12).any():
+            assert small.error_bound == np.inf
+            continue
+        off, noise = largest_error(system, small), 1e-12 * system.hinf_norm(parameters=[]).value
+        assert off <= small.error_bound + noise
+        assert small.error_bound <= 1.3 * off + noise
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_error_gives_a_small_model(method):
+    system = mv.library.wafer_stage().linearize()
+    peak = system.hinf_norm().value
+    small = reduced_equations(system, method, error=1e-3 * peak)
+    assert small.dof < system.dof
+    assert small.error_bound <= 1e-3 * peak
+    assert largest_error(system, small) <= 1e-3 * peak
+
+
+def test_all_coordinates_are_the_same_system():
+    system = mv.library.chain(6).linearize()
+    small = reduced_equations(system, "modal", system.dof)
+    assert small.error_bound < 1e-11 * system.hinf_norm().value
+    assert_allclose(small.modes().eigenvalues, system.modes().eigenvalues, rtol=1e-12)
+    bodies, same = system.modes().body_shapes, small.modes().body_shapes
+    for name, shape in bodies.items():
+        assert_allclose(np.abs(same[name]), np.abs(shape), atol=1e-9 * np.abs(shape).max())
+
+
+def test_free_motions_stay():
+    """A free chain of masses: two rigid motions of the two directions, infinite responses at rest, a finite error."""
+    model = mv.Model("free chain")
+    for k in range(5):
+        model.add_body(f"m{k}", 1.0 + 0.1 * k, (1, 1, 1), (k, 0, 0))
+        model.add_joint(f"slide{k}", "prismatic", "ground", f"m{k}", axis=(1, 0, 0))
+        if k:
+            model.add_spring(f"k{k}", f"m{k - 1}", f"m{k}", (k - 0.9, 0, 0), (k - 0.1, 0, 0), 1e4 * k, 2.0)
+    model.add_input("F", "m0", "x")
+    model.add_output("x", "m4", "x")
+    system = model.linearize()
+    for method, order in (("modal", 2), ("static-corrected", 2), ("craig-bampton", 3)):
+        small = reduced_equations(system, method, order)
+        assert small.modes().frequencies[0] == pytest.approx(0.0, abs=1e-6)
+        off = largest_error(system, small)
+        assert off == pytest.approx(small.error_bound, rel=1e-2)
+    with pytest.raises(mv.ResponseError, match="has 1 free motions, which every reduced model keeps"):
+        reduced_equations(system, "modal", 0)
+
+
+def test_the_static_correction_is_exact_at_rest():
+    system = mv.library.wafer_stage().with_parts(outputs={k: v for k, v in mv.library.wafer_stage().outputs.items()
+                                                          if v.quantity == "displacement"}).linearize()  # fmt: skip
+    small = reduced_equations(system, "static-corrected", 4)
+    assert_allclose(small.frequency_response([0.0]), system.frequency_response([0.0]), rtol=1e-9,
+                    atol=1e-9 * np.abs(system.frequency_response([0.0])).max())  # fmt: skip
+
+
+def test_the_interface_has_the_names_of_the_outputs():
+    system = mv.library.quarter_car().linearize()
+    small = reduced_equations(system, "craig-bampton", 2)
+    assert small.coordinates == ("body.z", "wheel.z")
+    assert_allclose(small.Cq[:2], np.eye(2), atol=1e-12)
+
+
+def test_a_mode_without_damping_has_no_bound():
+    system = mv.library.cantilever().linearize()
+    assert reduced_equations(system, "modal", 10).error_bound == np.inf
+
+
+@pytest.mark.parametrize(("method", "words", "message"), [
+    ("modl", {"order": 2}, "Did you mean 'modal'"), ("modal", {"order": 13}, "whole number up to 12"),
+    ("modal", {}, "expected one of both"), ("craig-bampton", {"order": 1}, "coordinates of the interface"),
+])  # fmt: skip
+def test_refusals(method, words, message):
+    with pytest.raises(mv.ResponseError, match=message):
+        reduced_equations(mv.library.stewart_isolator().linearize(), method, **words)
+
+
+def test_an_interface_that_holds_nothing_is_refused():
+    model = mv.Model("loose")
+    for k in range(2):
+        model.add_body(f"m{k}", 1.0, (1, 1, 1), (k, 0, 0))
+        model.add_joint(f"slide{k}", "prismatic", "ground", f"m{k}", axis=(1, 0, 0))
+    model.add_input("F", "m0", "x")
+    model.add_output("x", "m0", "x")
+    with pytest.raises(mv.ResponseError, match="can still move when its outputs and the points of its inputs are held"):
+        reduced_equations(model.linearize(), "craig-bampton", 1)
