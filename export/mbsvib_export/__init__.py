@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mbsvib_export.checking import Comparison, ExportCheck, check_export
     from mbsvib_export.control_ import to_control, to_frd
     from mbsvib_export.cosimulation import CosimulationCheck, MasterCheck, check_cosimulation, to_ssp
+    from mbsvib_export.exudyn_ import to_exudyn
     from mbsvib_export.fmu_ import FmuFile, to_fmu
     from mbsvib_export.hdf5_ import from_hdf5, to_hdf5
     from mbsvib_export.json_ import from_json, json_schema, to_json
@@ -61,6 +62,7 @@ __all__ = [
     "to_casadi_response",
     "to_control",
     "to_dmig",
+    "to_exudyn",
     "to_fmu",
     "to_frd",
     "to_hdf5",
@@ -105,6 +107,7 @@ _HOMES = {
     "to_casadi_response": "casadi_objectives",
     "to_control": "control_",
     "to_dmig": "nastran_",
+    "to_exudyn": "exudyn_",
     "to_fmu": "fmu_",
     "to_frd": "control_",
     "to_hdf5": "hdf5_",
