@@ -19,16 +19,14 @@ ViewOption = Annotated[str, typer.Option("--view", metavar="VIEW", help="From wh
 FileOption = Annotated[
     Path | None, typer.Option("--file", "-f", metavar="FILE", help=f"Where to: {', '.join(FORMATS)}.")
 ]
+FirstOption = Annotated[float | None, typer.Option("--from", metavar="HZ", help="First frequency [Hz].")]
+LastOption = Annotated[float | None, typer.Option("--to", metavar="HZ", help="Last frequency [Hz].")]
 
 
 def bode(
-    model: ModelArgument,
-    inputs: InputOption = None,
-    outputs: OutputOption = None,
-    first: Annotated[float | None, typer.Option("--from", metavar="HZ", help="First frequency [Hz].")] = None,
-    last: Annotated[float | None, typer.Option("--to", metavar="HZ", help="Last frequency [Hz].")] = None,
-    file: FileOption = None,
-) -> None:
+    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
+    last: LastOption = None, file: FileOption = None,
+) -> None:  # fmt: skip
     """Draw a Bode plot into a file (default: NAME-bode.png)."""
     _check_format(file)
     system = system_of(model)
@@ -37,6 +35,33 @@ def bode(
 
     figure = plots.bode(system, sources, results, span=(first, last))
     _deliver(figure, file, f"{system.name}-bode.png", remark)
+
+
+def nyquist(
+    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
+    last: LastOption = None, file: FileOption = None,
+) -> None:  # fmt: skip
+    """Draw frequency responses in the complex plane into a file (default: NAME-nyquist.png)."""
+    _check_format(file)
+    system = system_of(model)
+    sources, results, remark = ports(system, inputs, outputs)
+    from mbsvib import plots
+
+    figure = plots.nyquist(system, sources, results, span=(first, last))
+    _deliver(figure, file, f"{system.name}-nyquist.png", remark)
+
+
+def sigma(
+    model: ModelArgument, inputs: InputOption = None, outputs: OutputOption = None, first: FirstOption = None,
+    last: LastOption = None, file: FileOption = None,
+) -> None:  # fmt: skip
+    """Draw the singular values of the frequency response into a file (default: NAME-sigma.png)."""
+    _check_format(file)
+    system = system_of(model)
+    from mbsvib import plots
+
+    figure = plots.singular_values(system, inputs or None, outputs or None, span=(first, last))
+    _deliver(figure, file, f"{system.name}-sigma.png", "")
 
 
 def step(
