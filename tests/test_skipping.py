@@ -93,7 +93,7 @@ def test_no_redundant_row_no_look_at_the_poses_nearby(monkeypatch):
 
 
 def test_redundant_rows_get_names_when_these_are_asked_for(monkeypatch):
-    named = counting(monkeypatch, loops, "_redundant")
+    named = counting(monkeypatch, loops, "redundant_rows")
     system = mv.library.four_bar().linearize()
     system.modes()
     assert not named

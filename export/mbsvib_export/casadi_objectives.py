@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.api.system import System
-from mbsvib.equilibrium.at_equilibrium import settled
+from mbsvib.equilibrium.at_equilibrium import at_equilibrium
 from mbsvib.errors import ExportError, MbsvibError
 from mbsvib_export.casadi_ import INSTALL
 from mbsvib_export.neutral import refuse_many
@@ -152,7 +152,7 @@ def _callback(name: str, system: System, names: tuple[str, ...], value: Ask, der
         if key not in last:
             try:
                 changed = origin.with_values(dict(zip(names, p.tolist(), strict=True)))
-                variant: Any = settled(changed, system.coordinates, system.cut_joints, "dense", System)[1]
+                variant: Any = at_equilibrium(changed, system.coordinates, system.cut_joints, "dense", System)[1]
             except MbsvibError:
                 variant = None
             last.clear()

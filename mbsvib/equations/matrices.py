@@ -8,7 +8,7 @@ import numpy as np
 
 from mbsvib.equations.ports import port_matrices
 from mbsvib.equations.terms import Terms
-from mbsvib.kinematics.relative_motion import body_motion
+from mbsvib.kinematics.body_motion import body_motion
 from mbsvib.linalg.products import gram, product
 
 if TYPE_CHECKING:

@@ -16,6 +16,8 @@ LEAST = 1e-150
 # Rotations with a cosine below this are next to half a turn.
 HALF_TURN = -0.99
 _IDENTITY = np.eye(3)
+# x y z x y: both cyclic shifts of a cross product are slices of vectors with these components.
+CYCLE = np.array((0, 1, 2, 0, 1))
 # [w]x of w = (x, y, z) is w @ _SKEW, row by row
 _SKEW = np.array([[0.0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]])
 

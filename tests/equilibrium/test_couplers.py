@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.equilibrium.couplers import gone
-from mbsvib.equilibrium.motion import stance
+from mbsvib.equilibrium.couplers import joint_travel
+from mbsvib.equilibrium.motion import posed_model
 from mbsvib.equilibrium.pose import start
 from mbsvib.linalg.rotations import exponential
 from tests.equilibrium.test_moved import four_bar
@@ -90,12 +90,12 @@ def test_both_angles_of_a_universal_joint_are_read_off(angles):
     model.add_body("cross", 1.0, (0.1, 0.1, 0.1))
     one, two = np.array([1.0, 0.2, 0.0]), np.array([0.3, 1.0, 0.4])
     model.add_joint("u", "universal", "ground", "cross", (0, 0, 0), axis=one, axis2=two)
-    there = stance(model, start(model)).moved(np.array(angles))
+    there = posed_model(model, start(model)).moved(np.array(angles))
     joint = model.joints["u"]
     unit = [v / np.linalg.norm(v) for v in (one, two)]
     expected = exponential(angles[0] * unit[0]) @ exponential(angles[1] * unit[1])
     assert np.allclose(there.pose.turn[0], expected, rtol=0, atol=1e-15)
-    assert [gone(joint, d, there.pose, (0, 0, 0)) for d in ("rx", "ry")] == pytest.approx(angles, abs=1e-14)
+    assert [joint_travel(joint, d, there.pose, (0, 0, 0)) for d in ("rx", "ry")] == pytest.approx(angles, abs=1e-14)
 
 
 def test_values_that_a_gear_ties_are_refused():

@@ -82,7 +82,7 @@ def test_two_loops_at_their_dead_points_at_once(case):
 @pytest.mark.parametrize("case", range(6))
 def test_beyond_a_dead_point(case):
     points, by, *_ = near_dead_points(6, -0.05, -1e-3)[case]
-    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by j\d can be followed up to j0.rz = .* and no"):
+    with pytest.raises(mv.ModelError, match=r"moved: the loops closed by j\d can be closed up to j0.rz = .* and no"):
         four_bar(points).moved({"j0.rz": by})
 
 

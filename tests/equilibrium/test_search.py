@@ -206,7 +206,7 @@ def test_an_arch_may_snap_through_when_it_is_told_so():
 def test_a_body_that_nothing_holds_is_named():
     model = mv.Model("falling", gravity=G)
     model.add_body("stone", 1.0, (0.1, 0.1, 0.1))
-    with pytest.raises(mv.EquilibriumError, match=r"without end.*force on body 'stone', 9\.81 N missing along"):
+    with pytest.raises(mv.EquilibriumError, match=r"without limit.*force on body 'stone', 9\.81 N missing along"):
         equilibrium(model)
 
 

@@ -118,8 +118,8 @@ def balanced(model, poses):
     """A variant in the equilibrium next to the pose of the model, stable or not: Newton's method with the tangent of
     the model. ``equilibrium`` would leave an unstable pose, and bend beams that are described in their loaded shape.
     """
-    moves = VariantPoses.of(model, poses.stance.cut, poses.names)
-    unit = 1.0 / np.sqrt(np.abs(poses.forces.tangent.diagonal()) + poses.forces.acting / poses.steps + TINY)
+    moves = VariantPoses.of(model, poses.posed_model.cut, poses.names)
+    unit = 1.0 / np.sqrt(np.abs(poses.forces.tangent.diagonal()) + poses.forces.balanced_forces / poses.steps + TINY)
     tangent, motion, there = unit[:, None] * poses.forces.tangent * unit, np.zeros(len(unit)), model
     before = np.inf
     for _ in range(NEWTON):
