@@ -16,9 +16,9 @@ import numpy as np
 
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -103,7 +103,7 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
         **{f"state_space.{key}": np.stack([first_order(space)[key] for space in spaces])
            for key in first_order(spaces[0])},
     }  # fmt: skip
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
 def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:

@@ -16,11 +16,11 @@ import numpy as np
 
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import system_data_of
 from mbsvib_export.npz_ import arrays_of, system_data_from
 from mbsvib_export.packages import need
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
@@ -79,7 +79,7 @@ def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realizati
             value = array.astype(object) if is_text else array
             file.create_dataset(key.replace(".", "/"), data=value, dtype=h5py.string_dtype() if is_text else None)
     rest = stream.getvalue()[HEAD:]
-    return write_whole(path, lambda target: target.write(head(rest) + rest))
+    return write_atomic(path, lambda target: target.write(head(rest) + rest))
 
 
 def from_hdf5(path: str | os.PathLike[str]) -> SystemData:

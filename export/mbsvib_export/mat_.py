@@ -27,11 +27,11 @@ from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
 from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
-from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,11 +93,11 @@ def to_mat(
         check_companion(companion, lambda file: is_script_of(goal.name, file.read_bytes()),
                         f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
                         "loader=False.")  # fmt: skip
-    result = write_whole(path, lambda file: file.write(document))
+    result = write_atomic(path, lambda file: file.write(document))
     if loader:
         text = script(name, result.name, data.name)
         try:
-            write_whole(companion, lambda file: file.write(text.encode("ascii")))
+            write_atomic(companion, lambda file: file.write(text.encode("ascii")))
         except ExportError:
             if is_new:
                 result.unlink(missing_ok=True)

@@ -22,9 +22,9 @@ import numpy as np
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -60,7 +60,7 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
         If the realization is unknown.
     """
     arrays = arrays_of(system_data_of(system, realization, "to_npz"))
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
 def arrays_of(data: SystemData) -> dict[str, Any]:

@@ -18,10 +18,10 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, refuse_many
 from mbsvib_export.packages import need
 from mbsvib_export.responses import second_order_response
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -99,7 +99,7 @@ def to_uff(
                 else system.frequency_response(points))  # fmt: skip
     content = b"".join(_data_set(system, i, j, frequency, response[i, j], binary)
                        for j in range(len(system.inputs)) for i in range(len(system.outputs)))  # fmt: skip
-    return write_whole(path, lambda stream: stream.write(content))
+    return write_atomic(path, lambda stream: stream.write(content))
 
 
 def from_uff(path: str | os.PathLike[str]) -> ResponseData:

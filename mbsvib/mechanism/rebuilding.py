@@ -1,4 +1,4 @@
-"""Mechanisms with all of their parts made again, or some of them with other words."""
+"""Mechanisms with all parts rebuilt, or with other arguments of some parts."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ M = TypeVar("M", bound=Mechanism)
 
 
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
-    """Return a mechanism with all parts made again.
+    """Return a mechanism with all parts rebuilt.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
     words : callable
-        The words of each part, or the part that takes its place, which is not checked.
+        Function of a part that returns the arguments of its adder, or the part that replaces it unchecked.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
     Raises
     ------
     ModelError
-        If a word is refused.
+        If an argument is refused.
     """
 
     def made(part: Part) -> Part:
@@ -46,14 +46,14 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
 
 
 def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
-    """Return a mechanism in which some parts have other words.
+    """Return a mechanism in which some parts have other arguments.
 
     Parameters
     ----------
     model : Mechanism
         The mechanism.
     changes : mapping
-        New words of parts by name.
+        New arguments of parts by name.
 
     Returns
     -------
@@ -63,6 +63,6 @@ def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
     Raises
     ------
     ModelError
-        If a word is refused.
+        If an argument is refused.
     """
     return rebuilt(model, lambda part: part.words() | changes[part.name] if part.name in changes else part)

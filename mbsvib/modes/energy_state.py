@@ -19,8 +19,7 @@ import numpy as np
 
 from mbsvib.equations.massless_null_motion import own_coordinates
 from mbsvib.equations.unresisted_motion import completed, free_motions, largest, null_pair, orthonormal, product, sizes
-from mbsvib.linalg.products import gram
-from mbsvib.linalg.products import product as weighted
+from mbsvib.linalg.products import gram_matrix, weighted_gram
 from mbsvib.linalg.qr import pivoted_qr
 from mbsvib.linalg.rank import DEPENDENT_ROWS, EPS
 from mbsvib.modes.rigid_motions import unbraked
@@ -143,7 +142,7 @@ def _basis(system: Equations, rtol: float) -> tuple[Array, Undamped, int]:
     rows, w = product(system.elastic_rows, turn), system.inertia_factor @ turn
     part: Any = SimpleNamespace(
         dof=turn.shape[1], stiffness=system.stiffness, elastic_rows=rows, inertia_factor=w, circulatory=None,
-        M=gram(w), K=weighted(rows, system.stiffness), provenance=system.provenance,
+        M=gram_matrix(w), K=weighted_gram(rows, system.stiffness), provenance=system.provenance,
     )  # fmt: skip
     undamped_modes = undamped(part, rtol, null=null)
     basis = turn @ undamped_modes.shapes
@@ -186,13 +185,13 @@ def _in_basis(system: Equations, basis: Array, undamped_modes: Undamped, free: i
     """Stiffness and damping in the basis, exactly 0 for motions that they do not resist."""
     p = len(undamped_modes.square)
     rows = product(system.elastic_rows, basis)
-    held = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
-    stiffness = weighted(held, system.stiffness)
+    flexible_rows = rows * (np.arange(len(basis)) >= undamped_modes.rigid)
+    stiffness = weighted_gram(flexible_rows, system.stiffness)
     stiffness[:p, :p] = np.diag(undamped_modes.square)
     if system.circulatory is not None:
         stiffness += product(product(basis.T, system.circulatory), basis)
     braked = rows * (np.arange(len(basis)) >= free)
-    damping = weighted(braked, system.damping)
+    damping = weighted_gram(braked, system.damping)
     if system.gyroscopic is not None:
         damping += product(product(basis.T, system.gyroscopic), basis)
     damping[p:, :p] = 0.0  # by the choice of the basis
@@ -221,7 +220,7 @@ def _first_order(stiffness: Array, damping: Array, scale: Array, n1: int) -> tup
 
 def _terms(system: Equations, basis: Array, value: Array, second_part: Array | None) -> Array:
     """Sum of the magnitudes of all terms of D^T diag(value) D, plus the largest of a second part."""
-    result = weighted(largest(system.elastic_rows, basis), np.abs(value))
+    result = weighted_gram(largest(system.elastic_rows, basis), np.abs(value))
     size = np.abs(basis)
     return result if second_part is None else result + float((size.T @ np.abs(second_part) @ size).max(initial=0.0))
 
@@ -306,11 +305,11 @@ def answer(stiffness: Array, push: Array, far: Array, near: Array) -> Array:
 
 def _long_chains(a: Array) -> tuple[Array, Array, Array, int]:
     """The same from A alone: its null space is deflated until none remains."""
-    ahead, right = _lost(a), _lost(a.T)
-    left = np.asarray(np.linalg.solve(ahead.T @ right, ahead.T).T, dtype=float)
-    nilpotent = np.asarray(left.T @ a @ right, dtype=float)
+    left_null, right_null = _lost(a), _lost(a.T)
+    left = np.asarray(np.linalg.solve(left_null.T @ right_null, left_null.T).T, dtype=float)
+    nilpotent = np.asarray(left.T @ a @ right_null, dtype=float)
     nilpotent[np.abs(nilpotent) <= LONGER * np.abs(a).max()] = 0.0
-    return right, left, nilpotent, right.shape[1] - len(_null(a))
+    return right_null, left, nilpotent, right_null.shape[1] - len(_null(a))
 
 
 def _lost(a: Array) -> Array:

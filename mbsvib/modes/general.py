@@ -262,12 +262,12 @@ def _independent(
     """
     values, left, right = eigensolution
     weak = parted | (np.abs(np.einsum("ij,ij->j", left, right)) < DEPENDENT)
-    done, seen = np.zeros(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
+    done, visited = np.zeros(len(values), dtype=bool), np.zeros(len(values), dtype=bool)
     for i in np.nonzero(weak)[0]:
         group = np.nonzero((np.abs(values - values[i]) <= size) & ((values.imag > 0.0) == (values[i].imag > 0.0)))[0]
-        if seen[i] or len(group) < 2:
+        if visited[i] or len(group) < 2:
             continue
-        seen[group] = True
+        visited[group] = True
         r, w = np.linalg.qr(right[:, group])[0], np.linalg.qr(left[:, group])[0]
         both = w.T @ r
         if np.linalg.cond(both) > 1.0 / DEPENDENT**4:
@@ -289,15 +289,15 @@ def _in_modes(system: Equations, state: EnergyState, eigen: Spectrum) -> General
     apart = np.abs(eigen.values[:, None] - eigen.values) / np.maximum(size[:, None], size)
     zeros, reals = list(range(rest.shape[1])), np.nonzero(~eigen.turns)[0].tolist()
     pairs = max(0, (len(reals) + len(zeros) - system.massless) // 2)
-    table: list[tuple[int, int]] = [(STILL, STILL)] * drift.shape[1]  # numbers of eigenvalues
+    numbers: list[tuple[int, int]] = [(STILL, STILL)] * drift.shape[1]  # numbers of eigenvalues
     shapes: list[Complex] = list(drift.T)
     while zeros and reals and pairs:
         i, j = _most_alike(resting[:, zeros], momentum[:, reals], size[reals])
-        table.append((STILL, reals.pop(j)))
+        numbers.append((STILL, reals.pop(j)))
         shapes.append(rest[:, zeros.pop(i)])
         pairs -= 1
     while len(zeros) > 1 and pairs:
-        table.append((STILL, STILL))
+        numbers.append((STILL, STILL))
         shapes.append(rest[:, zeros.pop(0)])
         zeros.pop(0)
         pairs -= 1
@@ -305,28 +305,28 @@ def _in_modes(system: Equations, state: EnergyState, eigen: Spectrum) -> General
         i, j = _most_alike(momentum[:, reals], momentum[:, reals], apart[np.ix_(reals, reals)])
         first, second = sorted((reals[i], reals[j]), key=lambda k: abs(eigen.values[k]))
         reals = [k for k in reals if k not in (first, second)]
-        table.append((first, second))
+        numbers.append((first, second))
         shapes.append(eigen.right[:, first])
         pairs -= 1
-    table += [(STILL, UNPAIRED)] * len(zeros) + [(k, UNPAIRED) for k in reals]
+    numbers += [(STILL, UNPAIRED)] * len(zeros) + [(k, UNPAIRED) for k in reals]
     shapes += [rest[:, k] for k in zeros] + [eigen.right[:, k] for k in reals]
     for k in np.nonzero(eigen.turns)[0].tolist():
-        table.append((k, CONJUGATE))
+        numbers.append((k, CONJUGATE))
         shapes.append(eigen.right[:, k])
-    return _sorted(system, state, eigen, (np.array(table, dtype=np.intp).reshape(-1, 2), shapes))
+    return _sorted(system, state, eigen, (np.array(numbers, dtype=np.intp).reshape(-1, 2), shapes))
 
 
 def _sorted(
     system: Equations, state: EnergyState, eigen: Spectrum, modes: tuple[NDArray[np.intp], list[Complex]]
 ) -> General:
-    table, shapes = modes
-    first, second = table.T
+    numbers, shapes = modes
+    first, second = numbers.T
     values, errors = np.append(eigen.values, 0.0), np.append(eigen.errors, 0.0)  # STILL is the last one
     conjugate, single = second == CONJUGATE, second == UNPAIRED
     second = np.where(conjugate | single, first, second)
     pairs = np.stack((values[first], np.where(conjugate, values[first].conj(), values[second])), axis=1)
     order = np.argsort(np.sqrt(np.abs(pairs[:, 0] * pairs[:, 1])), kind="stable")
-    columns = np.array(shapes, dtype=complex).reshape(len(table), system.dof).T
+    columns = np.array(shapes, dtype=complex).reshape(len(numbers), system.dof).T
     mode = np.zeros(len(values), dtype=np.intp)
     position_of = np.argsort(order)
     mode[first], mode[second] = position_of, position_of

@@ -60,7 +60,7 @@ class Spectrum:
     slopes: Complex = field(default_factory=lambda: np.zeros(0, dtype=complex))
     errors: Array = field(default_factory=lambda: np.zeros(0))
 
-    def whole(self) -> tuple[Complex, Complex, Complex, Complex]:
+    def complete(self) -> tuple[Complex, Complex, Complex, Complex]:
         """Return values, right and left vectors and slopes of all eigenvalues but 0, conjugates behind."""
         parts = (self.values, self.right, self.left, self.slopes)
         values, right, left, slopes = (np.concatenate((a, a[..., self.turns].conj()), axis=-1) for a in parts)
@@ -171,7 +171,7 @@ def _sized(f: _Factors, values: Complex, vectors: Complex) -> Complex:
 def _improved(f: _Factors, state: EnergyState, eigen: Spectrum) -> tuple[Spectrum, float]:
     """One iteration: eigenvalues, then both vectors by projections of their residuals; and the largest correction."""
     eigen = _quotients(f, eigen)
-    values, right, left, slopes = eigen.whole()
+    values, right, left, slopes = eigen.complete()
     x, y, h = eigen.right, eigen.left, np.arange(len(eigen.values))
     distance = eigen.values - values[:, None]
     m, c, k = _products(f, left, x)
@@ -217,10 +217,10 @@ def _still(state: EnergyState, f: _Factors, eigen: Spectrum, transposed: bool) -
     """Contribution of the eigenvalues 0 to the corrections of the vectors."""
     if not state.right.shape[1]:
         return np.zeros_like(eigen.right)
-    shapes, seen, j = state.show @ state.right, state.force.T @ state.left, state.nilpotent
+    shapes, forces, j = state.show @ state.right, state.force.T @ state.left, state.nilpotent
     if transposed:
-        shapes, seen, j = seen, shapes, j.T
-    term = (seen.T @ _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)) / eigen.values
+        shapes, forces, j = forces, shapes, j.T
+    term = (forces.T @ _residual(f, eigen.values, eigen.left if transposed else eigen.right, transposed)) / eigen.values
     result = term.copy()
     for _ in range(len(j)):
         term = (j @ term) / eigen.values
@@ -232,7 +232,7 @@ def _still(state: EnergyState, f: _Factors, eigen: Spectrum, transposed: bool) -
 
 def _bounds(f: _Factors, state: EnergyState, eigen: Spectrum) -> Array:
     """Relative errors: those of the vectors, to second order, and rounding of the forms."""
-    values, right, left, slopes = eigen.whole()
+    values, right, left, slopes = eigen.complete()
     speed = np.abs(eigen.values)
     ml, cl, kl = _products(f, left, eigen.right)
     mr, cr, kr = (part.T for part in _products(f, eigen.left, right))

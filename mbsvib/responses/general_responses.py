@@ -15,7 +15,7 @@ import numpy as np
 
 from mbsvib.errors import ResponseError
 from mbsvib.linalg.rank import EPS
-from mbsvib.responses.general_terms import cleaned, highest_terms
+from mbsvib.responses.general_terms import asymptotic_terms, cleaned
 from mbsvib.responses.modal_sum import general_motions
 
 if TYPE_CHECKING:
@@ -64,9 +64,9 @@ def realization(system: Equations, state: EnergyState) -> Realization:
         If an acceleration output of massless motions would be the derivative of an input.
     """
     rate = state.show @ state.a
-    early, late = highest_terms(state)
+    e1, e2 = asymptotic_terms(state)
     c = system.Cq @ state.show + system.Cv @ rate + system.Ca @ (rate @ state.a)
-    improper = cleaned(system.Ca @ state.basis, early, state.basis.T @ system.B)
+    improper = cleaned(system.Ca @ state.basis, e1, state.basis.T @ system.B)
     if improper.any():
         i, j = np.argwhere(improper)[0]
         raise ResponseError(
@@ -75,8 +75,8 @@ def realization(system: Equations, state: EnergyState) -> Realization:
             f"its velocity."
         )
     b = state.basis.T @ system.B
-    d = system.D + cleaned(system.Cv @ state.basis, early, b)
-    d = cleaned(system.Ca @ state.basis, late, b, system.D) + (d - system.D)
+    d = system.D + cleaned(system.Cv @ state.basis, e1, b)
+    d = cleaned(system.Ca @ state.basis, e2, b, system.D) + (d - system.D)
     return Realization(state.a, state.force @ system.B, c, d)
 
 

@@ -116,8 +116,8 @@ class BaseNoise:
     @property
     def breaks(self) -> Array:
         """Frequencies [Hz] at which tables have their break-points."""
-        tables = [spectrum.frequencies for spectrum in self.spectra if isinstance(spectrum, Table)]
-        return np.unique(np.concatenate(tables)) if tables else np.zeros(0)
+        grids = [spectrum.frequencies for spectrum in self.spectra if isinstance(spectrum, Table)]
+        return np.unique(np.concatenate(grids)) if grids else np.zeros(0)
 
     @property
     def unbounded(self) -> bool:
@@ -233,9 +233,9 @@ def table(points: ArrayLike, name: str = "spectrum") -> Table:
     if rows.ndim != 2 or rows.shape[1] != 2 or len(rows) < 2 or not np.isfinite(rows).all():
         raise ResponseError(f"{name}: {check.shown(points)}; expected {expected}, all finite.")
     f, values = rows.T.copy()
-    late = np.flatnonzero(np.diff(f) <= 0.0)
-    if f[0] <= 0.0 or len(late):
-        at = 0 if f[0] <= 0.0 else int(late[0]) + 1
+    out_of_order = np.flatnonzero(np.diff(f) <= 0.0)
+    if f[0] <= 0.0 or len(out_of_order):
+        at = 0 if f[0] <= 0.0 else int(out_of_order[0]) + 1
         raise ResponseError(f"{name}: point {at + 1} is at {f[at]:g} Hz; expected frequencies above 0 Hz, each higher "
                             f"than the one before: sort them, and leave out 0 Hz.")  # fmt: skip
     low = np.flatnonzero(values <= 0.0)

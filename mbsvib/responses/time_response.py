@@ -167,15 +167,15 @@ def _run(block: _Block, time: Array, u: Array, first: bool) -> Array:
     state = block.state
     for start in range(0, n, CHUNK):
         stop = min(n, start + CHUNK)
-        held, change = u[:, start:stop], np.diff(u[:, start : stop + 1]) if first else None
-        y[:, start + 1 : stop + 1], state = march(state, held, change, start)
+        samples, change = u[:, start:stop], np.diff(u[:, start : stop + 1]) if first else None
+        y[:, start + 1 : stop + 1], state = march(state, samples, change, start)
     return y
 
 
 def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, int], tuple[Array, Any]]:
     """Return the function that advances a state through a chunk of even steps and computes the outputs."""
-    carry, held, ramp = block.motion.step(np.array([h]))
-    hold, grow = held * block.force, ramp * block.force
+    transition, constant, ramp = block.motion.step(np.array([h]))
+    hold, grow = constant * block.force, ramp * block.force
     powers: dict[int, Any] = {}
 
     def march(state: Any, u: Array, change: Array | None, _: int) -> tuple[Array, Any]:
@@ -188,7 +188,7 @@ def _even_steps(block: _Block, h: float) -> Callable[[Any, Array, Array | None, 
         if change is not None:
             x += _forced(grow, change, length, count)
         for j in range(1, length):  # all segments from rest
-            x[j] += np.einsum("abk,bkp->akp", carry[..., 0], x[j - 1])
+            x[j] += np.einsum("abk,bkp->akp", transition[..., 0], x[j - 1])
         starts = np.empty((*state.shape, count), dtype=x.dtype)
         for p in range(count):
             starts[..., p] = state
@@ -222,9 +222,9 @@ def _uneven_steps(block: _Block, steps: Array) -> Callable[[Any, Array, Array | 
             at = k % STEPS_AT_ONCE
             if at == 0:
                 lengths, which = np.unique(steps[start + k :][:STEPS_AT_ONCE], return_inverse=True)
-                carry, held, ramp = block.motion.step(lengths)
+                transition, constant, ramp = block.motion.step(lengths)
             i = which[at]
-            state = np.einsum("abk,bk->ak", carry[..., i], state) + held[..., i] * force[:, k]
+            state = np.einsum("abk,bk->ak", transition[..., i], state) + constant[..., i] * force[:, k]
             if growth is not None:
                 state += ramp[..., i] * growth[:, k]
             x[..., k] = state
@@ -245,8 +245,8 @@ def _by_exponential(system: Equations, modal: Damped, record: tuple[Array, Array
     eta, rate = x[:m] / scale[:, None], x[m:]
     y = system.Cq @ (modal.shapes @ eta) + system.Cv @ (modal.shapes @ rate) + system.D @ u
     if system.Ca.any():
-        bent = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
-        y += system.Ca @ (modal.shapes @ bent)
+        acceleration = modal.shapes.T @ (system.B @ u) - modal.square[:, None] * eta - modal.gamma @ rate
+        y += system.Ca @ (modal.shapes @ acceleration)
     return y
 
 
@@ -275,8 +275,8 @@ def _stepped(a: Array, b: Array, start: Array, record: tuple[Array, Array, bool]
             augmented[n : n + k, n + k :] = np.eye(k)
             power = expm(augmented)[:n]
             steps[h] = power[:, :n], h * power[:, n : n + k], h * power[:, n + k :]
-        carry, held, ramp = steps[h]
-        x[:, i + 1] = carry @ x[:, i] + held @ u[:, i]
+        transition, constant, ramp = steps[h]
+        x[:, i + 1] = transition @ x[:, i] + constant @ u[:, i]
         if first:
             x[:, i + 1] += ramp @ (u[:, i + 1] - u[:, i])
     return x
@@ -311,11 +311,11 @@ def _general_blocks(system: Equations, modal: General, initial: tuple[Array, Arr
     if state.right.shape[1]:
         rates = [c @ state.show for c in (system.Cq, system.Cv, system.Ca)]
         stands, moves = rates[0] @ state.right, rates[1] @ state.right
-        driven, held = state.left.T @ (state.force @ system.B), state.left.T @ initial[1]
-        j, none = state.nilpotent, np.zeros(len(held))
-        blocks.append(_Block(Exponentials(none.astype(complex)), driven, (stands + moves @ j)[:, None], held[None]))
+        driven, momentum = state.left.T @ (state.force @ system.B), state.left.T @ initial[1]
+        j, none = state.nilpotent, np.zeros(len(momentum))
+        blocks.append(_Block(Exponentials(none.astype(complex)), driven, (stands + moves @ j)[:, None], momentum[None]))
         # drift: J acts once, as for a free mass
-        begin = np.stack((none, j @ held))
+        begin = np.stack((none, j @ momentum))
         blocks.append(_Block(Oscillators(none, none), j @ driven, np.stack((stands, moves * 0.0), axis=1), begin))
     return blocks
 

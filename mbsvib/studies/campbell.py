@@ -16,7 +16,7 @@ import numpy as np
 from mbsvib.common import arguments as check
 from mbsvib.common.expected import a_model, names, reals
 from mbsvib.errors import ModelError, nearest
-from mbsvib.linalg.matching import Station, alone, follow, reference, step, upper
+from mbsvib.linalg.matching import Station, is_simple, match_next, reference, track_modes, upper
 from mbsvib.modes.result import growing
 
 if TYPE_CHECKING:
@@ -162,7 +162,8 @@ def campbell(
     w = _ascending(speeds)
     sweep = _sweep(model, ratios)
     modes_of_speed = [sweep.at(speed) for speed in w.tolist()]
-    order = follow([sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)], sweep.between)
+    stations = [sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)]
+    order = track_modes(stations, sweep.between)
     steps = list(zip(modes_of_speed, w.tolist(), order, strict=True))
     table = np.array([_upper(modes)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
@@ -237,7 +238,7 @@ class _Sweep:
 
     def followed(self, first: tuple[float, Modes], second: tuple[float, Modes]) -> Index:
         """Return the number at the other speed of each mode at the one."""
-        return step(reference(self.station(*first)), first[0], self.station(*second), self.between)[0]
+        return match_next(reference(self.station(*first)), first[0], self.station(*second), self.between)[0]
 
     def whirl(self, modes: Modes, speed: float) -> Array:
         """Return the area of the rotors' orbits as a part of that of circles, positive as they spin, (modes,)."""
@@ -315,7 +316,7 @@ class _Ends:
     """One mode between two speeds, followed from the nearest speed at which it was computed and is separate."""
 
     def __init__(self, sweep: _Sweep, sides: list[tuple[float, Modes, int]], times: float) -> None:
-        single = [side for side in sides if alone(_upper(side[1]))[side[2]]]
+        single = [side for side in sides if is_simple(_upper(side[1]))[side[2]]]
         self.sweep, self.known, self.times = sweep, single or sides, times
 
     def mode(self, speed: float) -> tuple[Modes, int]:
@@ -324,7 +325,7 @@ class _Ends:
             return modes, number
         here = self.sweep.at(speed)
         at = int(self.sweep.followed((near, modes), (speed, here))[number])
-        if alone(_upper(here))[at]:
+        if is_simple(_upper(here))[at]:
             self.known.append((speed, here, at))
         return here, at
 

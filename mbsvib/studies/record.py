@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbsvib.common.atomic_file import write_whole
+from mbsvib.common.atomic_file import write_atomic
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Record:
         if len(complete) < len(content) or not lines:
             start = complete or (json.dumps(head) + "\n").encode()
             try:
-                write_whole(self.path, lambda stream: stream.write(start))
+                write_atomic(self.path, lambda stream: stream.write(start))
             except OSError as error:
                 raise ModelError(f"{path}: cannot be written: {error.strerror}.", field="file") from error
 

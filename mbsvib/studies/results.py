@@ -121,7 +121,7 @@ class Sweep:
         import csv
         from io import StringIO
 
-        from mbsvib.common.atomic_file import write_whole
+        from mbsvib.common.atomic_file import write_atomic
 
         text = StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -130,7 +130,7 @@ class Sweep:
         for i in range(len(self)):
             cells = [column[i].item() if hasattr(column[i], "item") else column[i] for column in columns.values()]
             writer.writerow([*cells, *([self.errors.get(i, "")] if self.errors else [])])
-        return write_whole(path, lambda stream: stream.write(text.getvalue().encode()))
+        return write_atomic(path, lambda stream: stream.write(text.getvalue().encode()))
 
     def table(self) -> dict[str, Any]:
         """Return a table of the first points as arguments of ``mbsvib.common.tables.text`` and ``show``.

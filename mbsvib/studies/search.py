@@ -14,7 +14,7 @@ import numpy as np
 
 from mbsvib.api.settled import settled
 from mbsvib.errors import MbsvibError, ModelError
-from mbsvib.linalg.matching import Reference, reference, step
+from mbsvib.linalg.matching import Reference, match_next, reference
 from mbsvib.studies.dual import Dual, stacked
 from mbsvib.studies.evaluation import DesignPoint, check_variables, checked, station
 from mbsvib.studies.extremes import Largest
@@ -205,7 +205,7 @@ class Search:
             system = self.system(origin + share * (x - origin))
             return station(system.modes(), system, share)
 
-        number, seen = step(known, 0.0, replace(here, at=1.0), between)
+        number, seen = match_next(known, 0.0, replace(here, at=1.0), between)
         self._seen = [*self._seen[-MOST_REFERENCES:], (x.copy(), seen)]
         return number
 

@@ -10,7 +10,7 @@ import numpy as np
 from mbsvib.api.settled import settled
 from mbsvib.common.expected import mode_index
 from mbsvib.errors import MbsvibError, ModelError, nearest
-from mbsvib.linalg.matching import Reference, Station, reference, step
+from mbsvib.linalg.matching import Reference, Station, match_next, reference
 from mbsvib.studies.design import design
 from mbsvib.studies.evaluation import station
 from mbsvib.studies.figures import root_locus
@@ -192,9 +192,9 @@ def _followed(swept: Sweep, way: _Way) -> NDArray[np.intp]:
             seen[i] = reference(here)
             continue
         try:
-            order[i], seen[i] = step(seen[before], 0.0, here, way.between(before, i))
+            order[i], seen[i] = match_next(seen[before], 0.0, here, way.between(before, i))
         except MbsvibError:  # there may be no valid mechanism between two points
-            order[i], seen[i] = step(seen[before], 0.0, here, None)
+            order[i], seen[i] = match_next(seen[before], 0.0, here, None)
     return order
 
 

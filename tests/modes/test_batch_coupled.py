@@ -30,7 +30,7 @@ def check(gamma, square, values, y):
 def oscillating(gamma, square):
     """All variants, of which all modes oscillate."""
     (start,) = starts(gamma, square)
-    assert (start.turning, len(start.which)) == (square.shape[1], len(square))
+    assert (start.complex_count, len(start.which)) == (square.shape[1], len(square))
     return start
 
 
@@ -58,8 +58,8 @@ def test_modes_of_one_frequency_and_modes_that_creep():
     rows = np.array([[1.0, 2.0, 0.5], [1.0, -1.0, 2.0]])
     gamma = np.array([0.1 * np.outer(rows[0], rows[0]), 0.02 * rows.T @ rows, 50.0 * rows.T @ rows])
     one, other = starts(gamma, square)
-    assert (one.which.tolist(), one.turning, other.which.tolist()) == ([0, 1], 3, [2])
+    assert (one.which.tolist(), one.complex_count, other.which.tolist()) == ([0, 1], 3, [2])
     check(gamma[:2], square[:2], one.values, one.y)
-    assert other.values.shape[1] == 6 - other.turning
+    assert other.values.shape[1] == 6 - other.complex_count
     expected = np.linalg.eigvals(np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(square[2]), -gamma[2]]]))
     assert_allclose(np.sort_complex(other.values[0]), np.sort_complex(expected[expected.imag >= 0.0]), rtol=1e-9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mbsvib as mv
-from mbsvib.linalg.double_double import Sliced, Twofold, two_sum
+from mbsvib.linalg.double_double import DoubleDouble, Sliced, two_sum
 from mbsvib.responses import frequency_response as module
 from mbsvib.responses import tiny_outputs
 from tests.stress import reference
@@ -119,7 +119,7 @@ def test_products_to_twice_the_digits():
     a = rng.normal(size=(4, 9)) * 10.0 ** rng.uniform(-9, 9, (4, 1))
     high = rng.normal(size=(9, 3)) * 10.0 ** rng.uniform(-6, 6, (9, 3))
     high, low = two_sum(high, EPS * high * rng.uniform(-0.3, 0.3, high.shape))
-    found = Sliced.of(a).product(Twofold(high, low))
+    found = Sliced.of(a).product(DoubleDouble(high, low))
     for i in range(4):
         for j in range(3):
             terms = [Fraction(a[i, k]) * (Fraction(high[k, j]) + Fraction(low[k, j])) for k in range(9)]

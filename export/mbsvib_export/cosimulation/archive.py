@@ -9,12 +9,12 @@ from tempfile import TemporaryDirectory
 from typing import IO, TYPE_CHECKING, Any
 
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.cosimulation.check import as_file
 from mbsvib_export.cosimulation.connections import CONTROLLER, PLANT, Connections, connect
 from mbsvib_export.cosimulation.unit import open_unit
 from mbsvib_export.fmu_.names import unique_names
 from mbsvib_export.fmu_.variables import attributes
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     import os
@@ -77,7 +77,7 @@ def to_ssp(
                 ):
                     archive.writestr(zipfile.ZipInfo(entry, (2020, 1, 1, 0, 0, 0)), content)
 
-        return write_whole(goal, write)
+        return write_atomic(goal, write)
 
 
 def _description(name: str, units: dict[str, UnitFile], links: Connections, wanted: bool) -> Iterator[str]:

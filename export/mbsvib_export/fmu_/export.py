@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING, TypeAlias, overload
 from mbsvib import __version__
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.fmu_.binaries import PLATFORMS, binaries
 from mbsvib_export.fmu_.description_2 import description_2
 from mbsvib_export.fmu_.description_3 import description_3
@@ -18,7 +19,6 @@ from mbsvib_export.fmu_.matrices import matrices_file
 from mbsvib_export.fmu_.names import identifier
 from mbsvib_export.fmu_.sources import plant_of
 from mbsvib_export.fmu_.variables import attributes, variables_of
-from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -170,7 +170,7 @@ def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) 
                 folder = target if version == "3.0" else PLATFORMS[target].folder_2
                 _put(archive, f"binaries/{folder}/{name}{PLATFORMS[target].suffix}", library)
 
-    return FmuFile(write_whole(path, write), version, tuple(libraries), variables.names)
+    return FmuFile(write_atomic(path, write), version, tuple(libraries), variables.names)
 
 
 def _holds(path: Path, name: str) -> bool:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from mbsvib.common import atomic_file as whole_file
+from mbsvib.common import atomic_file
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
+def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> Path:
     """Write a file atomically: to a temporary file in the same folder, which then replaces it.
 
     Parameters
@@ -36,7 +36,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[IO[bytes]], objec
     """
     a_path(path, "file", ExportError)
     try:
-        return whole_file.write_whole(path, write)
+        return atomic_file.write_atomic(path, write)
     except OSError as error:
         raise ExportError(
             f"{os.fspath(path)}: cannot be written: {error.strerror or error}. Give the path of a file in a folder "
