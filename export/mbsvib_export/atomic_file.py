@@ -64,9 +64,9 @@ def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, inste
     if not os.path.lexists(path):
         return
     try:
-        own = path.is_file() and is_own(path)
+        is_same_export = path.is_file() and is_own(path)
     except OSError:
-        own = False
-    if not own:
+        is_same_export = False
+    if not is_same_export:
         raise ExportError(f"{path}: this file is there already and is not {what}, so that it is not replaced. "
                           f"{instead} Nothing was written.")  # fmt: skip

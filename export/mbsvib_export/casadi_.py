@@ -98,12 +98,12 @@ def to_casadi(
     if parameters is not None:
         return _with_parameters(casadi, system, step, parameters, realization)
     space = state_space_of(system, realization, "to_casadi")
-    made = None if step is None else step_of(space, step, "to_casadi")
+    sampling = None if step is None else step_of(space, step, "to_casadi")
     x, u, p = _symbols(casadi, len(space.states), len(space.inputs), 0)
     y = _dm(casadi, space.C) @ x + _dm(casadi, space.D) @ u
     rates = _function(casadi, "rates", (x, u, p), (_dm(casadi, space.A) @ x + _dm(casadi, space.B) @ u, y))
-    sampled = None if made is None else _function(
-        casadi, "step", (x, u, p), (_dm(casadi, made.phi) @ x + _dm(casadi, made.gamma) @ u, y))  # fmt: skip
+    sampled = None if sampling is None else _function(
+        casadi, "step", (x, u, p), (_dm(casadi, sampling.phi) @ x + _dm(casadi, sampling.gamma) @ u, y))  # fmt: skip
     return _model(space, rates, sampled, None, step, None)
 
 

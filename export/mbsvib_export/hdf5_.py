@@ -30,12 +30,12 @@ _INSTALL = "mbsvib[hdf5]"
 HEAD = 512  # bytes before the file itself, which HDF5 leaves to others
 
 
-def head(rest: bytes) -> bytes:
+def head(content: bytes) -> bytes:
     """Return a line with a checksum of what follows: the HDF5 library does not survive some damaged files.
 
     Parameters
     ----------
-    rest : bytes
+    content : bytes
         The file without its head.
 
     Returns
@@ -43,7 +43,7 @@ def head(rest: bytes) -> bytes:
     bytes
         The head, which HDF5 skips.
     """
-    return f"mbsvib system in HDF5, crc32 {zlib.crc32(rest):08x}\n".encode().ljust(HEAD, b"\0")
+    return f"mbsvib system in HDF5, crc32 {zlib.crc32(content):08x}\n".encode().ljust(HEAD, b"\0")
 
 
 def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
@@ -78,8 +78,8 @@ def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realizati
             is_text = array.dtype.kind == "U"
             value = array.astype(object) if is_text else array
             file.create_dataset(key.replace(".", "/"), data=value, dtype=h5py.string_dtype() if is_text else None)
-    rest = stream.getvalue()[HEAD:]
-    return write_atomic(path, lambda target: target.write(head(rest) + rest))
+    content = stream.getvalue()[HEAD:]
+    return write_atomic(path, lambda target: target.write(head(content) + content))
 
 
 def from_hdf5(path: str | os.PathLike[str]) -> SystemData:

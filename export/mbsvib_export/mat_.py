@@ -144,9 +144,9 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
                           f"again.") from error  # fmt: skip
 
 
-def _title(rest: bytes) -> bytes:
+def _title(content: bytes) -> bytes:
     """The free text at the beginning, with a checksum: scipy's reader does not survive some damaged files."""
-    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(rest):08x}".encode().ljust(TITLE)
+    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(content):08x}".encode().ljust(TITLE)
 
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:

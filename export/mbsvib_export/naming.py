@@ -138,8 +138,8 @@ def with_names(function: Callable[..., Any], *arguments: Any, **options: Any) ->
     if name in _OF_FIRST:
         many = isinstance(result, list)  # balred of several orders
         return [named(item, plant) for item in result] if many else named(result, plant)
-    controller, *rest = result if isinstance(result, tuple) else (result,)
-    loops = (_loop(item, plant, controller) if hasattr(item, "input_labels") else item for item in rest)
+    controller, *other_results = result if isinstance(result, tuple) else (result,)
+    loops = (_loop(item, plant, controller) if hasattr(item, "input_labels") else item for item in other_results)
     made = [named(controller, plant, controller=True), *loops]
     return tuple(made) if isinstance(result, tuple) else made[0]
 

@@ -69,6 +69,6 @@ def export(
             if isinstance(written, mx.FmuFile):
                 content += f"; it runs on {', '.join(written.platforms)}"
         else:
-            others: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
-            others[suffix](system, file)
+            exporters: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
+            exporters[suffix](system, file)
     shell.say(f"Written: {shell.shown(file)} ({content})")

@@ -66,22 +66,22 @@ def _nodes_first(items: list[tuple[str, str, Any]]) -> Iterable[tuple[str, str, 
     if not waiting:
         return items
     first = [item for item in items if item[0] == "bodies"]
-    rest = [item for item in items if item[0] not in ("bodies", *COMPOSED)]
+    others = [item for item in items if item[0] not in ("bodies", *COMPOSED)]
     ordered = []
     while waiting:
         owners = {name for _, name, _ in waiting}
-        ready = next((item for item in waiting if not _held_by(item[2]) & (owners - {item[1]})), waiting[0])
+        ready = next((item for item in waiting if not _attached_bodies(item[2]) & (owners - {item[1]})), waiting[0])
         waiting.remove(ready)
         ordered.append(ready)
-    return first + ordered + rest
+    return first + ordered + others
 
 
-def _held_by(entry: Any) -> set[str]:
+def _attached_bodies(entry: Any) -> set[str]:
     """Possible owners of the nodes to which a beam or superelement is connected."""
     if not isinstance(entry, dict):
         return set()
-    held = entry.get("bodies")
-    names = [entry.get("a"), entry.get("b"), *(held.values() if isinstance(held, dict) else ())]
+    attached = entry.get("bodies")
+    names = [entry.get("a"), entry.get("b"), *(attached.values() if isinstance(attached, dict) else ())]
     return {name[:i] for name in names if isinstance(name, str) for i, sign in enumerate(name) if sign == "."}
 
 

@@ -139,12 +139,12 @@ def actuated(
 
 def _attached_bodies(model: Model, body: str, legs: Sequence[str]) -> set[str]:
     """The bodies that are connected to the isolated one by elements other than legs, not through the ground."""
-    ties = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
+    pairs = [(part.first, part.second) for group in (model.joints, model.springs) for part in group.values()
             if part.name not in legs]  # fmt: skip
     attached, last = {body}, 0
     while len(attached) > last:
         last = len(attached)
-        for pair in ties:
+        for pair in pairs:
             if GROUND not in pair and not attached.isdisjoint(pair):
                 attached.update(pair)
     return attached

@@ -165,7 +165,7 @@ def campbell(
     stations = [sweep.station(*point) for point in zip(w.tolist(), modes_of_speed, strict=True)]
     order = track_modes(stations, sweep.between)
     steps = list(zip(modes_of_speed, w.tolist(), order, strict=True))
-    table = np.array([_upper(modes)[which] for modes, _, which in steps])
+    eigenvalues = np.array([_upper(modes)[which] for modes, _, which in steps])
     whirl = np.array([sweep.whirl(modes, speed)[which] for modes, speed, which in steps])
     errors = np.array([modes.pair_errors.max(axis=1)[which] for modes, _, which in steps])
     lines = reals(orders, "campbell", "orders", "multiples of the speed", ModelError)
@@ -174,7 +174,7 @@ def campbell(
     critical = [point for n in np.atleast_1d(lines).tolist()
                 for point in _critical(sweep, w, modes_of_speed, order, n)]  # fmt: skip
     critical.sort(key=lambda point: (point.order, point.speed))
-    return Campbell(model.name, w, dict(ratios), table, errors, whirl, tuple(critical),
+    return Campbell(model.name, w, dict(ratios), eigenvalues, errors, whirl, tuple(critical),
                     _limits(sweep, w, modes_of_speed), tuple(modes_of_speed))  # fmt: skip
 
 
@@ -258,22 +258,22 @@ class _Sweep:
 
 
 def _sweep(model: Model, ratios: Mapping[str, float]) -> _Sweep:
-    still, turning = (
+    system_at_rest, spinning_system = (
         model.with_values({f"{name}.speed": ratio * speed for name, ratio in ratios.items()}).linearize(method="dense")
         for speed in (0.0, 1.0)
     )
     added = []
     for name in ("gyroscopic", "circulatory"):
-        at_rest, at_speed = (getattr(system, name) for system in (still, turning))
-        none = np.zeros_like(still.K)
-        added.append((none if at_speed is None else at_speed) - (none if at_rest is None else at_rest))
-    k, rows = np.sqrt(np.abs(still.stiffness))[:, None], still.elastic_rows
-    typical = np.linalg.norm(rows * k) / (np.linalg.norm(still.inertia_factor) or 1.0)
-    energy = np.concatenate((still.inertia_factor * (typical or 1.0), rows * k))
-    number = {name: i for i, name in enumerate(still.bodies)}
+        at_rest, at_speed = (getattr(system, name) for system in (system_at_rest, spinning_system))
+        zeros = np.zeros_like(system_at_rest.K)
+        added.append((zeros if at_speed is None else at_speed) - (zeros if at_rest is None else at_rest))
+    k, rows = np.sqrt(np.abs(system_at_rest.stiffness))[:, None], system_at_rest.elastic_rows
+    typical = np.linalg.norm(rows * k) / (np.linalg.norm(system_at_rest.inertia_factor) or 1.0)
+    energy = np.concatenate((system_at_rest.inertia_factor * (typical or 1.0), rows * k))
+    number = {name: i for i, name in enumerate(system_at_rest.bodies)}
     stations = tuple([(number[model.rotors[name].body], np.array(model.rotors[name].axis), ratio)
                       for name, ratio in ratios.items()])  # fmt: skip
-    return _Sweep(still, added[0], added[1], stations, energy)
+    return _Sweep(system_at_rest, added[0], added[1], stations, energy)
 
 
 def _limits(sweep: _Sweep, w: Array, modes_at: Sequence[Modes]) -> tuple[float, ...]:
@@ -295,14 +295,14 @@ def _critical(
     """Where tracks cross frequency = times |speed|: at samples, or between two by a bracketing root finder."""
     from scipy.optimize import brentq
 
-    table = np.array([_upper(modes)[which] for modes, which in zip(modes_at, order, strict=True)])
-    off = table.imag - times * np.abs(w)[:, None]
+    eigenvalues = np.array([_upper(modes)[which] for modes, which in zip(modes_at, order, strict=True)])
+    frequency_gap = eigenvalues.imag - times * np.abs(w)[:, None]
     result = []
     for k in range(len(w)):
-        for mode in range(table.shape[1]):
-            if off[k, mode] == 0.0 and w[k] != 0.0 and table[k, mode] != 0.0:
+        for mode in range(eigenvalues.shape[1]):
+            if frequency_gap[k, mode] == 0.0 and w[k] != 0.0 and eigenvalues[k, mode] != 0.0:
                 result.append(_point(sweep, modes_at[k], int(order[k][mode]), (mode, times, float(w[k]))))
-            if k + 1 < len(w) and off[k, mode] * off[k + 1, mode] < 0.0 and w[k] * w[k + 1] >= 0.0:
+            if k + 1 < len(w) and frequency_gap[k, mode] * frequency_gap[k + 1, mode] < 0.0 and w[k] * w[k + 1] >= 0.0:
                 sides = [(float(w[i]), modes_at[i], int(order[i][mode])) for i in (k, k + 1)]
                 ends = _Ends(sweep, sides, times)
                 speed = float(brentq(ends.off, w[k], w[k + 1], xtol=XTOL * abs(w[k + 1] - w[k]), rtol=4.0 * XTOL))
@@ -323,11 +323,11 @@ class _Ends:
         near, modes, number = min(self.known, key=lambda known: abs(known[0] - speed))
         if near == speed:
             return modes, number
-        here = self.sweep.at(speed)
-        at = int(self.sweep.followed((near, modes), (speed, here))[number])
-        if is_simple(_upper(here))[at]:
-            self.known.append((speed, here, at))
-        return here, at
+        modes_here = self.sweep.at(speed)
+        at = int(self.sweep.followed((near, modes), (speed, modes_here))[number])
+        if is_simple(_upper(modes_here))[at]:
+            self.known.append((speed, modes_here, at))
+        return modes_here, at
 
     def off(self, speed: float) -> float:
         modes, number = self.mode(speed)

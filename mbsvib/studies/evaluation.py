@@ -69,9 +69,9 @@ class DesignPoint:
 
     def dual(self, value: Array, slope: Array) -> Dual:
         """Return numbers with derivatives converted from variables to the unknowns."""
-        wide = np.zeros((len(value), self.width))
-        wide[:, : len(self.scale)] = slope * self.scale
-        return Dual(value, wide)
+        slopes = np.zeros((len(value), self.width))
+        slopes[:, : len(self.scale)] = slope * self.scale
+        return Dual(value, slopes)
 
     @cached_property
     def modes(self) -> Modes:

@@ -119,13 +119,13 @@ def root_locus(
         figure = style.new_figure(6.4, 4.2)
         axes = figure.subplots()
         for i, (mode, track) in enumerate(zip(modes, eigenvalues.T[:MOST_LINES], strict=False)):
-            look = style.line(i)
+            line = style.line(i)
             dots: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 3.0} if samples else {}
-            axes.plot(track.real, track.imag, label=mode, **(look | dots))
+            axes.plot(track.real, track.imag, label=mode, **(line | dots))
             if not samples:
                 good = np.flatnonzero(np.isfinite(track))
                 for at, marker in ((good[0], "o"), (good[-1], "s")):
-                    axes.plot(track[at].real, track[at].imag, marker, color=look["color"], markersize=4.5, mfc="white")
+                    axes.plot(track[at].real, track[at].imag, marker, color=line["color"], markersize=4.5, mfc="white")
         axes.axvline(0.0, color=style.MARK, linewidth=0.8, zorder=0)
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("real part [1/s]")

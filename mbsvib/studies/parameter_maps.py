@@ -79,7 +79,7 @@ def started(tie: Any, name: str) -> float:
     return float(getattr(tie, "start", {}).get(name, 0.0))
 
 
-def turning(w: Array) -> Array:
+def angular_velocity_map(w: Array) -> Array:
     """Return the matrix that converts rates of a rotation vector to the body's angular velocity, world axes.
 
     J = I + (1 - cos a) / a^2 [w]x + (a - sin a) / a^3 [w]x^2,  a = |w|

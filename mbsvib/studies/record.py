@@ -122,14 +122,14 @@ def head(model: Model, points: Points, values: Mapping[str, Any], question: Ques
     from mbsvib.files.saving import described
     from mbsvib.files.text import json_text
 
-    table = sha256()
+    digest = sha256()
     for name, column in values.items():
-        table.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
+        digest.update(name.encode() + b"\0" + np.ascontiguousarray(column, dtype="<f8").tobytes())
     results = {label: item if isinstance(item, str) else getattr(item, "__qualname__", type(item).__name__)
                for label, item in question.items.items()}  # fmt: skip
     text = json_text(described(model))
     return {"study": VERSION, "name": model.name, "model": sha256(text.encode()).hexdigest(), "of": results,
-            "variables": list(points.columns), "points": len(points), "values": table.hexdigest()}  # fmt: skip
+            "variables": list(points.columns), "points": len(points), "values": digest.hexdigest()}  # fmt: skip
 
 
 def _line(point: int, outcome: Outcome) -> str:

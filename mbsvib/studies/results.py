@@ -206,10 +206,10 @@ def gathered(count: int, outcomes: Mapping[int, Mapping[str, NDArray[Any]]]) -> 
     dict of str to array
         By label; NaN where there is none, or arrays of objects where shapes differ.
     """
-    labels = list(dict.fromkeys(label for answer in outcomes.values() for label in answer))
+    labels = list(dict.fromkeys(label for outcome in outcomes.values() for label in outcome))
     result = {}
     for label in labels:
-        values = {i: answer[label] for i, answer in outcomes.items() if label in answer}
+        values = {i: outcome[label] for i, outcome in outcomes.items() if label in outcome}
         kind = np.result_type(*{value.dtype for value in values.values()})
         shapes = {value.shape for value in values.values()}
         if len(shapes) > 1:

@@ -106,7 +106,7 @@ def test_weight_leaves_translations_of_the_base():
     model.add_joint("pivot", "spherical", "ground", "payload", (0, 0, 0))
     model.add_bushing("damper", "ground", "payload", (0, 0, 0), damping=(0, 0, 0, 0.1, 0.1, 0.1), stiffness=(0,) * 6)
     result = isolation.study(model, "payload", frequencies=[0.1, 1.0, 10.0])
-    assert result.scene.moved == ("x", "y", "z")
+    assert result.scene.base_directions == ("x", "y", "z")
     assert "gravity" in str(result)
     assert result.index.shape == (3,)
 

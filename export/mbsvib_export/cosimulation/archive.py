@@ -80,10 +80,10 @@ def to_ssp(
         return write_atomic(goal, write)
 
 
-def _description(name: str, units: dict[str, UnitFile], links: Connections, wanted: bool) -> Iterator[str]:
+def _description(name: str, units: dict[str, UnitFile], links: Connections, with_outputs: bool) -> Iterator[str]:
     signals = _signals(units)
     free = {(PLANT, "input", i) for i in links.plant_free} | {(CONTROLLER, "input", i) for i in links.controller_free}
-    outer = [key for key in signals if wanted and (key in free or key[1] == "output")]
+    outer = [key for key in signals if with_outputs and (key in free or key[1] == "output")]
     # a name of the whole is that of the signal, but where both units have one
     names = dict(zip(outer, unique_names({"signal": [signals[key][0] for key in outer]})["signal"], strict=True))
     yield '<?xml version="1.0" encoding="UTF-8"?>'
@@ -115,7 +115,7 @@ def _description(name: str, units: dict[str, UnitFile], links: Connections, want
     yield "</ssd:Connections></ssd:System>"
     yield from _units(units)
     known = [unit.description.defaultExperiment for unit in units.values()]
-    stop = max((float(each.stopTime) for each in known if each is not None and each.stopTime), default=1.0)
+    stop = max((float(item.stopTime) for item in known if item is not None and item.stopTime), default=1.0)
     yield f"<ssd:DefaultExperiment{attributes(startTime=0, stopTime=stop)}/>"
     yield "</ssd:SystemStructureDescription>"
 

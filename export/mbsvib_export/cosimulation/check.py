@@ -93,13 +93,13 @@ def check_cosimulation(
         growth = float(np.linalg.eigvals(a).real.max(initial=-np.inf)) if np.isfinite(a).all() else np.inf
         if growth * h * count > 1e-6:
             remarks.append(f"The closed loop itself is unstable: a pole at {growth:.3g} 1/s.")
-        e, told = _excited(units, links, excitation)
+        e, notes = _excited(units, links, excitation)
         x = np.zeros(len(a)) if e.any() else _nominal(units)
         if not e.any():
             remarks.append("No free input is excited: states start at their nominal values.")
         work = _bonds(units[0], bonds)
         checked = tuple(_check(method, units, make, h, count, x, e, growth, work) for method in methods)
-        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.told, told, growth, checked,
+        return CosimulationCheck(units[0].name, units[1].name, h, h * count, links.notes, notes, growth, checked,
                                  tuple(remarks))  # fmt: skip
 
 
@@ -124,8 +124,8 @@ def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
 
 def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[list[str], list[str]]:
     """Masters that the FMUs support, and remarks on those that they do not."""
-    wanted = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
-    for master in wanted:
+    requested = list(MASTERS) if masters is None else [masters] if isinstance(masters, str) else list(masters)
+    for master in requested:
         if master not in MASTERS:
             raise ExportError(f"check_cosimulation: masters: '{master}' is not among {', '.join(MASTERS)}."
                               f"{nearest(str(master), MASTERS)}")  # fmt: skip
@@ -143,10 +143,10 @@ def _able(masters: str | Sequence[str] | None, units: list[UnitFile]) -> tuple[l
         if not able.canGetAndSetFMUstate:
             lacking["iteration"] = f"'{unit.name}' does not support repeated steps"
     for method, why in lacking.items():
-        if method in wanted and masters is not None:
+        if method in requested and masters is not None:
             raise ExportError(f"check_cosimulation: masters: '{method}' is not possible, as {why}.")
-    return ([master for master in wanted if master not in lacking],
-            [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in wanted])  # fmt: skip
+    return ([master for master in requested if master not in lacking],
+            [f"Left out: {method}, as {why}." for method, why in lacking.items() if method in requested])  # fmt: skip
 
 
 def _loops(
@@ -273,7 +273,7 @@ def _made(
     out = len(units[0].outputs)
     actuation = rows[:, out:] @ loop.actuate.T + loop.plant_free @ e
     into, onto = [column[0] for column in work], [column[1] for column in work]
-    moved = np.diff(rows[:, onto], axis=0)
-    meant = (actuation[1:, into] + actuation[:-1, into]) / 2 * moved
-    through = float(np.abs(meant).sum())
-    return float((forces[:, into] * moved - meant).sum() / through) if through else float("nan")
+    displacements = np.diff(rows[:, onto], axis=0)
+    expected = (actuation[1:, into] + actuation[:-1, into]) / 2 * displacements
+    through = float(np.abs(expected).sum())
+    return float((forces[:, into] * displacements - expected).sum() / through) if through else float("nan")

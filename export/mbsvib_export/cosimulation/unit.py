@@ -138,12 +138,12 @@ def _described(file: Path, folder: str, description: Any) -> UnitFile:
         return Signal(name, int(variable.valueReference), variable.unit or "", numbers)
 
     inputs = [item for item in description.modelVariables if item.causality == "input"]
-    taken = {item.name for item in inputs}
+    names = {item.name for item in inputs}
 
     def plain(name: str) -> str:
         """The name that the export changed where an input has the same one."""
         short = name.removesuffix(" (output)")
-        return short if short in taken else name
+        return short if short in names else name
 
     rates = [item.variable for item in description.derivatives]
     return UnitFile(
@@ -203,8 +203,8 @@ class Instance:
         calls.allocateMemory, calls.freeMemory = fmi2.defaultCallbacks.allocateMemory, fmi2.defaultCallbacks.freeMemory
         self.fmu.instantiate(callbacks=calls)
 
-    def _update(self, environment: Any, time: float, wanted: bool, *_: Any) -> None:
-        if wanted:
+    def _update(self, environment: Any, time: float, requested: bool, *_: Any) -> None:
+        if requested:
             start, values = self._start
             self.set(values + (time - start) * self.slope)
 

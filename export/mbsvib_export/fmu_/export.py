@@ -129,9 +129,9 @@ def to_fmu(
         If the realization is unknown.
     """
     versions = (version,) if isinstance(version, str) else tuple(dict.fromkeys(version))
-    for one_version in versions:
-        if one_version not in VERSIONS:
-            raise ExportError(f'to_fmu: version = {one_version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
+    for fmi_version in versions:
+        if fmi_version not in VERSIONS:
+            raise ExportError(f'to_fmu: version = {fmi_version!r}; expected "2.0", "3.0" or both, ("2.0", "3.0").')
     if not versions:
         raise ExportError('to_fmu: version = (); expected "2.0", "3.0" or both, ("2.0", "3.0").')
     goal = a_path(path, "to_fmu", ExportError)
@@ -142,12 +142,12 @@ def to_fmu(
     libraries = binaries(platforms if platforms is None or isinstance(platforms, str) else tuple(platforms))
     if isinstance(version, str):
         return _write(plant, goal, version, libraries)
-    places = [goal.with_name(f"{goal.stem}-fmi{one_version[0]}{goal.suffix}") for one_version in versions]
-    for path in places:
+    paths = [goal.with_name(f"{goal.stem}-fmi{fmi_version[0]}{goal.suffix}") for fmi_version in versions]
+    for path in paths:
         check_companion(path, lambda file: _holds(file, plant.name), f"an FMU of '{plant.name}' by mbsvib",
                         "Move it, or take another name.")  # fmt: skip
-    return tuple(_write(plant, path, one_version, libraries)
-                 for path, one_version in zip(places, versions, strict=True))  # fmt: skip
+    return tuple(_write(plant, path, fmi_version, libraries)
+                 for path, fmi_version in zip(paths, versions, strict=True))  # fmt: skip
 
 
 def _write(plant: Plant, path: Path, version: str, libraries: dict[str, bytes]) -> FmuFile:

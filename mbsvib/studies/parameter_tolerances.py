@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 
 
-def spread(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
+def parameter_tolerances(model: Model, tolerances: Mapping[str, Any], ties: Ties | None) -> dict[str, float]:
     """Return the tolerance of each parameter.
 
     Parameters
@@ -79,7 +79,7 @@ def _tolerance(name: str, tolerance: Any, value: float) -> float:
     return result
 
 
-def drawn(
+def random_values(
     centre: Mapping[str, float], tolerance: Mapping[str, float], samples: int, distribution: str, seed: int | None
 ) -> dict[str, Array]:
     """Return random values.
