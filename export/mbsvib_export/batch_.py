@@ -19,6 +19,7 @@ from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -125,7 +126,7 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
     a_path(path, "from_npz_batch", ExportError)
-    try:
+    with read_errors(path, ".npz file", "to_npz_batch"):
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = dict(file)
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
@@ -137,11 +138,3 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
                         for i in range(values.shape[1]))  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_npz_batch.") from error  # fmt: skip
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
-        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz_batch, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip

@@ -21,6 +21,7 @@ from mbsvib_export.format_version import check_version
 from mbsvib_export.neutral import system_data_of
 from mbsvib_export.npz_ import arrays_of, system_data_from
 from mbsvib_export.packages import need
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from mbsvib.api.system import System
@@ -102,7 +103,7 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
     """
     h5py = need("h5py", "from_hdf5", _INSTALL)
     file = a_path(path, "from_hdf5", ExportError)
-    try:
+    with read_errors(path, "HDF5 file", "to_hdf5"):
         raw = file.read_bytes()
         if raw[:HEAD] != head(raw[HEAD:]):
             raise ExportError("no HDF5 file as to_hdf5 wrote it: damaged, or saved by another program; write it again.")
@@ -118,11 +119,3 @@ def from_hdf5(path: str | os.PathLike[str]) -> SystemData:
             file.visititems(take)
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_hdf5.") from error  # fmt: skip
-    except Exception as error:  # h5py turns damage into errors of every kind
-        raise ExportError(f"{os.fspath(path)}: no HDF5 file of to_hdf5, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip

@@ -31,6 +31,7 @@ from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
+from mbsvib_export.read_errors import read_errors
 from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     from scipy.io import loadmat
 
     file = a_path(path, "from_mat", ExportError)
-    try:
+    with read_errors(path, ".mat file", "to_mat"):
         raw = file.read_bytes()
         if raw[:TITLE] != _title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
@@ -134,14 +135,6 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
         own = _fields(arrays["mbsvib"])
         check_version(_word(own["format"]), int(own["version"].item()))
         return _data(arrays, own, _fields(arrays["mech"]))
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_mat.") from error  # fmt: skip
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # the reader of .mat files raises kinds of many modules
-        raise ExportError(f"{os.fspath(path)}: no .mat file of to_mat, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip
 
 
 def _title(content: bytes) -> bytes:

@@ -25,6 +25,7 @@ from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -108,19 +109,11 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
     a_path(path, "from_npz", ExportError)
-    try:
+    with read_errors(path, ".npz file", "to_npz"):
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             entries = dict(arrays)
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_npz.") from error  # fmt: skip
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
-        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip
 
 
 def system_data_from(arrays: dict[str, Any]) -> SystemData:
