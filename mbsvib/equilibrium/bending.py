@@ -93,14 +93,14 @@ def _follow(here: PosedModel, forces: Balance, names: list[str], by: Array) -> t
     motion[[forces.names.index(name) for name in names]] = by
     held = _along_free(forces, names)
     # along the tangent, the others follow such that their forces do not change
-    against = np.where(_free(forces, names), forces.tangent @ motion, 0.0)
+    against = np.where(_free(forces.names, names), forces.tangent @ motion, 0.0)
     follow = newton_step(replace(held, residual=held.residual - against))
     step = forces.all_joints(motion) + follow
     for _ in range(NEWTON_STEPS):
         if np.abs(step / here.scale).max(initial=0.0) > 5.0 * LONGEST:
             return None
         try:
-            there, left = close(here.moved(step), _others(here, names))
+            there, left = close(here.moved(step), _free(here.coordinates.names, names))
             after = None if left > max(CLOSED, there.rounding) else balance(there, names)
         except (ModelError, SingularPoseError):
             return None
@@ -113,17 +113,13 @@ def _follow(here: PosedModel, forces: Balance, names: list[str], by: Array) -> t
     return None
 
 
-def _others(here: PosedModel, names: list[str]) -> Any:
-    """Joint coordinates that may close loops."""
-    return np.array([name not in names for name in here.coordinates.names])
-
-
-def _free(forces: Balance, names: list[str]) -> Any:
-    return np.array([name not in names for name in forces.names])
+def _free(coordinates: Sequence[str], names: list[str]) -> Any:
+    """Which coordinates are not among the named ones."""
+    return np.array([name not in names for name in coordinates])
 
 
 def _along_free(forces: Balance, names: list[str]) -> Balance:
     """The forces along the free coordinates; zero along the named ones, which therefore do not move."""
-    free = _free(forces, names)
+    free = _free(forces.names, names)
     return replace(forces, residual=np.where(free, forces.residual, 0.0),
                    tangent=np.where(np.logical_and.outer(free, free), forces.tangent, 0.0))  # fmt: skip

@@ -72,18 +72,14 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray((skew(a) @ b[..., None])[..., 0])
 
 
-def _normal(joints: Joints, pose: Pose) -> Array:
-    """The cross product of the axis in the first and that in the second body."""
-    return _cross(pose.vectors(joints.first, joints.first_axis), pose.vectors(joints.second, joints.last_axis))
-
-
 def _turned_apart(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
     first, second = pose.turn[joints.first], pose.turn[joints.second]
     return gap, logarithm(second @ first.swapaxes(-1, -2))
 
 
 def _tilted(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:
-    return gap, _normal(joints, pose)
+    """The cross product of the axis in the first and that in the second body."""
+    return gap, _cross(pose.vectors(joints.first, joints.first_axis), pose.vectors(joints.second, joints.last_axis))
 
 
 def _off_thread(joints: Joints, pose: Pose, gap: Array) -> tuple[Array, Array]:

@@ -111,28 +111,6 @@ def _bent_model(model: M, displacements: Mapping[str, float], cut: tuple[str, ..
     return there
 
 
-def coordinates_of(model: Mechanism, cut: Sequence[str]) -> tuple[float, dict[str, bool]]:
-    """Return the size of a mechanism, and which joint coordinates it can be moved by.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model as described.
-    cut : sequence of str
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    float
-        Size [m].
-    dict of str to bool
-        Coordinates by name, true for rotations.
-    """
-    stiff = with_rigid_parts(model)
-    here = posed_model(stiff, start(stiff), cut)
-    return here.size, dict(zip(here.coordinates.names, here.coordinates.turns.tolist(), strict=True))
-
-
 def _follow(here: PosedModel, target: Array, names: list[str]) -> PosedModel:
     """Take the independent coordinates to their values in steps along which the loops stay closed."""
     assert here.cuts is not None
