@@ -1,6 +1,6 @@
 """What parameters do to the equations, where they do it affinely: stiffness, damping, mass, inertia.
 
-The derivatives are differences of whole linearizations, which are exact but for rounding where a matrix is affine; that
+The derivatives are differences of linearizations, which are exact except for rounding where a matrix is affine; that
 it is so is tested, for each parameter alone and for all together, and what is not is refused by its name.
 """
 
@@ -72,7 +72,7 @@ def affine(system: System, parameters: Sequence[str], caller: str) -> Affine:
     """
     origin = system.provenance.origin
     if origin is None or system.provenance.dropped is not None:
-        raise ExportError(f"{caller}: '{system.name}' is no system as model.linearize() returns it, so that nothing "
+        raise ExportError(f"{caller}: '{system.name}' is not a system that model.linearize() returned, so that nothing "
                           f"tells what parameters do to it; give that one, or leave them out.")  # fmt: skip
     known = origin.parameters
     names = tuple(dict.fromkeys(name for pattern in parameters for name in known.matching(pattern)))

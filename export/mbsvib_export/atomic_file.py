@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, with the exporters' own error."""
+"""Atomic writing of files, with the error class of exports."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ def write_atomic(path: str | os.PathLike[str], write: Callable[[IO[bytes]], obje
 
 
 def check_companion(path: Path, is_own: Callable[[Path], bool], what: str, instead: str) -> None:
-    """Refuse to replace a file beside the one that was asked for, unless the same export has written it before.
+    """Refuse to replace a further file next to the requested one, unless the same export has written it before.
 
     Parameters
     ----------
     path : Path
-        Where the companion goes.
+        Path of the companion.
     is_own : callable
-        Tells whether what is there comes from the same export.
+        Tells whether the existing file comes from the same export.
     what, instead : str
-        What the companion is, and what to do, for the message.
+        Description of the companion and advice, for the message.
 
     Raises
     ------

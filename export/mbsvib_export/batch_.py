@@ -52,14 +52,14 @@ class BatchData:
 
 
 def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write all variants of a batch to one .npz file of numpy: whole or not at all.
+    """Write all variants of a batch to one .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
     batch : Batch
         Variants of one model, ``model.linearize(values=...)``.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state spaces: "physical" or "modal".
 

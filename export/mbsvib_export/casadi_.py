@@ -30,7 +30,7 @@ INSTALL = "mbsvib[casadi]"
 
 @dataclass(frozen=True, repr=False, eq=False)
 class CasadiModel:
-    """A system as functions of CasADi, with the names and units of what goes in and comes out.
+    """A system as functions of CasADi, with the names and units of inputs and outputs.
 
     ``rates``: (x, u, p) -> (xdot, y);  ``step``: (x, u, p) -> (x_next, y), exact over ``dt`` [s] for inputs that are
     held, None without a step;  ``matrices``: p -> (M, C, K, B, Cq, Cv, Ca, D), None without parameters. ``values`` are
@@ -88,7 +88,7 @@ def to_casadi(
     Raises
     ------
     ExportError
-        If CasADi is not installed, the step is no positive number, or the equations are not affine in a parameter.
+        If CasADi is not installed, the step is not a positive number, or the equations are not affine in a parameter.
     ModelError
         If a parameter is unknown.
     ResponseError

@@ -1,4 +1,4 @@
-"""Re-reading of exports: frequency response and poles of what stands in a file against the model it came from."""
+"""Check of exports: frequency response and poles of the system in a file against the model of origin."""
 
 from __future__ import annotations
 

@@ -48,14 +48,14 @@ def head(content: bytes) -> bytes:
 
 
 def to_hdf5(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write a system to an HDF5 file: whole or not at all.
+    """Write a system to an HDF5 file, completely or not at all.
 
     Parameters
     ----------
     system : System or SystemData
         The equations of motion.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
 

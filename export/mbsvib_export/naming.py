@@ -51,9 +51,9 @@ def named(
     plants = list(like) if isinstance(like, (list, tuple)) else [like]
     for system in (result, *plants):
         if not hasattr(system, "input_labels"):
-            raise ExportError(f"named: {type(system).__name__} is no system of python-control; expected a StateSpace, "
-                              f"TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first thing they "
-                              f"return).")  # fmt: skip
+            raise ExportError(f"named: {type(system).__name__} is not a system of python-control; expected a "
+                              f"StateSpace, TransferFunction or FrequencyResponseData (of h2syn and hinfsyn: the first "
+                              f"thing they return).")  # fmt: skip
     made: Any = deepcopy(result)
     if controller:
         inputs = _last(plants[-1].output_labels, made.ninputs, "inputs", "outputs")

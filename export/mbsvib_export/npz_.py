@@ -37,14 +37,14 @@ STATE_TEXTS = ("states", "state_units")
 
 
 def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write a system to a .npz file of numpy: whole or not at all.
+    """Write a system to a .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
     system : System or SystemData
         The equations of motion.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
 

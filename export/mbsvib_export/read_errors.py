@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def read_errors(path: str | os.PathLike[str], kind: str, writer: str) -> Iterator[None]:
-    """Replace all errors that occur while a file is read.
+    """Return a context in which all errors of a reader become ``ExportError``.
 
     Parameters
     ----------
@@ -24,6 +24,11 @@ def read_errors(path: str | os.PathLike[str], kind: str, writer: str) -> Iterato
         Kind of the file, for the message.
     writer : str
         Name of the function that writes such files.
+
+    Returns
+    -------
+    context manager
+        For the statements that read the file.
 
     Raises
     ------

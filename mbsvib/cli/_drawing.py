@@ -83,7 +83,7 @@ def animate(
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure in the format of the path's suffix, whole or not at all.
+    """Write a figure in the format of the path's suffix, completely or not at all.
 
     Parameters
     ----------

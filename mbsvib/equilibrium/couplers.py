@@ -103,7 +103,7 @@ def check_couplers(model: Mechanism, there: Mechanism) -> None:
             if angle > TURNED:
                 raise ModelError(
                     f"coupler '{part.name}': '{name}' is a component of the rotation vector of the homokinetic joint "
-                    f"'{owner}', which has turned by {angle:.3g} rad; the coupler is no linear relation of its "
+                    f"'{owner}', which has turned by {angle:.3g} rad; the coupler is not a linear relation of its "
                     f"coordinates in another pose. Couple joints with one free rotation, or universal ones.",
                     element=part.name,
                 )  # fmt: skip

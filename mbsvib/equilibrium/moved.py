@@ -88,9 +88,9 @@ def _rigid_pose(stiff: Mechanism, displacements: Mapping[str, float], cut: tuple
     for name, value in displacements.items():
         if name not in here.coordinates.names:
             known = here.coordinates.names
-            raise ModelError(f"moved: '{name}' is no joint coordinate of model '{stiff.name}'.{nearest(name, known)} "
-                             f"It has {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}.",
-                             element=name, field="values")  # fmt: skip
+            raise ModelError(f"moved: '{name}' is not a joint coordinate of model '{stiff.name}'."
+                             f"{nearest(name, known)} It has {', '.join(known[:8])}"
+                             f"{', ...' if len(known) > 8 else ''}.", element=name, field="values")  # fmt: skip
         target[here.coordinates.names.index(name)] = value
     return here.moved(target).pose if here.cuts is None else _follow(here, target, list(displacements)).pose
 

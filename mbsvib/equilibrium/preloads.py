@@ -151,7 +151,7 @@ def _selected(model: Mechanism, selection: Sequence[Any] | str | bool) -> list[S
         picked = [name for name in model.springs if name == pattern or fnmatchcase(name, pattern)]
         stiff = [name for name in picked if _is_stiff(model.springs[name])]
         if not stiff:
-            why = "is no spring or bushing" if not picked else "has no stiffness to be stretched"
+            why = "is not a spring or bushing" if not picked else "has no stiffness"
             raise ModelError(f"equilibrium: preload = {pattern!r} {why} of model '{model.name}'."
                              f"{'' if picked else nearest(pattern, model.springs)}",
                              element=pattern, field="preload")  # fmt: skip

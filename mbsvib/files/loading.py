@@ -88,7 +88,7 @@ def _attached_bodies(entry: Any) -> set[str]:
 def _check_version(document: Document, data: Mapping[str, Any]) -> None:
     version = data.get(MARK, VERSION)
     if type(version) is not int or version < 1:
-        raise document.error((MARK,), f"{version!r} is no format version; expected {VERSION}.")
+        raise document.error((MARK,), f"{version!r} is not a format version; expected {VERSION}.")
     if version > VERSION:
         raise document.error((MARK,), f"the file has format version {version}, and this mbsvib reads up to "
                                       f"{VERSION}; update mbsvib.")  # fmt: skip
@@ -164,7 +164,7 @@ def _kind(document: Document, key_path: KeyPath, entry: dict[str, Any]) -> str:
     kind = entry.pop("type")
     if kind not in kinds:
         expected = f"{', '.join(kinds[:-1])} or {kinds[-1]}"
-        raise document.error((*key_path, "type"), f"{kind!r} is no type of {key_path[0]}; expected {expected}."
+        raise document.error((*key_path, "type"), f"{kind!r} is not a type of {key_path[0]}; expected {expected}."
                              f"{nearest(str(kind), kinds)}", element=key_path[1], field="type")  # fmt: skip
     return str(kind)
 

@@ -1,4 +1,4 @@
-"""Models to model files: the words that made each part, written whole or not at all."""
+"""Models to model files: the arguments that made each part; files are written completely or not at all."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ class _Builder:
 
 def _syntax(error: Any, file: str) -> ModelError:
     mark = error.problem_mark or error.context_mark
-    text = f"this is no YAML: {error.problem}"
+    text = f"this is not valid YAML: {error.problem}"
     if error.context:
         text += f", {error.context}"
         if error.context_mark is not None and error.context_mark.line != mark.line:

@@ -169,7 +169,7 @@ class Passive:
         direction : str
             x, y or z.
         load : float, optional
-            Force at the reference point [N]; default: the body's weight on earth, as heavy as it is now.
+            Force at the reference point [N]; default: the body's weight on earth, of its present mass.
 
         Returns
         -------
@@ -208,12 +208,12 @@ class Passive:
 
     @property
     def legs(self) -> tuple[str, ...]:
-        """Names of what strokes and forces are told of."""
+        """Names of the legs of strokes and forces."""
         return tuple([leg.name for leg in self.scene.legs])
 
     @cached_property
     def before(self) -> Isolation:
-        """Figures of the model as it is."""
+        """Figures of the present model."""
         return figures(self.scene, self.scene.system)
 
     def optimize(
@@ -335,7 +335,7 @@ def passive(
     Parameters
     ----------
     model : Model
-        The mechanism; it stays as it is.
+        The mechanism, which is not changed.
     body : str
         The isolated body.
     base : str

@@ -34,7 +34,7 @@ class Ring:
 
     @property
     def start(self) -> dict[str, float]:
-        """The ring as it is: means."""
+        """The present ring: means."""
         half_angle = {"spread": self.half} if self.side.any() else {}
         return {"radius": float(self.radius.mean()), "height": float(self.height.mean()), **half_angle, "angle": 0.0}
 
@@ -112,5 +112,5 @@ def _pairs(angle: Array, other_end: Array) -> tuple[Index, Index]:
 
 
 def _turn(angle: Array) -> Array:
-    """Angles from 0 to a whole turn."""
+    """Angles from 0 to a full turn."""
     return np.asarray(np.mod(angle, 2.0 * np.pi))

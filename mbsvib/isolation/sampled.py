@@ -27,7 +27,7 @@ class SampledLoop(FeedbackLoop):
     """A closed loop whose controllers, discretised by Tustin's rule, run at ``rate`` [Hz] and act ``delay`` [s] later.
 
     Sensors are read before forces change. Poles, margins and stability are exact, those of the mechanism from sample to
-    sample; poles as 1/s. Frequency responses are of what answers at the frequency of the excitation itself, exact as
+    sample; poles as 1/s. Frequency responses are the components at the frequency of the excitation, exact as
     well; what sampling folds from there to other frequencies is not in them.
     """
 

@@ -81,7 +81,7 @@ def scene(
     model: Model, body: str, base: str = GROUND, point: ArrayLike | None = None, length: float | None = None,
     directions: Sequence[str] | None = None,
 ) -> Scene:  # fmt: skip
-    """Return a mechanism with the ports of an isolation study; the model stays as it is.
+    """Return a mechanism with the ports of an isolation study without changing the model.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ def _pinned(coordinates: Twists, independent: Sequence[str] | None) -> Mask:
     for name in () if independent is None else names(independent, "linearize", "independent", ModelError):
         if name not in coordinates.names:
             raise ModelError(
-                f"independent = {name!r} is no joint coordinate of the tree.{nearest(str(name), coordinates.names)} "
+                f"independent = {name!r} is not a joint coordinate of the tree.{nearest(str(name), coordinates.names)} "
                 f"Joints that are cut have none; name the cut joints with cut= to keep this one.",
                 element=str(name), field="independent",
             )  # fmt: skip

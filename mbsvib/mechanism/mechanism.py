@@ -49,7 +49,7 @@ class Mechanism:
     Raises
     ------
     ModelError
-        If the name is no text or gravity no vector.
+        If the name is not a text, or gravity is not a vector.
     """
 
     kind: ClassVar[str] = "model"
@@ -304,7 +304,7 @@ class Mechanism:
             return key
         who = f"{what} '{name}'"
         hint = nearest(str(key), [*self._bodies, *self._nodes, GROUND])
-        raise ModelError(f"{who}: {field} = {key!r} is no body of model '{self.name}'.{hint} "
+        raise ModelError(f"{who}: {field} = {key!r} is not a body of model '{self.name}'.{hint} "
                          f"Add bodies before what refers to them.", element=who, field=field)  # fmt: skip
 
 

@@ -147,7 +147,8 @@ def _excluded(cut: str | Sequence[str], model: Mechanism) -> tuple[str, ...]:
     asked = names(cut, "linearize", "cut", ModelError)
     for name in asked:
         if name not in model.joints:
-            raise ModelError(f"cut = {name!r} is no joint of model '{model.name}'.{nearest(str(name), model.joints)}",
+            hint = nearest(str(name), model.joints)
+            raise ModelError(f"cut = {name!r} is not a joint of model '{model.name}'.{hint}",
                              element=str(name), field="cut")  # fmt: skip
     return tuple(asked)
 

@@ -31,7 +31,7 @@ CONVERGED = 1e-9
 MIXED = 0.1
 NEIGHBOUR = 1e-3
 MERGING = 1e-4
-# Projected residuals of vectors of unit energy that are mere rounding. Near a defective pair they would be amplified;
+# Projected residuals of vectors of unit energy that are rounding. Near a defective pair they would be amplified;
 # elsewhere they are negligible.
 NOISE = 16.0 * EPS
 # Rounding of the forms, in parts of eps times the sum of their terms' sizes; calibrated in the tests.
@@ -61,7 +61,7 @@ class Spectrum:
     errors: Array = field(default_factory=lambda: np.zeros(0))
 
     def complete(self) -> tuple[Complex, Complex, Complex, Complex]:
-        """Return values, right and left vectors and slopes of all eigenvalues but 0, conjugates behind."""
+        """Return values, right and left vectors and slopes of all eigenvalues but 0, with conjugates last."""
         parts = (self.values, self.right, self.left, self.slopes)
         values, right, left, slopes = (np.concatenate((a, a[..., self.turns].conj()), axis=-1) for a in parts)
         return values, right, left, slopes

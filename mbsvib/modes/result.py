@@ -154,7 +154,7 @@ class Modes:
         Raises
         ------
         ResponseError
-            If ``count`` is no positive whole number, or the frequency no number.
+            If ``count`` is not a positive whole number, or the frequency is not a number.
         """
         if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
             raise ResponseError(f"modes: count = {count!r}; expected how many modes are wanted, 1 or more.")
@@ -178,7 +178,7 @@ class Modes:
         Raises
         ------
         ResponseError
-            If it is no number, or negative.
+            If it is not a number, or negative.
         """
         rtol = real(rtol, "modes", "rtol", "a relative accuracy such as 1e-12", least=0.0)
         inaccurate = np.nonzero(self._paired(self.errors).max(axis=1, initial=0.0) > rtol)[0]

@@ -73,7 +73,7 @@ def frequency_grid(
 
 
 def roots(basis: Basis, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> Complex:
-    """Return all poles, and the zeros of each response by itself.
+    """Return all poles, and the zeros of each single response.
 
     Parameters
     ----------

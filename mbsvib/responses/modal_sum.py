@@ -260,7 +260,7 @@ def _sums(terms: Array, size: Array, start: Array, total: Array) -> Array:
 
 
 def _classical(modal: Damped, c: Array, b: Array) -> _Terms:
-    """Every mode is a pair of its own, with R1 = -R2."""
+    """Each mode is one pair, with R1 = -R2."""
     gamma = _outer(c, b)
     return modal.pairs, np.zeros(0), gamma, None, np.zeros((len(gamma), 0)), np.arange(len(b))
 

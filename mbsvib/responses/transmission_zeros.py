@@ -264,7 +264,7 @@ def _near_rigid_poles(
 def _transfer(
     system: Equations, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
 ) -> ModalSum | Resolvent:
-    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that it is no such sum."""
+    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that there is no such sum."""
     from mbsvib.responses import frequency_response, general_responses
     from mbsvib.responses.resolvent import Resolvent
 

@@ -145,7 +145,7 @@ def campbell(
         The rotors that turn at W, or at how many times W each turns; the others keep their speeds. Default: all,
         at the ratios of the speeds that they have to that of the first (1 each if one of them rests).
     orders : array-like, shape (k,)
-        Critical speeds are those at which a damped angular frequency is so many times W.
+        Critical speeds are those at which a damped angular frequency is this multiple of W.
 
     Returns
     -------

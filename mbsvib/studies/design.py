@@ -110,8 +110,8 @@ def design(model: Model, names: Iterable[str], ties: Ties | None = None) -> Desi
     shared = {id(tie) for name, tie in maps.items() if name in variables and not isinstance(tie, Mapping)}
     for name, tie in maps.items():
         if name not in variables and id(tie) not in shared:
-            raise ModelError(f"ties: '{name}' is none of the variables.{nearest(str(name), variables)} Variables are: "
-                             f"{', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
+            raise ModelError(f"ties: '{name}' is not one of the variables.{nearest(str(name), variables)} Variables "
+                             f"are: {', '.join(map(str, variables))}.", element=str(name), field="ties")  # fmt: skip
     direct = _direct(parameters, [name for name in variables if name not in maps])
     linear, bound = _linear(parameters, maps), _bound(maps, variables)
     result: tuple[Bound, ...] = tuple([(tie, tuple(tie.maps)) for tie in (direct, linear) if tie.maps]) + tuple(bound)

@@ -40,7 +40,7 @@ class DesignPoint:
 
     @classmethod
     def of(cls, system: Any, variables: str | Iterable[str] | Mapping[str, Mapping[str, float]]) -> DesignPoint:
-        """Return a system by itself, with derivatives to some variables."""
+        """Return a single system with derivatives to some variables."""
         checked(system)
         if isinstance(variables, Mapping):
             return cls(system, variables, {}, np.ones(len(variables)), {})

@@ -77,7 +77,7 @@ def over_variables(
 
 
 def histograms(axes: Axes, values: NDArray[Any]) -> None:
-    """Draw histograms of columns that are far from each other on one axis, each in bins of its own."""
+    """Draw histograms of columns with distant values on one axis, with separate bins for each."""
     for i in range(min(values.shape[1], MOST_LINES)):
         column = values[np.isfinite(values[:, i]), i]
         axes.hist(column, bins=BINS, color=style.COLOURS[i % len(style.COLOURS)], alpha=0.75, label=f"{i + 1}")
@@ -108,7 +108,7 @@ def root_locus(
     name : str
         The model's name.
     samples : bool
-        Whether neighbours in the array are no neighbours in the variables, so that no line joins them.
+        Whether neighbours in the array are not neighbours in the variables, so that no line joins them.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def tolerances(labels: Sequence[str], sampled: Array, linear: Array, nominal: Ar
     sampled, linear : array, shape (n, k)
         Numbers of the samples, and their first-order values.
     nominal : array, shape (k,)
-        Numbers of the model as it is.
+        Numbers of the nominal model.
     name : str
         The model's name.
 

@@ -45,7 +45,7 @@ def first_order(
     Parameters
     ----------
     point : DesignPoint
-        The system as it is, and the variables.
+        The nominal system, and the variables.
     quantities : mapping of str to Quantity
         The quantities of interest.
     off : array, shape (n, variables)
@@ -100,7 +100,7 @@ def no_order(point: DesignPoint, quantities: Mapping[str, Quantity], off: Array)
     Parameters
     ----------
     point : DesignPoint
-        The system as it is.
+        The nominal system.
     quantities : mapping of str to Quantity
         The quantities of interest.
     off : array, shape (n, variables)

@@ -119,7 +119,7 @@ def gain(outputs: Names, inputs: Names, frequencies: ArrayLike) -> Quantity:
     Raises
     ------
     ModelError
-        If frequencies are no numbers.
+        If frequencies are not numbers.
     """
     try:
         f = np.atleast_1d(np.asarray(frequencies, dtype=float))

@@ -91,7 +91,7 @@ def together(values: Complex, scatter: Array, largest: int = 30) -> list[list[in
     values : array, shape (modes,)
         Eigenvalues with positive imaginary parts; others are in no group.
     scatter : array, shape (modes,)
-        Standard deviations of the eigenvalues, each by itself.
+        Standard deviations of the single eigenvalues.
     largest : int
         Maximum number of modes in a group; larger groups are omitted.
 

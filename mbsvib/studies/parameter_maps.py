@@ -18,7 +18,7 @@ SMALL = 1e-4  # square of an angle [rad^2] below which three terms of a series a
 
 @runtime_checkable
 class Tie(Protocol):
-    """Parameters as functions of variables: an object of one's own with these two methods moves a model as it likes.
+    """Parameters as functions of variables: any object with these two methods.
 
     Optional are the attributes ``start``, the value of each variable at which the model is as given (which is checked;
     without it variables start at 0), and ``units`` of the variables.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mbsvib.studies.design import Ties
 
 
-# standard deviation in parts of the tolerance
+# standard deviation over tolerance
 DEVIATION = {"normal": 1.0 / 3.0, "uniform": 1.0 / np.sqrt(3.0)}
 
 
@@ -38,7 +38,7 @@ def parameter_tolerances(model: Model, tolerances: Mapping[str, Any], ties: Ties
     Returns
     -------
     dict of str to float
-        Tolerances of parameters, each by itself, and of ties.
+        Tolerances of single parameters and of ties.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def random_values(
     samples : int
         How many.
     distribution : str
-        "normal": the tolerance is three standard deviations; "uniform": all values within it are alike.
+        "normal": the tolerance is three standard deviations; "uniform": all values within it have the same density.
     seed : int, optional
         Of the random numbers.
 

@@ -63,7 +63,7 @@ class Record:
         except ValueError:
             header = None
         if not isinstance(header, dict) or "study" not in header:
-            raise ModelError(f"{self.path}: this is no record of a study; give another file.", field="file")
+            raise ModelError(f"{self.path}: this is not a record of a study; give another file.", field="file")
         for key, value in head.items():
             if header.get(key) != value:
                 raise ModelError(f"{self.path}: it is the record of another study ({key} is not the same); delete it, "
@@ -76,7 +76,7 @@ class Record:
                 return entry["point"], str(entry["error"])
             return entry["point"], {label: _decoded(value) for label, value in entry["result"].items()}
         except (ValueError, KeyError, TypeError) as error:
-            raise ModelError(f"{self.path}, line {number}: this is no line of a record.", field="file") from error
+            raise ModelError(f"{self.path}, line {number}: this is not a line of a record.", field="file") from error
 
     def add(self, outcomes: Iterable[tuple[int, Outcome]]) -> None:
         """Append results."""

@@ -166,7 +166,7 @@ def run(task: Task, columns: Mapping[str, Any], todo: Sequence[int], workers: in
     Raises
     ------
     ModelError
-        If ``workers`` is no positive number.
+        If ``workers`` is not a positive number.
     """
     if workers is not None and (not isinstance(workers, int) or isinstance(workers, bool) or workers < 1):
         raise check.refuse("study", "workers", workers, "a whole number of processes, at least 1")

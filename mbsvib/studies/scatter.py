@@ -44,7 +44,7 @@ class Tolerances:
     To first order, from the derivatives: ``first`` (k,) are standard deviations, ``worst`` (k,) what all ``tolerance``
     at once can do, ``shares`` (k, variables) the part of each variable in the variance. By random samples: ``sweep``
     holds them all, ``sampled`` (n, k) the numbers and ``linear`` (n, k) their first-order values.
-    Modes within a few standard deviations of each other, ``parted``, repel each other, which is no straight line: their
+    Modes within a few standard deviations of each other, ``parted``, repel each other, which is not linear: their
     first order is that of all of them together, ``first`` the standard deviation of ``linear``, ``worst`` a bound.
     """
 
@@ -203,7 +203,7 @@ def tolerances(
     samples : int
         How many random samples.
     distribution : str
-        "normal": a tolerance is three standard deviations; "uniform": all values within it are alike.
+        "normal": a tolerance is three standard deviations; "uniform": all values within it have the same density.
     seed : int, optional
         Of the random numbers; None: others each time.
     ties : mapping of str to mapping of str to float or Tie, optional

@@ -109,7 +109,7 @@ def test_arms_that_move_bend_the_beam_that_they_are_on(share):
 
 
 def test_coordinates_that_are_cut_do_not_move_beams():
-    with pytest.raises(mv.ModelError, match=r"'base\.rz' is no joint coordinate"):
+    with pytest.raises(mv.ModelError, match=r"'base\.rz' is not a joint coordinate"):
         arms().moved({"base.rz": 0.01}, cut=["base"])
 
 

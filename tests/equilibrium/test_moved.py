@@ -233,7 +233,7 @@ def test_custom_joints_that_no_words_describe_there_are_refused_by_name():
 
 def test_unknown_coordinates_and_values_are_refused():
     model, _ = four_bar()
-    with pytest.raises(mv.ModelError, match=r"'A.rx' is no joint coordinate .* Did you mean 'A.rz'"):
+    with pytest.raises(mv.ModelError, match=r"'A.rx' is not a joint coordinate .* Did you mean 'A.rz'"):
         model.moved({"A.rx": 0.1})
     with pytest.raises(mv.ModelError, match=r"moved: A\.rz = 'far'"):
         model.moved({"A.rz": "far"})

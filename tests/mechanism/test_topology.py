@@ -115,7 +115,7 @@ def test_the_user_may_name_the_cut(cut):
 
 
 def test_an_unknown_cut_is_refused_with_a_suggestion():
-    with pytest.raises(mv.ModelError, match=r"cut = 'j22' is no joint of model 'four-bar'\. Did you mean 'j2'\?"):
+    with pytest.raises(mv.ModelError, match=r"cut = 'j22' is not a joint of model 'four-bar'\. Did you mean 'j2'\?"):
         four_bar().linearize(cut=["j22"])
 
 

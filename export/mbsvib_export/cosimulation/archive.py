@@ -32,7 +32,7 @@ def to_ssp(
 ) -> Path:  # fmt: skip
     """Write a plant and its controller as one archive that co-simulation tools open: FMUs and connections.
 
-    Inputs that are not connected are inputs of the whole, all outputs of both are outputs of it.
+    Inputs that are not connected are inputs of the system of both, and all outputs are outputs of it.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def to_ssp(
     version : str
         FMI "2.0" or "3.0" of what is exported here.
     name : str
-        What the whole is called.
+        Name of the system of both units.
     outer : bool
-        False: the whole has no inputs and outputs of its own, for tools that know none (Ecos).
+        False: the system of both has no inputs and outputs, for tools that know none (Ecos).
 
     Returns
     -------
@@ -84,7 +84,7 @@ def _description(name: str, units: dict[str, UnitFile], links: Connections, with
     signals = _signals(units)
     free = {(PLANT, "input", i) for i in links.plant_free} | {(CONTROLLER, "input", i) for i in links.controller_free}
     outer = [key for key in signals if with_outputs and (key in free or key[1] == "output")]
-    # a name of the whole is that of the signal, but where both units have one
+    # a name is that of the signal, except where both units have a signal of that name
     names = dict(zip(outer, unique_names({"signal": [signals[key][0] for key in outer]})["signal"], strict=True))
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield (f'<ssd:SystemStructureDescription xmlns:ssd="{_SPACE}Description" xmlns:ssc="{_SPACE}Common"'

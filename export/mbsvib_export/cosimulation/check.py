@@ -114,7 +114,7 @@ def _positive(name: str, value: float) -> float:
 
 
 def as_file(source: Any, path: Path, version: str = "3.0") -> Path:
-    """Return the path of an FMU, which is written there if the source is no file."""
+    """Return the path of an FMU, which is written there if the source is not a file."""
     if isinstance(source, (str, os.PathLike)):
         return Path(source)
     from mbsvib_export.fmu_ import to_fmu
@@ -172,7 +172,7 @@ def _excited(
     names += [units[1].inputs[i].name for i in links.controller_free]
     for name in inputs or {}:
         if name not in names:
-            raise ExportError(f"check_cosimulation: excitation: '{name}' is no free input; these are free: "
+            raise ExportError(f"check_cosimulation: excitation: '{name}' is not a free input; these are free: "
                               f"{', '.join(names) or 'none'}.{nearest(name, names)}")  # fmt: skip
     values = dict.fromkeys(names, 1.0) if inputs is None else {name: float(inputs.get(name, 0.0)) for name in names}
     result = np.array([values[name] for name in names])

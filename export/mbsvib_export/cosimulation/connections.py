@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 PLANT, CONTROLLER = "plant", "controller"
-_TINY = 1e-12  # of the largest entry of D: rounding is no feedthrough
+_TINY = 1e-12  # of the largest entry of D: rounding is not feedthrough
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ def _signals_into(goal: UnitFile, source: UnitFile, side: str, wishes: Mapping[i
         if wish not in names:
             if i in wishes:
                 raise ExportError(f"check_cosimulation: connections: '{wish}' for the {side}'s input '{signal.name}' "
-                                  f"is no output of '{source.name}'; outputs are {', '.join(names)}."
+                                  f"is not an output of '{source.name}'; outputs are {', '.join(names)}."
                                   f"{nearest(wish, names)}")  # fmt: skip
             continue
         result[i] = names.index(wish)

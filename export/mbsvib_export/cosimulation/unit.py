@@ -99,7 +99,7 @@ def open_unit(path: str | os.PathLike[str], caller: str) -> Iterator[UnitFile]:
         except ExportError:
             raise
         except (zipfile.BadZipFile, KeyError, EOFError) as error:
-            raise ExportError(f"{file}: is no archive with a modelDescription.xml in it, or is damaged ({error}); "
+            raise ExportError(f"{file}: is not an archive with a modelDescription.xml in it, or is damaged ({error}); "
                               f"export it again.") from error  # fmt: skip
         except Exception as error:  # fmpy raises its own and those of zlib and of XML, without a common root
             raise ExportError(f"{file}: cannot be read as an FMU: {error}. Export it again.") from error
@@ -198,7 +198,7 @@ class Instance:
             self.log.append(text.decode(errors="replace"))
 
         calls = fmi2.fmi2CallbackFunctions()
-        # not through fmpy's formatting: it keeps one logger for all units, and would call this one when it is gone
+        # not through fmpy's formatting: it keeps one logger for all units, and would call this one after its end
         calls.logger = fmi2.fmi2CallbackLoggerTYPE(message_2)
         calls.allocateMemory, calls.freeMemory = fmi2.defaultCallbacks.allocateMemory, fmi2.defaultCallbacks.freeMemory
         self.fmu.instantiate(callbacks=calls)

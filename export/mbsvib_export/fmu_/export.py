@@ -121,8 +121,8 @@ def to_fmu(
     Raises
     ------
     ExportError
-        If the file cannot be written, no compiler is there, a parameter is not affine, or the source is no continuous
-        system. Nothing is left half-written.
+        If the file cannot be written, no compiler is there, a parameter is not affine, or the source is not a
+        continuous system. Nothing is left half-written.
     ModelError
         If a parameter is unknown.
     ResponseError

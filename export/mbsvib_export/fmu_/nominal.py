@@ -115,8 +115,8 @@ def experiment_times(values: Complex) -> tuple[float, float]:
     Returns
     -------
     tuple of float
-        Stop time: some periods of the slowest rate that is no rigid-body motion, or as many of the fastest oscillation
-        as integrators get through; step.
+        Stop time: some periods of the slowest rate that is not of a rigid-body motion, or as many of the fastest
+        oscillation as integrators can compute; step.
     """
     rates = np.abs(values)
     if not rates.any():
@@ -129,6 +129,6 @@ def experiment_times(values: Complex) -> tuple[float, float]:
 
 
 def _rates(rates: Array) -> tuple[float, float]:
-    """The slowest rate that is no rigid-body motion, and the fastest [1/s]."""
+    """The slowest rate that is not of a rigid-body motion, and the fastest [1/s]."""
     fast = float(rates.max(initial=0.0)) or 1.0
     return float(rates[rates > RIGID * fast].min(initial=fast)), fast
