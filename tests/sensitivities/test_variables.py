@@ -20,10 +20,10 @@ def test_every_parameter_has_a_value_and_a_unit(system):
 
 
 def test_patterns_move_all_that_they_pick_at_the_rate_of_the_map(system):
-    found = variables(system.parameters, {"legs": {"leg*.k.stiffness": 2.0, "platform.mass": -1.0}})
-    assert found.names == ("legs",)
-    assert len(found.parameters) == 7
-    assert found.chain(np.arange(7.0)[:, None])[0, 0] == 2 * (0 + 1 + 2 + 3 + 4 + 5) - 6
+    result = variables(system.parameters, {"legs": {"leg*.k.stiffness": 2.0, "platform.mass": -1.0}})
+    assert result.names == ("legs",)
+    assert len(result.parameters) == 7
+    assert result.chain(np.arange(7.0)[:, None])[0, 0] == 2 * (0 + 1 + 2 + 3 + 4 + 5) - 6
 
 
 @pytest.mark.parametrize(("asked", "message"), [
