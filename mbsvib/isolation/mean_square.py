@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Complex
     from mbsvib.isolation.linear import Linear
-    from mbsvib.responses.power_spectra import BaseNoise, Shaped
+    from mbsvib.responses.densities import Shaped
+    from mbsvib.responses.power_spectra import BaseNoise
 
 
 POINTS = 12

@@ -315,7 +315,7 @@ def _doubtful(
 
 def _from_factors(system: Equations, shapes: Array, count: int, rtol: float) -> _Eigensolution | None:
     """Values, vectors, slopes and bounds of all eigenvalues but 0; None if there are more or less than ``count``."""
-    from mbsvib.modes.general import spectrum
+    from mbsvib.modes.general_spectrum import spectrum
 
     _, solution = spectrum(system, rtol)
     complex_count = int(np.count_nonzero(solution.turns))

@@ -12,7 +12,7 @@ from mbsvib.errors import ExportError
 from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.cosimulation.check import as_file
 from mbsvib_export.cosimulation.connections import CONTROLLER, PLANT, Connections, connect
-from mbsvib_export.cosimulation.unit import open_unit
+from mbsvib_export.cosimulation.unit_file import open_unit
 from mbsvib_export.fmu_.names import unique_names
 from mbsvib_export.fmu_.variables import attributes
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Iterator, Mapping
 
-    from mbsvib_export.cosimulation.unit import UnitFile
+    from mbsvib_export.cosimulation.unit_file import UnitFile
 
 _SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")

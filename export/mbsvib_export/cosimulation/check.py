@@ -18,14 +18,15 @@ from mbsvib_export.cosimulation.masters import MASTERS, Loop, discretised
 from mbsvib_export.cosimulation.result import CosimulationCheck, MasterCheck
 from mbsvib_export.cosimulation.running import run
 from mbsvib_export.cosimulation.stability import is_stable, largest_stable_step, radius
-from mbsvib_export.cosimulation.unit import equations, open_unit
+from mbsvib_export.cosimulation.unit import equations
+from mbsvib_export.cosimulation.unit_file import open_unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.connections import Connections
-    from mbsvib_export.cosimulation.unit import UnitFile
+    from mbsvib_export.cosimulation.unit_file import UnitFile
 
 
 _STEPS = 256  # of the first size, where no duration is given

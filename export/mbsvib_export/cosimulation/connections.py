@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mbsvib.common.arrays import Array
-    from mbsvib_export.cosimulation.unit import Signal, UnitFile
+    from mbsvib_export.cosimulation.unit_file import Signal, UnitFile
 
 
 PLANT, CONTROLLER = "plant", "controller"

@@ -13,7 +13,7 @@ from mbsvib_export.cosimulation.unit import Instance
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib_export.cosimulation.masters import Loop
-    from mbsvib_export.cosimulation.unit import UnitFile
+    from mbsvib_export.cosimulation.unit_file import UnitFile
 
 
 _MOST = 500  # iterations of a step
