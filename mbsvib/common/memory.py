@@ -14,11 +14,6 @@ def keep_freed_memory(size: int) -> None:
     glibc returns memory beyond a threshold to the system, and every page of new memory costs a page fault: with some
     hundred coordinates as much time as the arithmetic. The threshold grows with the largest block freed so far; the
     block that is freed here is never written to and costs nothing.
-
-    Parameters
-    ----------
-    size : int
-        Number of coordinates.
     """
     if size >= MANY:
         np.empty(_BLOCK)

@@ -35,17 +35,8 @@ def articulated(model: M) -> M:
     """Return the same mechanism with free joints between the nodes of beams and superelements, which bend.
 
     Nodes and internal coordinates become bodies. The parts stay in the model, as their forces depend on displacements.
-    The weight of beams acts as loads on their nodes, as in ``linearize``.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The same model if nothing in it bends.
+    The weight of beams acts as loads on their nodes, as in ``linearize``. Without flexible parts the model is returned
+    as it is.
     """
     if not model.composed:
         return model
@@ -65,15 +56,7 @@ def expanded_articulation(model: M) -> M:
     """Return an articulated mechanism in plain parts, with the forces and stiffness of beams and superelements in its
     pose.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism, moved to some pose.
-
-    Returns
-    -------
-    Mechanism
-        The mechanism with preloaded bushings, loads, and stiffness between more than two bodies.
+    These are preloaded bushings, loads, and stiffness between more than two bodies.
     """
     result = expanded(model.with_parts(composed={}) if model.composed else model)
     if not model.composed:
@@ -142,17 +125,7 @@ def with_rigid_parts(model: M) -> M:
     """Return the same mechanism with fixed joints in place of beams and superelements, and their nodes as bodies.
 
     The weight of beams acts as loads on their nodes, as in ``linearize``. Inputs and outputs, which may refer to
-    elements of beams, are left out.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-
-    Returns
-    -------
-    Mechanism
-        The same model if nothing in it bends.
+    elements of beams, are left out. Without flexible parts the model is returned as it is.
     """
     if not model.composed:
         return model
@@ -175,17 +148,7 @@ def with_rigid_parts(model: M) -> M:
 def with_preloads_of(model: M, held: Equilibrium[M]) -> Equilibrium[M]:
     """Return the equilibrium of a mechanism from that of the same mechanism with rigid parts.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    held : Equilibrium
-        The equilibrium of ``with_rigid_parts(model)``, with the preloads that hold it.
-
-    Returns
-    -------
-    Equilibrium
-        The same, with the preloads in the mechanism itself.
+    ``held`` is the equilibrium of ``with_rigid_parts(model)``; its preloads become those of the mechanism itself.
     """
     if not model.composed:
         return held

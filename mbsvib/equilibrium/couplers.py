@@ -75,13 +75,9 @@ def coupler_travel(model: Mechanism, pose: Pose, near: Array | None) -> Array:
 def check_couplers(model: Mechanism, there: Mechanism) -> None:
     """Refuse a pose in which couplers on homokinetic joints are no longer linear relations of joint coordinates.
 
-    The components of a rotation vector w from the reference pose change by e . J(w) omega, with J of
-    ``rotations.inverse_jacobian``. After a finite w that differs from the coordinates of the joint in the new pose.
-
-    Parameters
-    ----------
-    model, there : Mechanism
-        The model in its reference pose and in the other one.
+    ``there`` is the model in the new pose. The components of a rotation vector w from the reference pose change by
+    e . J(w) omega, with J of ``rotations.inverse_jacobian``; after a finite w that differs from the coordinates of the
+    joint in the new pose.
 
     Raises
     ------

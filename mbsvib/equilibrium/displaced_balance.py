@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 def check_displacements(model: Mechanism) -> None:
     """Refuse a model whose beams and superelements state displacements that do not balance its loads.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model; without stated displacements nothing is checked, as forces then follow from statics.
+    Without stated displacements nothing is checked, as forces then follow from statics.
 
     Raises
     ------

@@ -60,18 +60,6 @@ def root_of(part: Flexible) -> str:
 def part_in_pose(part: Flexible, pose: Pose) -> dict[str, Any] | Part:
     """Return a beam or superelement in another pose, or its arguments if it moved there as a rigid body.
 
-    Parameters
-    ----------
-    part : Beam or Superelement
-        The part.
-    pose : Pose
-        The pose of all bodies and nodes.
-
-    Returns
-    -------
-    dict or Part
-        Arguments of its adder, or the bent part.
-
     Raises
     ------
     ModelError

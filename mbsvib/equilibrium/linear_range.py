@@ -31,16 +31,7 @@ APART = 1e-9
 
 
 def warn_beyond(there: Mechanism, at: PosedModel, reduction: Reduction) -> None:
-    """Warn of parts that bend beyond the range of linear theory.
-
-    Parameters
-    ----------
-    there : Mechanism
-        The model in its new pose.
-    at : PosedModel
-        The pose.
-    reduction : Reduction
-        Its minimal coordinates.
+    """Warn of parts that bend beyond the range of linear theory; ``there`` is the model in the pose ``at``.
 
     Warns
     -----

@@ -14,19 +14,7 @@ if TYPE_CHECKING:
 def unbalanced_force(at: PosedModel, forces: Balance) -> tuple[str, dict[str, Any]]:
     """Return the largest unbalanced force of a pose: a sentence, and the fields of an ``EquilibriumError``.
 
-    Parameters
-    ----------
-    at : PosedModel
-        The pose.
-    forces : Balance
-        The forces there.
-
-    Returns
-    -------
-    str
-        Body, coordinate and missing force.
-    dict
-        The same as keywords.
+    Both name the body, the coordinate and the missing force.
     """
     share = np.abs(forces.residual / np.where(forces.balanced_forces > 0.0, forces.balanced_forces, 1.0))
     worst = int(np.argmax(np.abs(forces.residual) / np.where(forces.size > 0.0, forces.size, 1.0)))

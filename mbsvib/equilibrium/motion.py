@@ -111,22 +111,7 @@ class PosedModel:
 
 
 def posed_model(reference: Mechanism, pose: Pose, cut: Sequence[str] = ()) -> PosedModel:
-    """Return a model in one pose with the kinematics of its motion.
-
-    Parameters
-    ----------
-    reference : Mechanism
-        The model in its reference pose.
-    pose : Pose
-        The pose.
-    cut : sequence of str
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    PosedModel
-        Its tree, coordinates and loops there.
-    """
+    """Return a model in one pose with the kinematics of its motion."""
     travel = coupler_travel(reference, pose, None) if reference.couplers else np.zeros(0)
     return PosedModel(reference, pose, tuple(cut), pose_kinematics(reference, cut), travel)
 

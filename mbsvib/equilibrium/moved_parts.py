@@ -21,21 +21,8 @@ def model_in_pose(model: M, pose: Pose, relaxed: bool = False) -> M:
     """Return a model in another pose.
 
     Points and axes go with the bodies that they belong to; forces fixed in the world and the directions of inputs and
-    outputs stay as they are.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model in its reference pose.
-    pose : Pose
-        The pose of its bodies.
-    relaxed : bool
-        Whether springs and bushings keep the forces of the reference pose; otherwise these follow from the motion.
-
-    Returns
-    -------
-    Mechanism
-        The same mechanism in the pose.
+    outputs stay as they are. If ``relaxed``, springs and bushings keep the forces of the reference pose; otherwise
+    these follow from the motion.
 
     Raises
     ------

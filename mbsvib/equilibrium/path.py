@@ -125,15 +125,7 @@ def refined(at: PosedModel, forces: Balance) -> tuple[PosedModel, Balance, list[
 def follow(first: PosedModel) -> SearchResult:
     """Return the pose that a mechanism held by springs takes as its loads are applied.
 
-    Parameters
-    ----------
-    first : PosedModel
-        The pose as described.
-
-    Returns
-    -------
-    Found
-        The pose under the full load, or the last one on the branch.
+    It is the pose under the full load, or the last one on the branch.
     """
     done, share, steps, model = 0.0, 1.0, 0, first.reference
     here, shares = first, [0.0]
@@ -194,15 +186,7 @@ def _lost_stiffness(first: PosedModel, last: Balance) -> str:
 def descend(first: PosedModel) -> SearchResult:
     """Return the pose to which a mechanism descends.
 
-    Parameters
-    ----------
-    first : PosedModel
-        The pose as described.
-
-    Returns
-    -------
-    Found
-        The pose of equilibrium, or the last one that was reached.
+    It is the pose of equilibrium, or the last one that was reached.
     """
     at, forces = first, balance(first)
     residuals = [forces.share]

@@ -104,20 +104,7 @@ def locked(coordinates: Twists, cuts: Cuts) -> Array:
 
 
 def pose_kinematics(model: Mechanism, cut: Sequence[str] = ()) -> PoseKinematics:
-    """Return the kinematic data of a mechanism for all of its poses.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism in its reference pose.
-    cut : sequence of str
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    PoseKinematics
-        Tree, coordinates and loops.
-    """
+    """Return the kinematic data of a mechanism for all of its poses."""
     return _prepared(model, cut) if cut else model.derived(_prepared)
 
 

@@ -37,17 +37,7 @@ RESIDUAL, MOST_ROUNDING = 1e-12, 1e4
 def preloaded(model: M, selection: Sequence[Any] | str | bool) -> M:
     """Return the model with the preloads that hold it; see ``Model.equilibrium``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model in the pose to be held.
-    selection : sequence of str, or True
-        Names or patterns of springs and bushings, or all of them.
-
-    Returns
-    -------
-    Mechanism
-        The model in the same pose, with the preloads of least norm that hold it (moments divided by its size).
+    The preloads have the least norm, with moments divided by the size of the model.
 
     Raises
     ------
@@ -83,16 +73,6 @@ def without_rounding(model: M) -> M:
 
     The length L of a spring of stiffness k resolves no force below eps k L. Where that is more than the check of
     statics accepts, the spring is given its force as a preload.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The model, in equilibrium except for rounding.
-
-    Returns
-    -------
-    Mechanism
-        The same, with other preloads if necessary.
     """
     at = posed_model(static_model(model), start(model))
     forces = balance(at)

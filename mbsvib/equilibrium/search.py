@@ -34,20 +34,6 @@ M = TypeVar("M", bound=Mechanism)
 def equilibrium(model: M, snap: bool = False, cut: Sequence[str] = ()) -> Equilibrium[M]:
     """Return the model in equilibrium; see ``Model.equilibrium``.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The model, in a pose from which to start.
-    snap : bool
-        Whether a mechanism that its springs hold may snap through to another pose.
-    cut : sequence of str
-        Joints at which loops are to be cut.
-
-    Returns
-    -------
-    Equilibrium
-        The model there, and how it was found.
-
     Raises
     ------
     EquilibriumError

@@ -51,26 +51,7 @@ def couplings(
     parts: Sequence[Coupling], topology: Topology, bodies: Sequence[Body], number: Mapping[str, int],
     coordinates: Twists,
 ) -> Couplings:  # fmt: skip
-    """Return the terms of all couplers.
-
-    Parameters
-    ----------
-    parts : sequence of Coupler, Gear, Worm or Rack
-        The model's couplers.
-    topology : Topology
-        The spanning tree.
-    bodies : sequence of Body
-        The bodies in order.
-    number : mapping
-        Number of each body, ground included.
-    coordinates : Twists
-        The joint coordinates of the tree.
-
-    Returns
-    -------
-    Couplings
-        One row for each coupler.
-    """
+    """Return the terms of all couplers; ``number`` has the numbers of bodies by name, ground included."""
     rows_of_terms, _ = terms(parts, coordinates.names, topology, bodies, number)
     touched = np.zeros((len(parts), len(coordinates.names)), dtype=bool)
     known = rows_of_terms.column >= 0
@@ -140,19 +121,7 @@ def terms(
 def with_couplers(cuts: Cuts | None, parts: Sequence[Coupling], *scene: Any) -> Cuts:
     """Return the locked rows of cut joints, followed by those of the couplers, each a loop of its own.
 
-    Parameters
-    ----------
-    cuts : Cuts or None
-        Locked rows of the cut joints.
-    parts : sequence of Coupler, Gear, Worm or Rack
-        The couplers.
-    *scene
-        Topology, bodies, their numbers and the coordinates; see ``couplings``.
-
-    Returns
-    -------
-    Cuts
-        All rows of Phi.
+    The arguments behind ``parts`` are those of ``couplings``.
     """
     names = tuple(part.name for part in parts)
     if cuts is None:

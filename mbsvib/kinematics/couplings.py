@@ -38,18 +38,7 @@ class Couplings:
     touched: Bools
 
     def dense(self, coordinates: Twists) -> Array:
-        """Return the rows (..., couplers, n) over the joint coordinates.
-
-        Parameters
-        ----------
-        coordinates : Twists
-            The joint coordinates of the tree.
-
-        Returns
-        -------
-        array
-            Coefficients of the joint coordinates.
-        """
+        """Return the rows (..., couplers, n) over the joint coordinates."""
         measured = relative_motion(coordinates, self.measured).dense(0, len(self.measured.first))
         lead = np.broadcast_shapes(measured.shape[:-2], self.value.shape[:-1])
         result = np.zeros((*lead, *self.touched.shape))

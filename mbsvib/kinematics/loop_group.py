@@ -86,17 +86,8 @@ def measures(points: Array, count: int, pitch: float, arm: float = 0.0) -> tuple
 def decided(pivots: list[float], noise: float) -> tuple[int, float, float, float]:
     """Return the rank, the smallest pivot kept, the largest one dropped, and the limit up to which they are dropped.
 
-    Parameters
-    ----------
-    pivots : list of float
-        Pivots of a matrix with entries of about one, in descending order of size.
-    noise : float
-        Rounding of an entry.
-
-    Returns
-    -------
-    tuple of int, float, float and float
-        Rank, ``kept`` and ``dropped`` as in ``LoopGroup``, and the limit for pivots that are not divided.
+    Pivots are those of a matrix with entries of about one, in descending order of size; ``noise`` is the rounding of an
+    entry. ``kept`` and ``dropped`` are as in ``LoopGroup``, the limit is for pivots that are not divided.
     """
     sizes = list(map(abs, pivots))
     # rounding is relative to entries of about one, as the largest pivot may itself be rounding

@@ -91,17 +91,7 @@ class Triplets:
 def twists(topology: Topology, bodies: list[Body]) -> Twists:
     """Return the twists of all joint coordinates of the tree.
 
-    Parameters
-    ----------
-    topology : Topology
-        The spanning tree.
-    bodies : list of Body
-        The bodies in the topology's order.
-
-    Returns
-    -------
-    Twists
-        Coordinates in the order in which their joints were added, those of floating bodies last.
+    They are in the order in which their joints were added, those of floating bodies last.
     """
     joints = topology.joints
     names: list[str] = []
@@ -168,18 +158,6 @@ def relative_motion(coordinates: Twists, rows: Rows) -> Triplets:
     """Return the rows of relative displacements per unit joint coordinate, by the path rule.
 
     d_r = sum over the coordinates k between first and second of +-(f_r . v_k + w_k . ((p_r - p_k) x f_r + m_r)) q_k
-
-    Parameters
-    ----------
-    coordinates : Twists
-        The joint coordinates.
-    rows : Rows
-        The requested relative displacements.
-
-    Returns
-    -------
-    Triplets
-        One row per relative displacement, one column per coordinate.
 
     Source: Jiang, Chen & Luo (2011), the linear transformation of displacements between ports.
     """

@@ -91,20 +91,7 @@ class ElasticRows:
 
 
 def stack(pieces: Sequence[Piece], number: Mapping[str, int]) -> Composite:
-    """Return composite rows, pieces of equal shape together.
-
-    Parameters
-    ----------
-    pieces : sequence of Piece
-        At least one.
-    number : mapping
-        Number of each body, ground included.
-
-    Returns
-    -------
-    Composite
-        Base rows, each node once, and blocks.
-    """
+    """Return composite rows, pieces of equal shape together; ``number`` has the numbers of bodies, ground included."""
     index_of: dict[Node, int] = {}
     shapes: dict[tuple[int, ...], list[tuple[list[int], Array]]] = {}
     for piece in pieces:
@@ -184,19 +171,7 @@ class Shared:
 def shared_rows(pieces: Pieces, number: Mapping[str, int], first: int) -> Shared:
     """Return the rows between more than two bodies as arrays.
 
-    Parameters
-    ----------
-    pieces : Pieces
-        The rows.
-    number : mapping
-        Number of each body, ground included.
-    first : int
-        The number of owners of other elastic rows.
-
-    Returns
-    -------
-    Shared
-        Composite rows of mass and elasticity.
+    ``first`` is the number of owners of other elastic rows.
     """
     names = tuple(dict.fromkeys(piece.owner for piece in pieces.elastic))
     return Shared(stack(pieces.mass, number) if pieces.mass else None,

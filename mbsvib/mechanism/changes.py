@@ -19,17 +19,7 @@ if TYPE_CHECKING:
 def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Part]:
     """Return the parts that some values change; they are checked like new parts.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping
-        New value of each parameter, by name or pattern; names have precedence.
-
-    Returns
-    -------
-    dict of str to Part
-        The changed parts by name.
+    Values are by name or pattern; names have precedence.
 
     Raises
     ------
@@ -47,17 +37,7 @@ def parts_with(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, P
 def resolved(parameters: Parameters, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the value of every parameter that is named or matches a pattern, by name.
 
-    Parameters
-    ----------
-    parameters : Parameters
-        Those of the model.
-    values : mapping
-        A value for each name or pattern; a name has precedence over patterns that match it.
-
-    Returns
-    -------
-    dict of str to object
-        The values, unchecked.
+    A name has precedence over patterns that match it; values are not checked.
 
     Raises
     ------
@@ -115,19 +95,7 @@ def changed_fields(parameters: Parameters, values: Mapping[str, Array]) -> dict[
 def variant(part: Part, fields: Mapping[str, Array], i: int) -> Part:
     """Return a part with other values, checked like a new part.
 
-    Parameters
-    ----------
-    part : Part
-        The part.
-    fields : mapping
-        New fields as ``changed_fields`` has them.
-    i : int
-        Which of the values along their last axis.
-
-    Returns
-    -------
-    Part
-        The changed part.
+    ``fields`` are those of ``changed_fields``, ``i`` is the index along their last axis.
 
     Raises
     ------

@@ -17,17 +17,7 @@ M = TypeVar("M", bound=Mechanism)
 def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
     """Return a mechanism with all parts rebuilt.
 
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    words : callable
-        Function of a part that returns the arguments of its adder, or the part that replaces it unchecked.
-
-    Returns
-    -------
-    Mechanism
-        The mechanism with these parts.
+    ``words`` returns the arguments of a part's adder, or the part that replaces it unchecked.
 
     Raises
     ------
@@ -47,18 +37,6 @@ def rebuilt(model: M, words: Callable[[Any], Mapping[str, Any] | Part]) -> M:
 
 def changed(model: M, changes: Mapping[str, Mapping[str, Any]]) -> M:
     """Return a mechanism in which some parts have other arguments.
-
-    Parameters
-    ----------
-    model : Mechanism
-        The mechanism.
-    changes : mapping
-        New arguments of parts by name.
-
-    Returns
-    -------
-    Mechanism
-        The changed mechanism.
 
     Raises
     ------

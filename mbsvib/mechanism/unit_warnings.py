@@ -20,15 +20,7 @@ FAR = 10.0
 def unit_warnings(parts: Sequence[Part]) -> list[str]:
     """Return the warnings, one sentence each.
 
-    Parameters
-    ----------
-    parts : sequence of Part
-        All parts of a mechanism.
-
-    Returns
-    -------
-    list of str
-        Warnings of bodies whose radius of gyration is far larger than the mechanism.
+    They are about bodies whose radius of gyration is far larger than the mechanism.
     """
     points = [getattr(part, field, None) for part in parts for field in ("position", "start", "end")]
     known = [point for point in points if point is not None]

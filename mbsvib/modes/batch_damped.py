@@ -69,19 +69,7 @@ def joined(parts: list[DampedBatch]) -> DampedBatch:
 def damped_batch(batch: BatchEquations, basis: UndampedBatch, rtol: float) -> DampedBatch:
     """Return the damped modes, (lambda^2 M_i + lambda C_i + K_i) phi = 0.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    basis : UndampedBatch
-        Their undamped modes.
-    rtol : float
-        Required relative accuracy of every eigenvalue.
-
-    Returns
-    -------
-    DampedBatch
-        Pairs of eigenvalues, in ascending order of their natural frequency.
+    Pairs of eigenvalues are in ascending order of their natural frequency.
     """
     n, m = basis.square.shape
     classical, gamma = _classical(batch, basis)

@@ -46,17 +46,7 @@ class UndampedBatch:
 def undamped_batch(batch: BatchEquations, rtol: float) -> UndampedBatch:
     """Return the undamped modes, K_i phi = omega^2 M_i phi.
 
-    Parameters
-    ----------
-    batch : BatchEquations
-        The variants.
-    rtol : float
-        Required relative accuracy of every frequency.
-
-    Returns
-    -------
-    UndampedBatch
-        Modes of all variants; those that are not ``accurate`` have to be solved separately.
+    Variants that are not ``accurate`` have to be solved separately.
     """
     square, shapes, accurate = _by_products(batch)
     largest = np.abs(square).max(axis=1, initial=0.0)

@@ -90,20 +90,8 @@ class Damped:
 def damped(system: Equations, basis: Undamped, rtol: float) -> Damped | None:
     """Return the damped modes, (lambda^2 M + lambda C + K) phi = 0.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    basis : Undamped
-        Its undamped modes.
-    rtol : float
-        Required relative accuracy of every eigenvalue.
-
-    Returns
-    -------
-    Damped or None
-        Pairs of eigenvalues, in ascending order of their natural frequency. None if the undamped modes are too
-        inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
+    Pairs of eigenvalues are in ascending order of their natural frequency. The result is None if the undamped modes are
+    too inaccurate to decide whether damping couples them, or to bound the errors: then more accurate ones are needed.
     """
     reason, gamma = classical_damping(system, basis)
     if reason == IN_DOUBT:

@@ -77,17 +77,7 @@ class EnergyState:
 def energy_state(system: Equations, rtol: float) -> EnergyState:
     """Return a system's first-order equations in energy coordinates.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    rtol : float
-        Required relative accuracy of the undamped modes that are the basis.
-
-    Returns
-    -------
-    EnergyState
-        Matrices, and the invariant subspaces of the eigenvalues 0.
+    ``rtol`` is the required relative accuracy of the undamped modes that are the basis.
     """
     m, n1 = system.dof, system.massless
     p = m - n1

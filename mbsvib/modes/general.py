@@ -68,34 +68,13 @@ class General:
 def is_general(system: Equations) -> bool:
     """Tell whether a system needs the solver for unsymmetric matrices or massless motions.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-
-    Returns
-    -------
-    bool
-        Whether C has a gyroscopic part, K a circulatory one, or M is singular.
+    That is, whether C has a gyroscopic part, K a circulatory one, or M is singular.
     """
     return system.gyroscopic is not None or system.circulatory is not None or system.massless > 0
 
 
 def general(system: Equations, rtol: float) -> General:
-    """Return the modes, (lambda^2 M + lambda C + K) phi = 0, of a system whose matrices need not be symmetric.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    rtol : float
-        Required relative accuracy of every eigenvalue.
-
-    Returns
-    -------
-    General
-        Eigenvalues, right and left vectors.
-    """
+    """Return the modes, (lambda^2 M + lambda C + K) phi = 0, of a system whose matrices need not be symmetric."""
     return _in_modes(system, *spectrum(system, rtol))
 
 

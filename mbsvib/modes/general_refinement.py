@@ -80,19 +80,7 @@ class _Factors:
 def refined(system: Equations, state: EnergyState, start: Spectrum) -> Spectrum:
     """Return eigenvalues and vectors improved on the factors.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The equations in energy coordinates, with the subspaces of the eigenvalues 0.
-    start : Spectrum
-        Eigenvalues and vectors, roughly.
-
-    Returns
-    -------
-    Spectrum
-        The same with slopes and error bounds.
+    ``start`` holds approximate eigenvalues and vectors; the result also has slopes and error bounds.
 
     Source: Tisseur & Meerbergen, SIAM Review 43 (2001), for the resolvent of quadratic eigenvalue problems.
     """

@@ -30,20 +30,7 @@ NEARLY_REAL = 1e-6
 
 
 def spectrum(system: Equations, rtol: float) -> tuple[EnergyState, Spectrum]:
-    """Return all eigenvalues and vectors, those of 0 by their invariant subspaces.
-
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    rtol : float
-        Required relative accuracy of every eigenvalue.
-
-    Returns
-    -------
-    EnergyState and Spectrum
-        The invariant subspaces of the eigenvalue 0, and the other eigenvalues with their vectors.
-    """
+    """Return all eigenvalues and vectors, those of 0 by their invariant subspaces."""
     state = energy_state(system, rtol)
     even = system.circulatory is None and not system.damping.any()
     start = _imaginary(state) if state.conservative else _any(state, even)

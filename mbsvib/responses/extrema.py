@@ -140,15 +140,7 @@ class Band:
     def highest(self, measure: Measure) -> tuple[float, float]:
         """Return the frequency of the largest value, and this value.
 
-        Parameters
-        ----------
-        measure : callable
-            The quantity to be maximized.
-
-        Returns
-        -------
-        frequency, value : float
-            Of one of them where several are equally large.
+        It is one of them where several are equally large.
         """
         where, value = self.maxima(measure, NEAR)
         at = int(value.argmax())

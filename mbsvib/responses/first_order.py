@@ -42,15 +42,7 @@ class FirstOrder:
 def physical(system: Equations) -> FirstOrder:
     """Return first-order equations of a system with massless motions in physical states.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion, with ``massless`` > 0.
-
-    Returns
-    -------
-    FirstOrder
-        2m - massless states: the coordinates, then the rates that move mass.
+    The 2m - massless states are the coordinates, then the rates that move mass.
     """
     null = system.null_inertia
     assert null is not None

@@ -46,17 +46,7 @@ class Realization:
 def realization(system: Equations, state: EnergyState) -> Realization:
     """Return the first-order equations in energy coordinates.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The same in energy coordinates.
-
-    Returns
-    -------
-    Realization
-        Matrices; a feedthrough that is 0 up to rounding is exactly 0.
+    A feedthrough that is 0 up to rounding is exactly 0.
 
     Raises
     ------
@@ -81,18 +71,7 @@ def realization(system: Equations, state: EnergyState) -> Realization:
 
 
 def summable(modal: General) -> bool:
-    """Tell whether a sum over modes has terms for all eigenvalues: chains of 0 no longer than two, no defective pair.
-
-    Parameters
-    ----------
-    modal : General
-        Modes.
-
-    Returns
-    -------
-    bool
-        Whether it has.
-    """
+    """Tell whether a sum over modes has terms for all eigenvalues: no chain of 0 longer than two, no defective pair."""
     return not modal.state.long and bool(modal.spectrum.slopes.all())
 
 
@@ -197,17 +176,7 @@ def solved(system: Equations, state: EnergyState, s: Complex) -> Complex:
 def cancels(system: Equations, state: EnergyState) -> bool:
     """Tell whether most of a stiffness is that of springs in series with dampers, which resist hardly any static load.
 
-    Parameters
-    ----------
-    system : Equations
-        The equations of motion.
-    state : EnergyState
-        The same in energy coordinates, in which dampers hold massless motions.
-
-    Returns
-    -------
-    bool
-        Whether more than three digits cancel in the static stiffness; False for unsymmetric equations.
+    That is, whether more than three digits cancel in the static stiffness; False for unsymmetric equations.
     """
     p = len(state.scale)
     if not state.massless or system.gyroscopic is not None or system.circulatory is not None:

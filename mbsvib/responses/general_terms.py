@@ -19,15 +19,7 @@ CANCELLED = 32.0  # products that must cancel do so to this many roundings of th
 def asymptotic_terms(state: EnergyState) -> tuple[Array, Array]:
     """Return E1 and E2 of E1 / s + E2 / s^2, high above all eigenvalues, in the basis (m, m).
 
-    Parameters
-    ----------
-    state : EnergyState
-        The equations in energy coordinates.
-
-    Returns
-    -------
-    tuple of array
-        Both; without massless motions 0 and 1.
+    Without massless motions they are 0 and 1.
     """
     m = len(state.basis)
     if not state.massless:
