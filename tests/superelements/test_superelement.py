@@ -139,7 +139,7 @@ def test_refusals():
     add(r"K resists a motion of all nodes as one rigid body along 'r[xyz]'", nodes={**ENDS, "right": (0.6, 0.25, 0.9)})
     add(r"nodes = \{\}", nodes={})
     add(r"bodies = .*expected names of its nodes \(left, right\)", bodies={"middle": "ground"})
-    add(r"bodies = 'wall' is no body", bodies={"left": "wall"})
+    add(r"bodies = 'wall' is not a body", bodies={"left": "wall"})
     add(r"grounded = 1", grounded=1)
 
 
