@@ -53,8 +53,8 @@ def test_every_page_is_in_the_table_of_contents():
 
 
 def test_what_the_reference_names_exists():
-    whole = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
-    named = re.findall(r"^::: (\S+)$", whole, re.MULTILINE)
+    full = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    named = re.findall(r"^::: (\S+)$", full, re.MULTILINE)
     assert len(named) > 15
     for name in named:
         home, _, last = name.rpartition(".")
@@ -111,7 +111,7 @@ def test_the_architecture_page_lists_the_layers_of_the_contract():
     faces = {"__main__", "beams", "campbell", "superelements"}
     stated = [name for line in contract["contracts"][0]["layers"] for name in line.split(" | ") if name not in faces]
     page = (DOCS / "pages" / "architecture.md").read_text(encoding="utf-8")
-    told = [name for row in re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE) for name in re.findall(r"`(\w+)`", row)]
-    assert told == stated
+    rows = re.findall(r"^\| (`[^|]*) \|", page, re.MULTILINE)
+    assert [name for row in rows for name in re.findall(r"`(\w+)`", row)] == stated
     for name in re.findall(r"`((?:\w+/)+\w+\.py)`", page):
         assert any((DOCS.parent / base / name).exists() for base in ("mbsvib", "export/mbsvib_export", "")), name

@@ -16,9 +16,10 @@ import numpy as np
 
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
 from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,14 +52,14 @@ class BatchData:
 
 
 def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write all variants of a batch to one .npz file of numpy: whole or not at all.
+    """Write all variants of a batch to one .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
     batch : Batch
         Variants of one model, ``model.linearize(values=...)``.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state spaces: "physical" or "modal".
 
@@ -103,7 +104,7 @@ def to_npz_batch(batch: Batch, path: str | os.PathLike[str], realization: str = 
         **{f"state_space.{key}": np.stack([first_order(space)[key] for space in spaces])
            for key in first_order(spaces[0])},
     }  # fmt: skip
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
 def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
@@ -125,7 +126,7 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
     a_path(path, "from_npz_batch", ExportError)
-    try:
+    with read_errors(path, ".npz file", "to_npz_batch"):
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = dict(file)
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
@@ -137,11 +138,3 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
         systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
                         for i in range(values.shape[1]))  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_npz_batch.") from error  # fmt: skip
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
-        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz_batch, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip

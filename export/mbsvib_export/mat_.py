@@ -27,11 +27,12 @@ from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.atomic_file import check_companion, write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.mat_script import is_script_of, script
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, system_data_of
+from mbsvib_export.read_errors import read_errors
 from mbsvib_export.responses import check_points, poles, response_scale, second_order_response
-from mbsvib_export.whole_file import check_companion, write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -93,11 +94,11 @@ def to_mat(
         check_companion(companion, lambda file: is_script_of(goal.name, file.read_bytes()),
                         f"the script of '{goal.name}'", "Move it, take another name for the .mat file, or say "
                         "loader=False.")  # fmt: skip
-    result = write_whole(path, lambda file: file.write(document))
+    result = write_atomic(path, lambda file: file.write(document))
     if loader:
         text = script(name, result.name, data.name)
         try:
-            write_whole(companion, lambda file: file.write(text.encode("ascii")))
+            write_atomic(companion, lambda file: file.write(text.encode("ascii")))
         except ExportError:
             if is_new:
                 result.unlink(missing_ok=True)
@@ -126,7 +127,7 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
     from scipy.io import loadmat
 
     file = a_path(path, "from_mat", ExportError)
-    try:
+    with read_errors(path, ".mat file", "to_mat"):
         raw = file.read_bytes()
         if raw[:TITLE] != _title(raw[TITLE:]):
             raise ExportError("no .mat file as to_mat wrote it: damaged, or saved by another program; write it again.")
@@ -134,19 +135,11 @@ def from_mat(path: str | os.PathLike[str]) -> SystemData:
         own = _fields(arrays["mbsvib"])
         check_version(_word(own["format"]), int(own["version"].item()))
         return _data(arrays, own, _fields(arrays["mech"]))
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_mat.") from error  # fmt: skip
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # the reader of .mat files raises kinds of many modules
-        raise ExportError(f"{os.fspath(path)}: no .mat file of to_mat, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip
 
 
-def _title(rest: bytes) -> bytes:
+def _title(content: bytes) -> bytes:
     """The free text at the beginning, with a checksum: scipy's reader does not survive some damaged files."""
-    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(rest):08x}".encode().ljust(TITLE)
+    return f"MATLAB 5.0 MAT-file, written by mbsvib, crc32 {zlib.crc32(content):08x}".encode().ljust(TITLE)
 
 
 def _content(data: SystemData, system: System | None) -> dict[str, Any]:

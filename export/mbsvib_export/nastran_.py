@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, system_data_of
 from mbsvib_export.packages import need
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,7 +70,7 @@ def to_op4(system: System | SystemData, path: str | os.PathLike[str]) -> Path:
         module.OP4(debug=False).write_op4(str(draft), matrices, name_order=list(matrices), precision="double",
                                           is_binary=False)  # fmt: skip
         content = draft.read_bytes()
-    return write_whole(path, lambda stream: stream.write(content))
+    return write_atomic(path, lambda stream: stream.write(content))
 
 
 def read_op4(path: str | os.PathLike[str]) -> dict[str, Array]:
@@ -137,7 +137,7 @@ def to_dmig(system: System | SystemData, path: str | os.PathLike[str]) -> Path:
     for name, key in DMIG_NAMES.items():
         lines.extend(_cards(name, getattr(data, key)))
     text = "\n".join(lines) + "\n"
-    return write_whole(path, lambda stream: stream.write(text.encode("ascii")))
+    return write_atomic(path, lambda stream: stream.write(text.encode("ascii")))
 
 
 def read_dmig(path: str | os.PathLike[str]) -> dict[str, Array]:

@@ -22,9 +22,10 @@ import numpy as np
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
-from mbsvib_export.whole_file import write_whole
+from mbsvib_export.read_errors import read_errors
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,14 +37,14 @@ STATE_TEXTS = ("states", "state_units")
 
 
 def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
-    """Write a system to a .npz file of numpy: whole or not at all.
+    """Write a system to a .npz file of numpy, completely or not at all.
 
     Parameters
     ----------
     system : System or SystemData
         The equations of motion.
     path : str or path
-        File to write, taken as it is: no suffix is added.
+        File to write; no suffix is added.
     realization : str
         States of the state space: "physical", "modal" or "balanced".
 
@@ -60,7 +61,7 @@ def to_npz(system: System | SystemData, path: str | os.PathLike[str], realizatio
         If the realization is unknown.
     """
     arrays = arrays_of(system_data_of(system, realization, "to_npz"))
-    return write_whole(path, lambda stream: np.savez(stream, **arrays))
+    return write_atomic(path, lambda stream: np.savez(stream, **arrays))
 
 
 def arrays_of(data: SystemData) -> dict[str, Any]:
@@ -108,19 +109,11 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
     a_path(path, "from_npz", ExportError)
-    try:
+    with read_errors(path, ".npz file", "to_npz"):
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             entries = dict(arrays)
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_npz.") from error  # fmt: skip
-    except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
-        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz, or a damaged one ({error}); write it "
-                          f"again.") from error  # fmt: skip
 
 
 def system_data_from(arrays: dict[str, Any]) -> SystemData:

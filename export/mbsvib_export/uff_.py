@@ -18,10 +18,10 @@ import numpy as np
 from mbsvib.api.system import System
 from mbsvib.common.expected import a_path
 from mbsvib.errors import ExportError
+from mbsvib_export.atomic_file import write_atomic
 from mbsvib_export.neutral import SystemData, refuse_many
 from mbsvib_export.packages import need
 from mbsvib_export.responses import second_order_response
-from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -99,7 +99,7 @@ def to_uff(
                 else system.frequency_response(points))  # fmt: skip
     content = b"".join(_data_set(system, i, j, frequency, response[i, j], binary)
                        for j in range(len(system.inputs)) for i in range(len(system.outputs)))  # fmt: skip
-    return write_whole(path, lambda stream: stream.write(content))
+    return write_atomic(path, lambda stream: stream.write(content))
 
 
 def from_uff(path: str | os.PathLike[str]) -> ResponseData:
@@ -139,9 +139,9 @@ def _data_set(system: System | SystemData, i: int, j: int, frequency: Array, val
         raise ExportError(f"to_uff: the names '{names}' do not fit into a line of the format; expected at most {LINE} "
                           f"characters of ASCII without ' / '. Give the input or output another name.")  # fmt: skip
     units = (system.output_units[i], system.input_units[j])
-    table = np.stack([frequency, values.real, values.imag], axis=1)
+    samples = np.stack([frequency, values.real, values.imag], axis=1)
     # little-endian IEEE numbers behind eleven lines of text
-    kind = f"{'    58b'}{1:6}{2:6}{11:12}{table.nbytes:12}{0:6}{0:6}{0:12}{0:12}" if binary else "    58"
+    kind = f"{'    58b'}{1:6}{2:6}{11:12}{samples.nbytes:12}{0:6}{0:6}{0:12}{0:12}" if binary else "    58"
     lines = [
         kind.ljust(LINE), names.ljust(LINE), f"{units[0]} / {units[1]}".ljust(LINE), "written by mbsvib".ljust(LINE),
         "NONE".ljust(LINE), "NONE".ljust(LINE),
@@ -152,8 +152,8 @@ def _data_set(system: System | SystemData, i: int, j: int, frequency: Array, val
             (18, "Frequency", "Hz"), (_TYPES.get(units[0], 0), "Response", units[0]),
             (_TYPES.get(units[1], 0), "Reference", units[1]), (0, "NONE", "NONE"))),
     ]  # fmt: skip
-    content = (table.astype("<f8").tobytes() if binary else
-               "".join(f"{x:13.5e}{re:20.11e}{im:20.11e}\n" for x, re, im in table.tolist()).encode())  # fmt: skip
+    content = (samples.astype("<f8").tobytes() if binary else
+               "".join(f"{x:13.5e}{re:20.11e}{im:20.11e}\n" for x, re, im in samples.tolist()).encode())  # fmt: skip
     head = "\n".join([f"{-1:6}".ljust(LINE), *lines]) + "\n"
     return head.encode("ascii", "replace") + content + f"{-1:6}".ljust(LINE).encode() + b"\n"
 

@@ -108,7 +108,7 @@ def animate(
 
 
 def write_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure in the format of the path's suffix, whole or not at all.
+    """Write a figure in the format of the path's suffix, completely or not at all.
 
     Parameters
     ----------
@@ -129,10 +129,10 @@ def write_figure(figure: Figure, path: Path) -> Path:
     ExportError
         If the file cannot be written.
     """
-    from mbsvib_export.whole_file import write_whole
+    from mbsvib_export.atomic_file import write_atomic
 
     _check_format(path)
-    return write_whole(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
+    return write_atomic(path, lambda stream: figure.savefig(stream, format=path.suffix[1:].lower()))
 
 
 def _check_format(path: Path | None) -> None:

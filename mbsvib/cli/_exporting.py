@@ -78,6 +78,6 @@ def export(
         elif suffix in with_states:
             with_states[suffix](system, file, **states)
         else:
-            others: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
-            others[suffix](system, file)
+            exporters: dict[str, Callable[..., object]] = {".uff": mx.to_uff, ".op4": mx.to_op4, ".pch": mx.to_dmig}
+            exporters[suffix](system, file)
     shell.say(f"Written: {shell.shown(file)} ({content})")

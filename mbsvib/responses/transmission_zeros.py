@@ -172,9 +172,9 @@ def _in_energy(
 def _even(equations: tuple[Array, Array, Array, Array], highest: float) -> tuple[Array, Array, Array, Array]:
     """Bring A, B, C, D to units of the highest frequency and to unit size."""
     a, b, c, d = equations
-    force, seen = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
-    force[force == 0.0] = seen[seen == 0.0] = 1.0
-    return a / highest, b / highest / force, c / seen[:, None], d / seen[:, None] / force
+    input_norm, output_norm = np.linalg.norm(b, axis=0) / highest, np.linalg.norm(c, axis=1)
+    input_norm[input_norm == 0.0] = output_norm[output_norm == 0.0] = 1.0
+    return a / highest, b / highest / input_norm, c / output_norm[:, None], d / output_norm[:, None] / input_norm
 
 
 def _refined(modal: Damped | General, total: ModalSum | Resolvent, zeros: Complex) -> Complex:
@@ -264,17 +264,17 @@ def _near_rigid_poles(
 def _transfer(
     system: Equations, modal: Damped | General, ports: tuple[list[int], list[int]], z: Complex
 ) -> ModalSum | Resolvent:
-    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that it is no such sum."""
+    """The transfer matrix as a sum over modes, or by solving where eigenvalues meet so that there is no such sum."""
     from mbsvib.responses import frequency_response, general_responses
     from mbsvib.responses.resolvent import Resolvent
 
     sources, results = ports
     if isinstance(modal, Damped):
         forces = modal.shapes.T @ system.B[:, sources]
-        summed = modal.vectors is None or frequency_response.trusted(modal, forces, np.abs(z))
+        by_modes = modal.vectors is None or frequency_response.trusted(modal, forces, np.abs(z))
     else:
-        summed = general_responses.trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z))
-    if summed:
+        by_modes = general_responses.trusted(modal, modal.state.basis.T @ system.B[:, sources], np.abs(z))
+    if by_modes:
         return modal_sum(system, modal, sources, results)
     matrices = {name: getattr(system, name)[results] for name in ("Cq", "Cv", "Ca")}
     return Resolvent.of(*_in_energy(system, modal, ports, matrices | {"D": system.D[np.ix_(results, sources)]}))
@@ -324,7 +324,7 @@ def _general_noise(
 ) -> Array:
     """The same with right and left vectors."""
     sources, results = ports
-    values, right, left, slopes = modal.spectrum.whole()
+    values, right, left, slopes = modal.spectrum.complete()
     b = np.abs(left.T @ system.B[:, sources]) / np.abs(slopes)[:, None]
     highest = b.max(axis=0, initial=0.0)
     result = np.zeros((len(results), len(sources), len(z)))

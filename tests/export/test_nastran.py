@@ -35,10 +35,10 @@ def test_op4_damage(tmp_path):
 
 def test_dmig_cards_are_read_as_a_superelement(tmp_path):
     system = stewart()
-    found = read_punch(mx.to_dmig(system, tmp_path / "x.pch"), C="BAAX")
-    assert found.labels == tuple((k + 1, 0) for k in range(system.dof))
-    for one, two in ((found.M, system.M), (found.C, system.C), (found.K, system.K)):
-        assert np.abs(one - two).max() < 1e-9 * np.abs(two).max()
+    result = read_punch(mx.to_dmig(system, tmp_path / "x.pch"), C="BAAX")
+    assert result.labels == tuple((k + 1, 0) for k in range(system.dof))
+    for first, second in ((result.M, system.M), (result.C, system.C), (result.K, system.K)):
+        assert np.abs(first - second).max() < 1e-9 * np.abs(second).max()
     text = (tmp_path / "x.pch").read_text(encoding="ascii")
     assert f"$ 1 = {system.coordinates[0]} [rad]" in text
     assert max(map(len, text.splitlines())) <= 72

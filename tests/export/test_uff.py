@@ -14,24 +14,24 @@ def test_pyuff_reads_every_response(tmp_path):
     system = stewart()
     omega = np.geomspace(10.0, 1e5, 40)
     path = mx.to_uff(system, tmp_path / "plant.uff", omega)
-    found = mx.from_uff(path)
-    assert found.omega == pytest.approx(omega, rel=4e-16)
-    assert same_bits(found.response, system.frequency_response(2 * np.pi * (omega / (2 * np.pi))))
+    result = mx.from_uff(path)
+    assert result.omega == pytest.approx(omega, rel=4e-16)
+    assert same_bits(result.response, system.frequency_response(2 * np.pi * (omega / (2 * np.pi))))
     for key in ("inputs", "input_units", "outputs", "output_units"):
-        assert getattr(found, key) == getattr(system, key)
-    assert "15 inputs, 24 outputs, 40 frequencies" in repr(found)
+        assert getattr(result, key) == getattr(system, key)
+    assert "15 inputs, 24 outputs, 40 frequencies" in repr(result)
 
 
 def test_a_set_says_what_it_is(tmp_path):
     system = slider(outputs=("mass.z",))
     path = mx.to_uff(system, tmp_path / "x.uff")
-    one = pyuff.UFF(str(path)).read_sets()
-    assert (one["func_type"], one["rsp_node"], one["ref_node"]) == (4, 1, 1)
-    assert (one["ordinate_spec_data_type"], one["orddenom_spec_data_type"]) == (8, 13)  # displacement, force
-    assert (one["abscissa_spec_data_type"], one["abscissa_axis_units_lab"].strip()) == (18, "Hz")
-    assert one["rsp_ent_name"].strip() == "mass.z"
-    assert len(one["x"]) == len(system.frequency_grid())
-    assert int(one["n_bytes"]) == 24 * len(one["x"])
+    single = pyuff.UFF(str(path)).read_sets()
+    assert (single["func_type"], single["rsp_node"], single["ref_node"]) == (4, 1, 1)
+    assert (single["ordinate_spec_data_type"], single["orddenom_spec_data_type"]) == (8, 13)  # displacement, force
+    assert (single["abscissa_spec_data_type"], single["abscissa_axis_units_lab"].strip()) == (18, "Hz")
+    assert single["rsp_ent_name"].strip() == "mass.z"
+    assert len(single["x"]) == len(system.frequency_grid())
+    assert int(single["n_bytes"]) == 24 * len(single["x"])
 
 
 def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):
@@ -39,10 +39,10 @@ def test_text_holds_the_responses_at_the_frequencies_that_it_holds(tmp_path):
     omega = 1e4 * np.sqrt([0.2, 0.3, 0.5])
     path = mx.to_uff(system, tmp_path / "x.uff", omega, binary=False)
     assert path.read_bytes().isascii()
-    found = mx.from_uff(path)
-    assert found.omega == pytest.approx(omega, rel=1e-5)
-    exact = system.frequency_response(found.omega)
-    assert np.abs(found.response - exact).max(axis=2) == pytest.approx(0.0, abs=1e-9 * np.abs(exact).max())
+    result = mx.from_uff(path)
+    assert result.omega == pytest.approx(omega, rel=1e-5)
+    exact = system.frequency_response(result.omega)
+    assert np.abs(result.response - exact).max(axis=2) == pytest.approx(0.0, abs=1e-9 * np.abs(exact).max())
 
 
 def test_what_does_not_fit(tmp_path):

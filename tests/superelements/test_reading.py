@@ -16,18 +16,18 @@ from tests.superelements.craig_bampton import NODES, reduced
 M, K = reduced(3)
 
 
-def close(found, expected, rtol):
+def close(result, expected, rtol):
     size = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
-    assert np.abs((found - expected) / size).max() <= rtol
+    assert np.abs((result - expected) / size).max() <= rtol
 
 
 def test_mat(tmp_path):
     path = tmp_path / "pipe.mat"
     savemat(path, {"Mred": M, "Kred": csc_matrix(K), "Cred": 1e-5 * K})
-    found = read_mat(path, "Mred", "Kred", "Cred")
-    assert np.array_equal(found.M, M)
-    assert np.array_equal(found.K, K)
-    assert np.array_equal(found.C, 1e-5 * K)
+    result = read_mat(path, "Mred", "Kred", "Cred")
+    assert np.array_equal(result.M, M)
+    assert np.array_equal(result.K, K)
+    assert np.array_equal(result.C, 1e-5 * K)
     assert read_mat(path, "Mred", "Kred").C is None
     with pytest.raises(mv.ModelError, match=r"no matrix 'M'; the file has Cred, Kred, Mred"):
         read_mat(path)
@@ -53,11 +53,11 @@ def test_op4(tmp_path, binary):
         path.write_bytes(binary_op4("MAA", M) + binary_op4("KAA", K))
     else:
         op4.OP4(debug=False).write_op4(str(path), {"MAA": (6, M), "KAA": (6, K)}, is_binary=False, precision="double")
-    found = read_op4(path)
-    close(found.M, M, 1e-15 if binary else 1e-8)
-    close(found.K, K, 1e-15 if binary else 1e-8)
+    result = read_op4(path)
+    close(result.M, M, 1e-15 if binary else 1e-8)
+    close(result.K, K, 1e-15 if binary else 1e-8)
     model = mv.Model("read")
-    model.add_superelement("pipe", found.M, found.C, found.K, {"left": NODES[0], "right": NODES[-1]})
+    model.add_superelement("pipe", result.M, result.C, result.K, {"left": NODES[0], "right": NODES[-1]})
     assert model.linearize().dof == 15
     with pytest.raises(mv.ModelError, match=r"there is no such file"):
         read_op4(tmp_path / "other.op4")
@@ -93,9 +93,9 @@ def test_punch_with_large_fields(tmp_path):
     labels = [(20, c) for c in range(1, 7)] + [(5, c) for c in range(1, 7)] + [(101, 0), (102, 0), (103, 0)]
     path = tmp_path / "pipe.pch"
     path.write_text("\n".join(["$TITLE = PIPE", *dmig("KAAX", K, labels, True), *dmig("MAAX", M, labels, True)]) + "\n")
-    found = read_punch(path)
-    assert found.labels[:6] == tuple((5, c) for c in range(1, 7))
-    ordered = found.ordered([20, 5])
+    result = read_punch(path)
+    assert result.labels[:6] == tuple((5, c) for c in range(1, 7))
+    ordered = result.ordered([20, 5])
     assert ordered.labels == tuple(labels)
     close(ordered.K, K, 1e-8)
     close(ordered.M, M, 1e-8)
@@ -103,7 +103,7 @@ def test_punch_with_large_fields(tmp_path):
     model.add_superelement("pipe", ordered.M, ordered.C, ordered.K, {"left": NODES[0], "right": NODES[-1]})
     assert (model.linearize().modes().frequencies[:6] == 0.0).all()
     with pytest.raises(mv.ModelError, match=r"grid point 7 has no component 1"):
-        found.ordered([7])
+        result.ordered([7])
 
 
 def test_punch_with_small_fields_and_odd_numbers(tmp_path):
@@ -112,9 +112,9 @@ def test_punch_with_small_fields_and_odd_numbers(tmp_path):
     labels = [(1, 1), (1, 2), (9, 0)]
     text = "\n".join(dmig("KAAX", matrix, labels, False) + dmig("MAAX", np.eye(3), labels, False))
     path.write_text(text.replace(" 4.0E+00", "   4.0+0"))
-    found = read_punch(path)
-    assert np.array_equal(found.K, matrix)
-    assert np.array_equal(found.M, np.eye(3))
+    result = read_punch(path)
+    assert np.array_equal(result.K, matrix)
+    assert np.array_equal(result.M, np.eye(3))
     with pytest.raises(mv.ModelError, match=r"no matrix 'K2'; the file has KAAX, MAAX"):
         read_punch(path, K="K2")
     path.write_text("DMIG    KAAX           0       2       1       0\n")
