@@ -114,8 +114,8 @@ def _declared(
     kind: str, variables: Sequence[str], units: Sequence[str], names: Sequence[str], more: str = ""
 ) -> Iterable[str]:
     for variable, unit, name in zip(variables, units, names, strict=True):
-        said = [f'unit = "{modelica_unit(unit)}"'] if base_unit(unit) else []
-        changes = ", ".join([*said, *([more] if more else [])])
+        attributes = [f'unit = "{modelica_unit(unit)}"'] if base_unit(unit) else []
+        changes = ", ".join([*attributes, *([more] if more else [])])
         yield f"  {kind} {variable}{f'({changes})' if changes else ''} {_text(name)};"
 
 
