@@ -10,6 +10,7 @@ import matplotlib as mpl
 import pytest
 from typer.testing import CliRunner
 
+import mbsvib as mv
 from mbsvib.cli._app import app
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -102,7 +103,15 @@ def test_the_site_is_built(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "pictures" / "mechanism.png").exists()
-    assert "add_bushing" in (tmp_path / "reference" / "models" / "index.html").read_text(encoding="utf-8")
+    pages = (tmp_path / "reference").glob("*/index.html")
+    rendered = {name.rpartition(".")[2] for page in pages
+                for name in re.findall(r'id="(mbsvib[^"]*)"', page.read_text(encoding="utf-8"))}  # fmt: skip
+    for package in ("mbsvib", "mbsvib.plots", "mbsvib.isolation", "mbsvib.studies", "mbsvib.library", "mbsvib_export"):
+        public = set(import_module(package).__all__) - {"__version__", "studies", "library", "plots", "isolation"}
+        assert public <= rendered, f"{package}: not in the reference: {sorted(public - rendered)}"
+    for face in (mv.Model, mv.System, mv.StateSpace):
+        members = {name for name in dir(face) if not name.startswith("_")} - {"kind"}
+        assert members <= rendered, f"{face.__name__}: not in the reference: {sorted(members - rendered)}"
 
 
 def test_the_architecture_page_lists_the_layers_of_the_contract():
