@@ -56,6 +56,16 @@ class Topology:
         """Names of the joints that are cut."""
         return tuple(self.joints[k].name for k in self.cut)
 
+    @property
+    def cumulative(self) -> dict[str, int]:
+        """Cumulative degree of freedom (CDOF) of ground and every body: that of all joints on its path from ground."""
+        names = (*self.bodies, "ground")
+        result = {"ground": 0}
+        for branch in self.branches:
+            own = 6 if branch.joint == FLOATS else len(self.joints[branch.joint].freedom)
+            result[names[branch.body]] = result[names[branch.parent]] + own
+        return result
+
 
 def span(model: Mechanism, cut: Sequence[str] | None = None) -> Topology:
     """Return the spanning tree of smallest cumulative degree of freedom.
