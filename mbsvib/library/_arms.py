@@ -40,7 +40,7 @@ STANFORD = (
 
 
 def two_link(
-    *, lengths: ArrayLike = (1.0, 1.0), masses: ArrayLike = (1.0, 1.0), angles: ArrayLike = (0.0, 0.5 * pi),
+    *, lengths: ArrayLike = (1.0, 1.0), masses: ArrayLike = (1.0, 1.0), angles: ArrayLike = (0.4, 0.8),
     gravity: ArrayLike | None = None,
 ) -> Model:  # fmt: skip
     """Build an arm of two slender links in the x-y plane: 2 degrees of freedom, without springs.
@@ -108,7 +108,8 @@ def gripper(
     the values are chosen.
     """
     who = "gripper"
-    long, heavy, turns = (check.numbers(value, (4,), who, field, "four numbers: palm, finger, knuckle, tip") for value, field in (
+    expected = "four numbers: palm, finger, knuckle, tip"
+    long, heavy, turns = (check.numbers(value, (4,), who, field, expected) for value, field in (
         (lengths, "lengths"), (masses, "masses"), (angles, "angles")))  # fmt: skip
     half = 0.5 * check.number(width, who, "width", "a width [m]")
     rows = [_slender(*each, who) for each in zip(long, heavy, turns, strict=True)]

@@ -76,8 +76,8 @@ def hoeken(
         radius, coupler_mass = positive(balance_radius, who, "balance_radius", "m"), per_length * a2
         for i, pivot, end, length in ((1, o, a, a1), (3, d, b, a3)):
             mass = 0.5 * (per_length * length + coupler_mass) * length / radius
-            at = tuple(p - radius * (e - p) / length for p, e in zip(pivot, end, strict=True))
-            model.add_body(f"counterweight{i}", mass, (0.0, 0.0, 0.0), (*at, 0.0))
+            x, y = (p - radius * (e - p) / length for p, e in zip(pivot, end, strict=True))
+            model.add_body(f"counterweight{i}", mass, (0.0, 0.0, 0.0), (x, y, 0.0))
             model.add_joint(f"weld{i}", "fixed", f"link{i}", f"counterweight{i}")
     _add_ports(model)
     return model

@@ -47,7 +47,7 @@ def rssr(
     axial_inertia : float
         Moment of inertia of each about its own line [kg m^2].
     drive_stiffness, drive_damping : float
-        Of the torsion spring ``drive`` between ground and crank [N m/rad, N m s/rad].
+        Of the torsion spring ``drive`` between ground and crank [N m/rad, N m s/rad]; both 0: none.
     gravity : array-like, shape (3,), optional
         As for a model.
 
@@ -150,7 +150,8 @@ def _add_chain(model: Model, name: str, first: str, last: str, point: Vector, ax
 
 
 def _add_drive(model: Model, stiffness: float, damping: float) -> None:
-    model.add_torsion_spring("drive", "ground", "link1", axis=Z, stiffness=stiffness, damping=damping)
+    if stiffness or damping:
+        model.add_torsion_spring("drive", "ground", "link1", axis=Z, stiffness=stiffness, damping=damping)
     model.add_input("torque", "link1", "rz")
     model.add_output("crank.angle", "link1", "rz")
     model.add_output("rocker.angle", "link3", "rx")

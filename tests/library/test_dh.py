@@ -131,7 +131,8 @@ def test_mass_matrix_of_any_tree(seed, n):
             "a": rng.uniform(-1, 1), "b": rng.uniform(-1, 1), "alpha": rng.uniform(-4, 4), "theta": rng.uniform(-4, 4),
             "joint": rng.choice(["R", "P"]), "mass": rng.uniform(0.5, 5), "inertia": sizes.sum() - sizes,
             "cm": rng.uniform(-0.5, 0.5, size=3), "offset": rng.uniform(-1, 1, size=3),
-            "turn": rng.uniform(-2, 2, size=3), "parent": str(rng.choice(["ground", *(f"link{k + 1}" for k in range(i))])),
+            "turn": rng.uniform(-2, 2, size=3),
+            "parent": str(rng.choice(["ground", *(f"link{k + 1}" for k in range(i))])),
         })  # fmt: skip
     system, exact = from_dh(rows).linearize(), mass_matrix(rows)
     order = [system.coordinates.index(f"joint{i + 1}.{'rz' if row['joint'] == 'R' else 'z'}")

@@ -1,0 +1,106 @@
+"""Derivatives of cycles against differences of cycles of changed models."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import mbsvib as mv
+from mbsvib import library
+
+TURN = 2 * np.pi
+
+
+def differences(model, name, make, h=1e-5):
+    """Central differences, extrapolated once."""
+    value = model.parameters[name]
+    slopes = []
+    for step in (h, 2 * h):
+        up, down = (make(model.with_values({name: value + d})) for d in (step, -step))
+        slopes.append([(a - b) / (2 * step) for a, b in zip(up, down, strict=True)])
+    return [(4 * a - b) / 3 for a, b in zip(*slopes, strict=True)]
+
+
+def spring_driven():
+    model = library.hoeken(angle=0.2, gravity=(0, -9.81, 0))
+    model.add_spring("tie", "ground", "link3", (0.4, 0.1, 0), model.joints["pin23"].position, 50.0, 2.0)
+    return model
+
+
+PLANAR = ["link1.mass", "link2.mass", "link2.position.x", "link3.position.y", "link2.inertia.zz", "crank.position.y",
+          "pin12.position.x", "pin23.position.y", "rocker.position.x"]  # fmt: skip
+CASES = {
+    "hoeken": (library.hoeken(), "crank.rz", np.linspace(0, 6, 7), PLANAR),
+    "rocker": (library.hoeken(angle=0.4), "rocker.rz", np.linspace(0, 0.4, 4), PLANAR),
+    "springs": (spring_driven(), "crank.rz", np.linspace(0, 6, 7), ["tie.stiffness", "tie.damping", "gravity.y",
+                                                                    "tie.start.x", "link2.mass", "pin12.position.x"]),
+    "scraper": (library.carpet_scraper(), "crank.rz", np.linspace(0, 6, 5),
+                ["link6.mass", "link7.position.x", "pin25.position.y", "pin46.position.x", "link4.inertia.zz"]),
+    "seven": (library.seven_r(), "crank.rz", np.linspace(-0.5, 0.2, 4),
+              ["link2.mass", "link2.position.z", "link2.inertia.xy", "ball12.2.position.x", "rocker.position.z",
+               "ball23.1.position.y", "drive.stiffness"]),
+    "slide": (library.toggle(), "rail.z", np.linspace(-0.01, 0.004, 4), ["arm1.mass", "elbow.position.y",
+                                                                         "spring.stiffness", "slider.mass"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_against_differences(case):
+    model, drive, angles, names = CASES[case]
+
+    def make(changed):
+        cycle = changed.cycle(drive, angles, speed=TURN, about=(0.1, 0.2, 0.0))
+        return cycle.torque, cycle.shaking_force, cycle.shaking_moment
+
+    cycle = model.cycle(drive, angles, speed=TURN, about=(0.1, 0.2, 0.0))
+    found = cycle.sensitivities(names)
+    assert found.parameters == tuple(names)
+    for i, name in enumerate(names):
+        expected = differences(model, name, make)
+        for exact, slope in zip((found.torque, found.shaking_force, found.shaking_moment), expected, strict=True):
+            assert_allclose(exact[i], slope, rtol=1e-6, atol=1e-7 * max(1.0, abs(slope).max()))
+
+
+def test_rms_and_peak():
+    model, angles = library.hoeken(), TURN * np.arange(18) / 18
+    asked = [(what, quantity) for what in ("rms", "peak") for quantity in ("force", "moment", "torque")]
+
+    def make(changed):
+        cycle = changed.cycle("crank.rz", angles, speed=TURN, about=(0, 0, 0))
+        return [getattr(cycle, what)(quantity) for what, quantity in asked]
+
+    names = ["link1.position.x", "link3.position.y", "pin12.position.y"]
+    found = model.cycle("crank.rz", angles, speed=TURN).sensitivities(names)
+    for i, name in enumerate(names):
+        exact = [getattr(found, what)(quantity)[i] for what, quantity in asked]
+        assert_allclose(exact, differences(model, name, make), rtol=1e-6, atol=1e-8)
+    balanced = library.hoeken(balance_radius=0.08).cycle("crank.rz", [0.0], speed=0.0)
+    assert np.isnan(balanced.sensitivities("link1.mass").rms("force")).all()
+    assert np.isnan(balanced.sensitivities("link1.mass").peak("force")).all()
+
+
+def test_robots_by_closed_form():
+    """tau of a pendulum is linear in mass and quadratic in the centre; several drives at once."""
+    arm = library.two_link(gravity=(0, -9.81, 0))
+    motion = {"joint1.rz": ([0.1, 0.5], 1.0, 2.0), "joint2.rz": ([0.3, -0.2], -1.0, 0.5)}
+    cycle = arm.cycle(motion=motion)
+    found = cycle.sensitivities()
+    assert set(found.parameters) == {f"link{i}.{field}" for i in (1, 2) for field in (
+        "mass", *(f"position.{a}" for a in "xyz"), *(f"inertia.{a}" for a in ("xx", "yy", "zz", "xy", "xz", "yz")))}
+    # Euler: the torques are homogeneous of degree one in masses and inertias
+    values = np.array([arm.parameters[name] if "position" not in name else 0.0 for name in found.parameters])
+    for name in cycle.drives:
+        assert_allclose(values @ found.torques[name], cycle.torques[name], rtol=1e-12)
+    assert_allclose(np.einsum("k,knc->nc", values, found.shaking_force), cycle.shaking_force, rtol=1e-12, atol=1e-12)
+
+
+def test_a_pin_that_leaves_its_plane():
+    """Moving one pin of a planar linkage out of its plane moves it on both bodies: the loop still closes."""
+    cycle = library.hoeken().cycle("crank.rz", [0.3, 1.0], speed=TURN)
+    assert_allclose(cycle.sensitivities("pin12.position.z").torque, 0, atol=1e-12)
+
+
+def test_patterns():
+    cycle = library.hoeken().cycle("crank.rz", [0.3], speed=TURN)
+    assert cycle.sensitivities("link*.mass").parameters == ("link1.mass", "link2.mass", "link3.mass")
+    with pytest.raises(mv.ModelError, match="parameters = 3"):
+        cycle.sensitivities(3)
