@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from mbsvib.cycles.result import CycleData
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
+    from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.reactions import Reactions
     from mbsvib.cycles.sensitivities import CycleSensitivities
 
@@ -120,9 +122,67 @@ class Running(Mechanism):
 
         Source: H. Chaudhary, S. K. Saha, "Dynamics and Balancing of Multibody Systems" (2009), chapters 3 to 6.
         """
-        try:
-            from mbsvib.cycles.inverse_dynamics import inverse_dynamics
-            from mbsvib.cycles.machine import machine
-        except ImportError as error:
-            raise MbsvibError('cycle: needs CasADi, which is not installed; pip install "mbsvib[casadi]".') from error
-        return inverse_dynamics(machine(self, drive, angles, speed, motion, about), Cycle)
+        words = {"drive": drive, "angles": angles, "speed": speed, "motion": motion, "about": about}
+        return cycle_of(self, words)
+
+
+def cycle_of(model: Mechanism, words: Mapping[str, Any], compiled: Statement | None = None) -> Cycle:
+    """Return the cycle of a model.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The machine.
+    words : mapping
+        The arguments of ``Model.cycle``.
+    compiled : Statement, optional
+        Equations of a like machine, to be used with the values of this one.
+
+    Returns
+    -------
+    Cycle
+        As ``Model.cycle`` returns it.
+
+    Raises
+    ------
+    MbsvibError
+        As ``Model.cycle`` does.
+    """
+    _check_casadi()
+    from mbsvib.cycles.inverse_dynamics import inverse_dynamics
+    from mbsvib.cycles.machine import machine
+
+    return inverse_dynamics(machine(model, **words, compiled=compiled), Cycle)
+
+
+def compiled_for(model: Mechanism, words: Mapping[str, Any], parameters: tuple[str, ...]) -> Statement:
+    """Return the equations of a machine in motion, with some of its numbers as symbols.
+
+    Parameters
+    ----------
+    model : Mechanism
+        The machine.
+    words : mapping
+        The arguments of ``Model.cycle``.
+    parameters : tuple of str
+        Names of parameters.
+
+    Returns
+    -------
+    Statement
+        The equations.
+
+    Raises
+    ------
+    MbsvibError
+        As ``Model.cycle`` does.
+    """
+    _check_casadi()
+    from mbsvib.cycles.machine import machine
+
+    return machine(model, **words).with_symbols(parameters)
+
+
+def _check_casadi() -> None:
+    if find_spec("casadi") is None:
+        raise MbsvibError('cycle: needs CasADi, which is not installed; pip install "mbsvib[casadi]".')

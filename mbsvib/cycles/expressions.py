@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -13,7 +13,7 @@ from mbsvib.finite_motion.rotations import Expression
 from mbsvib.finite_motion.statement import finite_motion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.elements import Body
@@ -26,20 +26,29 @@ class Statement:
     """A mechanism in motion as expressions of q, q', q'' (n,), parameters p and the point O (3,) of moments.
 
     ``closures`` are phi, phi' and phi'' (3 rows,), ``required`` (n,) the generalized forces M q'' - f that joints and
-    drives must supply, ``force`` and ``moment`` (3,) the shaking force and moment about O.
+    drives must supply, ``force`` and ``moment`` (3,) the shaking force and moment about O. ``names`` are those of p;
+    other numbers are those of ``model``. ``functions`` keeps what was compiled of it.
     """
 
+    model: Mechanism
+    names: tuple[str, ...]
     motion: FiniteMotion
     q: Expression
     qd: Expression
     qdd: Expression
     p: Expression
     about: Expression
-    values: Array
     closures: tuple[Expression, Expression, Expression]
     required: Expression
     force: Expression
     moment: Expression
+    functions: dict[Any, ca.Function] = field(default_factory=dict, repr=False)
+
+    def kept(self, key: Any, outputs: Callable[[], Sequence[Expression]]) -> ca.Function:
+        """Return a function of (q, q', q'', p, O), compiled when it is asked for first."""
+        if key not in self.functions:
+            self.functions[key] = self.function(*outputs())
+        return self.functions[key]
 
     def rate(self, expression: Expression) -> Expression:
         """Return the time derivative of an expression of q and q'."""
@@ -103,7 +112,7 @@ def statement(
     phi = kinematics.closures
     phi_rate = ca.jtimes(phi, q, qd)
     required = ca.jtimes(motion.momenta, qd, qdd) - motion.forces
-    return Statement(motion, q, qd, qdd, numbers.symbols, about, numbers.values, (phi, phi_rate, rate(phi_rate)),
+    return Statement(model, numbers.names, motion, q, qd, qdd, numbers.symbols, about, (phi, phi_rate, rate(phi_rate)),
                      required, -rate(momentum), -rate(angular))  # fmt: skip
 
 

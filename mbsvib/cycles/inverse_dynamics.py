@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
+    from mbsvib.cycles.expressions import Statement
     from mbsvib.cycles.machine import Machine
+    from mbsvib.finite_motion.rotations import Expression
 
 C = TypeVar("C", bound=CycleData)
 
@@ -36,21 +38,11 @@ def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
     CycleData
         Motion, drive torques, shaking force and moment.
     """
-    motion = plant.solved
-    expressions = motion.statement
+    motion, expressions = plant.solved, plant.statement
     names, kinematics = list(plant.model.bodies), expressions.motion.motion
-    numbers = kinematics.numbers
-    centres = [kinematics.point(name, numbers.vector(plant.model.bodies[name], "position")) for name in names]
-    turning = [kinematics.frames[name].rotation for name in names]
-    speeds = [kinematics.frames[name].vector(kinematics.angular_velocity(name)) for name in names]
-    twists = [ca.vertcat(ca.jtimes(r, expressions.q, expressions.qd), w)
-              for r, w in zip(centres, speeds, strict=True)]  # fmt: skip
-    function = expressions.function(
-        expressions.required, expressions.force, expressions.moment, ca.vertcat(*centres), ca.horzcat(*turning),
-        ca.vertcat(*twists), ca.vertcat(*map(expressions.rate, twists)),
-    )  # fmt: skip
+    function = expressions.kept("dynamics", lambda: _outputs(expressions))
     required, force, moment, at, axes, rates, accelerations = evaluated(
-        function, motion.q, motion.qd, motion.qdd, expressions.values, plant.about)  # fmt: skip
+        function, motion.q, motion.qd, motion.qdd, plant.values(expressions), plant.about)  # fmt: skip
     n, described = len(motion.q), np.array([plant.model.bodies[name].orientation for name in names])
     turned = axes.reshape(n, 3, len(names), 3).transpose(2, 0, 1, 3) @ described[:, None]
     torques = np.einsum("snm,sn->sm", motion.ways, required)
@@ -64,6 +56,19 @@ def inverse_dynamics(plant: Machine, kind: type[C]) -> C:
         {name: _fixed(torques[:, i]) for i, name in enumerate(plant.motion.names)}, _fixed(force), _fixed(moment),
         _fixed(plant.about),
     )  # fmt: skip
+
+
+def _outputs(expressions: Statement) -> list[Expression]:
+    """Generalized forces, shaking force and moment; centres, rotations, twists and their rates of all bodies."""
+    kinematics, bodies = expressions.motion.motion, expressions.model.bodies
+    centres = [kinematics.point(name, kinematics.numbers.vector(body, "position")) for name, body in bodies.items()]
+    twists = [ca.vertcat(kinematics.rate(r), kinematics.frames[name].vector(kinematics.angular_velocity(name)))
+              for name, r in zip(bodies, centres, strict=True)]  # fmt: skip
+    return [
+        expressions.required, expressions.force, expressions.moment, ca.vertcat(*centres),
+        ca.horzcat(*(kinematics.frames[name].rotation for name in bodies)), ca.vertcat(*twists),
+        ca.vertcat(*map(expressions.rate, twists)),
+    ]  # fmt: skip
 
 
 def _columns(tree: Mapping[str, int], array: Array) -> dict[str, Array]:

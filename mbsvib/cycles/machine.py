@@ -18,7 +18,7 @@ from mbsvib.kinematics.characteristic_length import length_of
 from mbsvib.mechanism.topology import cut_elsewhere
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -28,22 +28,38 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Machine:
-    """A mechanism with its prescribed motion, the point ``about`` (3,) of moments, ``cut`` joints and ``size`` [m]."""
+    """A mechanism with its prescribed motion, the point ``about`` (3,) of moments, ``cut`` joints and ``size`` [m].
+
+    ``compiled`` are its equations, or those of a like machine with other values of its parameters; default: none yet.
+    """
 
     model: Mechanism
     motion: Prescribed
     about: Array
     cut: tuple[str, ...]
     size: float
+    compiled: Statement | None = None
 
-    def statement(self, parameters: Sequence[str] = ()) -> Statement:
-        """Return its equations, with some numbers as symbols."""
+    @cached_property
+    def statement(self) -> Statement:
+        """Its equations."""
+        return statement(self.model, self.cut) if self.compiled is None else self.compiled
+
+    def values(self, expressions: Statement) -> Array:
+        """Return the values of the parameters of its equations."""
+        known = self.model.parameters
+        return np.array([float(known[name]) for name in expressions.names])
+
+    def with_symbols(self, parameters: tuple[str, ...]) -> Statement:
+        """Return its equations with at least these numbers as symbols."""
+        if set(parameters) <= set(self.statement.names):
+            return self.statement
         return statement(self.model, self.cut, parameters)
 
     @cached_property
     def solved(self) -> Solved:
         """Coordinates, rates and accelerations at every sample."""
-        return solved(self, self.statement())
+        return solved(self, self.statement)
 
 
 @dataclass(frozen=True)
@@ -57,13 +73,13 @@ class Solved:
     qdd: Array
     ways: Array
     driven: NDArray[np.intp]
-    statement: Statement
 
 
 def machine(
-    model: Mechanism, drive: Any, angles: Any, speed: Any, motion: Mapping[str, Any] | None, about: ArrayLike | None
-) -> Machine:
-    """Return a mechanism with its prescribed motion, checked; the arguments are those of ``Model.cycle``."""
+    model: Mechanism, drive: Any, angles: Any, speed: Any, motion: Mapping[str, Any] | None, about: ArrayLike | None,
+    compiled: Statement | None = None,
+) -> Machine:  # fmt: skip
+    """Return a mechanism with its prescribed motion, checked; the other arguments are those of ``Model.cycle``."""
     asked = prescribed(model, drive, angles, speed, motion)
     coupled = {name.rpartition(".")[0] for part in model.couplers.values() for name, _ in part.terms}
     cut, closing = cut_elsewhere(model, {*asked.joints, *coupled})
@@ -74,7 +90,7 @@ def machine(
     at = (pivot or (0.0, 0.0, 0.0)) if about is None else check.vector(about, "cycle", "about")
     points = [body.position for body in model.bodies.values()]
     points += [joint.position for joint in model.joints.values() if joint.position is not None]
-    return Machine(model, asked, np.array(at), cut, length_of(np.array(points)))
+    return Machine(model, asked, np.array(at), cut, length_of(np.array(points)), compiled)
 
 
 def solved(plant: Machine, expressions: Statement) -> Solved:
@@ -106,16 +122,18 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     units = np.where(kinematics.turns, 1.0, plant.size)
     row_units = np.where(kinematics.closure_turns, 1.0, plant.size)
     phi, _, phi_acceleration = expressions.closures
-    position = ca.Function("phi", [expressions.q, expressions.p], [phi, ca.jacobian(phi, expressions.q)])
-    p = expressions.values
+    position = expressions.kept("closures", lambda: (phi, ca.densify(ca.jacobian(phi, expressions.q))))
+    curved = expressions.kept("bias", lambda: (phi_acceleration,))
+    p, still = plant.values(expressions), np.zeros(len(units))
 
     def openings(q: Array) -> tuple[Array, Array]:
-        value, matrix = position(q * units, p)
+        value, matrix = position(q * units, still, still, p, plant.about)
         return np.array(value)[:, 0] / row_units, np.array(matrix) * units / row_units[:, None]
 
     loops = Loops(kinematics.names, driven, openings)
     q = followed(loops, motion, motion.values / units[driven]) * units
-    matrix = evaluated(position, q, p)[1].reshape(len(q), -1, len(units)) * units / row_units[:, None]
+    matrix = evaluated(position, q, still, still, p, plant.about)[1].reshape(len(q), -1, len(units))
+    matrix = matrix * units / row_units[:, None]
     depends = loops.dependent
     inverse = np.linalg.pinv(matrix[:, :, depends]) if len(depends) else np.zeros((len(q), 0, len(row_units)))
     ways = np.zeros((len(q), len(units), len(driven)))
@@ -123,7 +141,7 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
     ways[:, depends] = -inverse @ (matrix[:, :, driven])
     ways = ways * np.where(np.isin(np.arange(len(units)), depends), units, 1.0)[:, None] / units[driven]
     qd = np.einsum("snm,sm->sn", ways, motion.rates)
-    bias = evaluated(expressions.function(phi_acceleration), q, qd, np.zeros_like(q), p, plant.about)[0]
+    bias = evaluated(curved, q, qd, still, p, plant.about)[0]
     qdd = np.einsum("snm,sm->sn", ways, motion.accelerations)
     qdd[:, depends] -= (inverse @ (bias / row_units)[:, :, None])[:, :, 0] * units[depends]
-    return Solved(q, qd, qdd, ways, driven, expressions)
+    return Solved(q, qd, qdd, ways, driven)

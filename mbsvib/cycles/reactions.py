@@ -169,7 +169,7 @@ def _drive_wrenches(cycle: CycleData) -> dict[str, Array]:
     Of the directions s_k in which a joint turns (or slides), those with w_j . s_k = 1 for k = j and else 0.
     """
     model, motion = cycle.machine.model, cycle.machine.solved
-    expressions = motion.statement
+    expressions = cycle.machine.statement
     kinematics = expressions.motion.motion
     wanted = {*cycle.drives, *(name for part in model.couplers.values() for name, _ in part.terms)}
     result = {}
@@ -187,8 +187,8 @@ def _drive_wrenches(cycle: CycleData) -> dict[str, Array]:
             index = [kinematics.names.index(name) for name in mine]
             twists = ca.jacobian(first.rotation @ rate, expressions.qd)[:, index]
             found = evaluated(expressions.function(ca.densify(twists)), motion.q, motion.qd, motion.qdd,
-                              expressions.values, cycle.about)[0].reshape(len(motion.q), 3, len(index))  # fmt: skip
-            dual = np.linalg.pinv(found).transpose(0, 2, 1)
+                              cycle.machine.values(expressions), cycle.about)[0]  # fmt: skip
+            dual = np.linalg.pinv(found.reshape(len(motion.q), 3, len(index))).transpose(0, 2, 1)
             for j, name in enumerate(mine):
                 wrench = np.zeros((len(motion.q), 6))
                 wrench[:, 3:] = dual[:, :, j] if turns else 0.0

@@ -19,7 +19,7 @@ from mbsvib.cycles.expressions import evaluated
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
@@ -131,12 +131,11 @@ def sensitivities(cycle: CycleData, parameters: Any = None) -> CycleSensitivitie
         If a parameter is unknown or has no derivative here, or takes the loops apart.
     """
     names = _names(cycle, parameters)
-    expressions = cycle.machine.statement(names)
-    outputs, slopes = _differentiated(cycle, expressions, names)
+    expressions = cycle.machine.with_symbols(names)
+    slopes = _differentiated(cycle, expressions)[:, :, [expressions.names.index(name) for name in names]]
     drives = len(cycle.drives)
     torque = slopes[:, :drives].transpose(2, 1, 0)
     force, moment = (slopes[:, drives + k : drives + k + 3].transpose(2, 0, 1) for k in (0, 3))
-    assert outputs == drives + 6
     for array in (torque, force, moment):
         array.flags.writeable = False
     return CycleSensitivities(cycle, names, {name: torque[:, i] for i, name in enumerate(cycle.drives)}, force, moment)
@@ -154,40 +153,49 @@ def _names(cycle: CycleData, parameters: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for pattern in given for name in known.matching(pattern)))
 
 
-def _differentiated(cycle: CycleData, expressions: Statement, names: tuple[str, ...]) -> tuple[int, Array]:
-    """Number of outputs, and their derivatives (samples, outputs, parameters)."""
+def _differentiated(cycle: CycleData, expressions: Statement) -> Array:
+    """Derivatives (samples, drives + 6, parameters) of torques, shaking force and moment."""
     plant, motion = cycle.machine, cycle.machine.solved
-    kinematics = expressions.motion.motion
-    n, driven = len(kinematics.names), motion.driven
-    depends = [i for i in range(n) if i not in set(driven.tolist())]
-    columns = ca.SX.sym("ways", n * len(driven))
-    ways = ca.reshape(columns, n, len(driven))
-    phi, phi_rate, phi_acceleration = expressions.closures
-    tied = ca.vec(ca.jacobian(phi, expressions.q) @ ways)
-    loops = ca.vertcat(phi, phi_rate, phi_acceleration, tied)
-    free = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends],
-                      ca.vec(ways[depends, :]))  # fmt: skip
-    results = ca.vertcat(ways.T @ expressions.required, expressions.force, expressions.moment)
-    # rows and columns in units in which all are of like size
-    row = np.tile(np.where(kinematics.closure_turns, 1.0, plant.size), 3 + len(driven))
-    slots = [ca.jacobian(each, to) for each in (loops, results) for to in (free, expressions.p)]
-    function = ca.Function("f", [expressions.q, expressions.qd, expressions.qdd, columns, expressions.p,
-                                 expressions.about], [ca.densify(slot) for slot in slots])  # fmt: skip
-    by_column = motion.ways.transpose(0, 2, 1).reshape(len(motion.q), -1)
-    found = evaluated(function, motion.q, motion.qd, motion.qdd, by_column, expressions.values, plant.about)
-    shapes = [(loops.numel(), free.numel()), (loops.numel(), len(names)), (results.numel(), free.numel()),
-              (results.numel(), len(names))]  # fmt: skip
+    driven = tuple(motion.driven.tolist())
+    function, shapes = _slopes(expressions, driven)
+    ways = motion.ways.transpose(0, 2, 1).reshape(len(motion.q), -1)
+    found = evaluated(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
     f_z, f_p, y_z, y_p = (each.reshape(len(motion.q), *shape) for each, shape in zip(found, shapes, strict=True))
-    if not depends or not len(names):
-        return results.numel(), np.array(y_p)
+    if not f_z.shape[2] or not f_p.shape[2]:
+        return np.array(y_p)
+    # rows and columns in units in which all are of like size
+    row = np.tile(np.where(expressions.motion.motion.closure_turns, 1.0, plant.size), 3 + len(driven))
     f_z, f_p = f_z / row[:, None], f_p / row[:, None]
     scale = np.linalg.norm(f_z, axis=1, keepdims=True)
     moved = -np.linalg.pinv(f_z / scale) @ f_p
-    _check_assembled(f_p, f_p + f_z / scale @ moved, names)
-    return results.numel(), np.array(y_p + y_z @ (moved / scale.transpose(0, 2, 1)))
+    _check_assembled(f_p, f_p + f_z / scale @ moved, expressions.names)
+    return np.array(y_p + y_z @ (moved / scale.transpose(0, 2, 1)))
 
 
-def _check_assembled(before: Array, left: Array, names: tuple[str, ...]) -> None:
+def _slopes(expressions: Statement, driven: tuple[int, ...]) -> tuple[ca.Function, list[tuple[int, int]]]:
+    """Function of (q, q', q'', B, p, O) for F_z, F_p, y_z and y_p, compiled once, and the shapes of these."""
+    n = expressions.q.shape[0]
+    depends = [i for i in range(n) if i not in driven]
+    columns = ca.SX.sym("ways", n * len(driven))
+    ways = ca.reshape(columns, n, len(driven))
+    phi, phi_rate, phi_acceleration = expressions.closures
+    rows, unknowns = (3 + len(driven)) * phi.numel(), (3 + len(driven)) * len(depends)
+    shapes = [(rows, unknowns), (rows, len(expressions.names)), (len(driven) + 6, unknowns),
+              (len(driven) + 6, len(expressions.names))]  # fmt: skip
+    key = ("slopes", driven)
+    if key not in expressions.functions:
+        tied = ca.vec(ca.jacobian(phi, expressions.q) @ ways)
+        loops = ca.vertcat(phi, phi_rate, phi_acceleration, tied)
+        free = ca.vertcat(expressions.q[depends], expressions.qd[depends], expressions.qdd[depends],
+                          ca.vec(ways[depends, :]))  # fmt: skip
+        results = ca.vertcat(ways.T @ expressions.required, expressions.force, expressions.moment)
+        slopes = [ca.densify(ca.jacobian(each, to)) for each in (loops, results) for to in (free, expressions.p)]
+        expressions.functions[key] = ca.Function(
+            "f", [expressions.q, expressions.qd, expressions.qdd, columns, expressions.p, expressions.about], slopes)
+    return expressions.functions[key], shapes
+
+
+def _check_assembled(before: Array, left: Array, names: Sequence[str]) -> None:
     """Refuse parameters that loops do not allow to change by themselves."""
     for k, name in enumerate(names):
         if np.abs(left[:, :, k]).max() > ASSEMBLED * max(1.0, float(np.abs(before[:, :, k]).max())):

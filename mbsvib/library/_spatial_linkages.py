@@ -86,8 +86,18 @@ def seven_r(
 
     Parameters
     ----------
-    crank, crank_angle, rocker, rocker_angle, rocker_pivot, masses, axial_inertia, drive_stiffness, drive_damping
-        As for ``rssr``.
+    crank, rocker : float
+        Lengths [m]; all values are those of ``rssr``.
+    crank_angle, rocker_angle : float
+        Of the crank from x towards y, of the rocker from y towards z [rad].
+    rocker_pivot : array-like, shape (3,)
+        Point of the joint ``rocker`` [m].
+    masses : array-like, shape (3,)
+        Of crank, coupler and rocker [kg], slender bars.
+    axial_inertia : float
+        Moment of inertia of each about its own line [kg m^2].
+    drive_stiffness, drive_damping : float
+        Of the torsion spring ``drive`` between ground and crank [N m/rad, N m s/rad]; both 0: none.
     gravity : array-like, shape (3,), optional
         As for a model.
 
