@@ -6,6 +6,7 @@ state. Save it by ``figure.savefig("bode.png")``. Matplotlib is imported by the 
 
 from mbsvib.plots.bode import bode
 from mbsvib.plots.campbell import campbell
+from mbsvib.plots.cycle import cycle
 from mbsvib.plots.energy import energy
 from mbsvib.plots.front import front
 from mbsvib.plots.grid import time_grid
@@ -22,6 +23,7 @@ from mbsvib.plots.topology import topology
 __all__ = [
     "bode",
     "campbell",
+    "cycle",
     "energy",
     "front",
     "isolation",
