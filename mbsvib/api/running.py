@@ -11,12 +11,13 @@ from mbsvib.errors import MbsvibError
 from mbsvib.mechanism.mechanism import Mechanism
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
     from mbsvib.common.arrays import Array
     from mbsvib.cycles.expressions import Statement
+    from mbsvib.cycles.periodic import Periodic
     from mbsvib.cycles.reactions import Reactions
     from mbsvib.cycles.sensitivities import CycleSensitivities
 
@@ -69,6 +70,40 @@ class Cycle(CycleData):
         from mbsvib.cycles.sensitivities import sensitivities
 
         return sensitivities(self, parameters)
+
+    def periodic(
+        self, released: Mapping[str, tuple[float, float]] | Sequence[str] | None = None, *, period: float | None = None
+    ) -> Periodic:
+        """Return the linear equations of small motions about the cycle, whose coefficients are periodic.
+
+        M(t) delta'' + (C(t) + c) delta' + (K(t) + k) delta = 0
+
+        Released drives keep the torque of the cycle and deviate by delta from their motion; the others stay on theirs.
+
+        Parameters
+        ----------
+        released : mapping of str to (stiffness, damping), or sequence of str, optional
+            Drives that may deviate, with what stiffness k [N m/rad, N/m] and damping c [N m s/rad, N s/m] they have
+            about their motion, of a shaft or a controller; default: all, with none.
+        period : float, optional
+            Period [s], over which the samples are evenly spread; default: one turn of a drive at constant speed.
+
+        Returns
+        -------
+        Periodic
+            Coefficients, ``frozen`` and ``averaged`` eigenvalues, Floquet ``multipliers``, and whether it is
+            ``stable``.
+
+        Raises
+        ------
+        ModelError
+            If a name is no drive, or the samples are not evenly spread over a period.
+
+        Source: G. Floquet, Sur les equations differentielles lineaires a coefficients periodiques (1883).
+        """
+        from mbsvib.cycles.periodic import periodic
+
+        return periodic(self, released, period)
 
 
 class Running(Mechanism):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.cycles.result import CycleData
 from mbsvib.errors import ResponseError
 from mbsvib.plots import _style as style
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
-    from mbsvib.cycles.result import CycleData
 
 # Components below this share of the largest are rounding, and the motion is planar.
 PLANAR = 1e-9
@@ -44,7 +44,7 @@ def cycle(cycles: CycleData | Sequence[CycleData], *, labels: Sequence[str] | No
     ResponseError
         If there is no cycle, or the labels are not as many.
     """
-    several = [cycles] if hasattr(cycles, "shaking_force") else list(cycles)
+    several: list[CycleData] = [cycles] if isinstance(cycles, CycleData) else list(cycles)
     if not several:
         raise ResponseError("cycle: cycles = []; expected what model.cycle(...) returned, one or several.")
     names = [each.machine.model.name for each in several] if labels is None else list(labels)
@@ -97,10 +97,12 @@ def _moment(each: CycleData) -> Array:
     most = int(size.argmax())
     if np.delete(size, most).max() <= PLANAR * size[most]:
         return each.shaking_moment[:, most]
-    return np.linalg.norm(each.shaking_moment, axis=1)
+    return np.asarray(np.linalg.norm(each.shaking_moment, axis=1))
 
 
 def _named(first: CycleData, left: Sequence[Axes], hodograph: Axes, plane: Sequence[int]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     drives = first.drives
     turning = all(map(_turns, drives))
     over = f"{drives[0]} [{'deg' if _turns(drives[0]) else 'm'}]" if len(drives) == 1 else "sample [-]"
@@ -111,7 +113,7 @@ def _named(first: CycleData, left: Sequence[Axes], hodograph: Axes, plane: Seque
     for axes in left[:2]:
         axes.tick_params(labelbottom=False)
     if len(drives) == 1 and _turns(drives[0]) and np.ptp(first.angles) > 0.5 * np.pi:
-        left[2].xaxis.get_major_locator().set_params(steps=[1, 3, 4.5, 6, 9, 10])
+        left[2].xaxis.set_major_locator(MaxNLocator(nbins=9, steps=[1, 3, 4.5, 6, 9, 10]))
     x, y = ("xyz"[k] for k in plane)
     hodograph.set_xlabel(f"shaking force along {x} [N]")
     hodograph.set_ylabel(f"shaking force along {y} [N]")
