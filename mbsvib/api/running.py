@@ -132,7 +132,8 @@ class Running(Mechanism):
         motion : mapping of str to (q, qd, qdd), optional
             Instead of these: for each driven coordinate its values, rates and accelerations, arrays (n,) or numbers.
         about : array-like, shape (3,), optional
-            Point O of the shaking moment [m], world axes; default: the joint of the first drive as described.
+            Point O of the shaking moment [m], world axes; default: the joint of the first drive as
+            described, the origin where that has no point.
 
         Returns
         -------

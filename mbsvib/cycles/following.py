@@ -25,10 +25,12 @@ LONGEST, SHORTEST = 0.1, 1e-7
 CORRECTIONS = 12
 # Loops count as closed when they are open by less than this [rad, mechanism sizes]: rounding of some products.
 CLOSED = 1e-13
-# Up to this they count as closed where they get no closer, as in mechanisms far from the origin.
-ACCEPTED = 1e-10
+# Up to this they count as closed where they get no closer: a thousandth of what results are promised to.
+ACCEPTED = 1e-12
 # Dependent coordinates that move more than 1e7 times as fast as the drive: rates and forces have no digits left.
 SINGULAR = 1e-7
+# Frames from the warning up to the call of the user.
+USER = 8
 # Eigenvalues with a smaller imaginary part, as a share of them, are real.
 REAL = 1e-9
 # A generic neighbour of the described pose, to tell a singular pose from a freedom that no drive has.
@@ -40,11 +42,14 @@ class Loops:
     """What loops demand of the tree coordinates ``names`` (n,), of which ``driven`` (m,) are prescribed.
 
     ``openings`` returns their openings (rows,) and the derivative (rows, n) at q (n,), both in units of 1 rad and the
-    mechanism's size, coordinates q as well.
+    mechanism's size, coordinates q as well; ``units`` (n,) are those of q [rad, m]. ``rounding`` is how far loops may
+    be open as points are rounded relative to the origin.
     """
 
     names: tuple[str, ...]
     driven: NDArray[np.intp]
+    units: Array
+    rounding: float
     openings: Callable[[Array], tuple[Array, Array]]
 
     @property
@@ -53,7 +58,7 @@ class Loops:
         return np.setdiff1d(np.arange(len(self.names)), self.driven)
 
 
-def followed(loops: Loops, motion: Prescribed, targets: Array) -> Array:
+def followed(loops: Loops, motion: Prescribed) -> Array:
     """Return the tree coordinates at every sample.
 
     Parameters
@@ -61,14 +66,12 @@ def followed(loops: Loops, motion: Prescribed, targets: Array) -> Array:
     loops : Loops
         What the loops demand.
     motion : Prescribed
-        The motion, for messages.
-    targets : array, shape (samples, m)
-        Values of the driven coordinates, in units of 1 rad and the mechanism's size.
+        The motion of the driven coordinates.
 
     Returns
     -------
     array, shape (samples, n)
-        Coordinates in the same units.
+        Coordinates [rad, m].
 
     Raises
     ------
@@ -77,27 +80,29 @@ def followed(loops: Loops, motion: Prescribed, targets: Array) -> Array:
     ModelError
         If the drives do not determine the motion, or not move.
     """
-    here = np.zeros(len(loops.names))
+    here, targets = np.zeros(len(loops.names)), motion.values / loops.units[loops.driven]
     _check_mobility(loops, motion)
-    result: Array = np.empty((len(targets), len(here)))
+    result: Array = np.zeros((len(targets), len(here)))
+    if not len(loops.dependent):
+        result[:, loops.driven] = motion.values
+        return result
     least, where = np.inf, 0
     for i, target in enumerate(targets):
-        here = _to(loops, here, target, motion, i)
+        here = _to(loops, here, target, motion)
         result[i] = here
-        if len(loops.dependent):
-            smallest = np.linalg.svd(loops.openings(here)[1][:, loops.dependent], compute_uv=False)[-1]
-            if smallest < SINGULAR:
-                raise _singular(loops, motion, motion.said(i), here)
-            if smallest < least:
-                least, where = float(smallest), i
+        smallest = np.linalg.svd(loops.openings(here)[1][:, loops.dependent], compute_uv=False)[-1]
+        if smallest < SINGULAR:
+            raise _singular(loops, motion, motion.said(i), here)
+        if smallest < least:
+            least, where = float(smallest), i
     if least < NEAR_SINGULAR:
         warnings.warn(f"cycle: at {motion.said(where)} the mechanism is near a singular pose (smallest singular value "
                       f"of its loops {least:.1e}); rates and forces lose as many digits there.",
-                      NearSingularWarning, stacklevel=5)  # fmt: skip
-    return result
+                      NearSingularWarning, stacklevel=USER)  # fmt: skip
+    return result * loops.units
 
 
-def _to(loops: Loops, here: Array, target: Array, motion: Prescribed, i: int) -> Array:
+def _to(loops: Loops, here: Array, target: Array, motion: Prescribed) -> Array:
     """Take the driven coordinates to their values in steps along which the loops stay closed."""
     depends, driven = loops.dependent, loops.driven
     way = target - here[driven]
@@ -105,7 +110,7 @@ def _to(loops: Loops, here: Array, target: Array, motion: Prescribed, i: int) ->
     longest = float(np.abs(way).max(initial=0.0))
     done, step = 0.0, min(1.0, LONGEST / max(longest, LONGEST))
     _, matrix = loops.openings(here)
-    while done < 1.0 and (longest > 0.0 or len(depends)):
+    while done < 1.0:
         share = min(step, 1.0 - done)
         there = here.copy()
         there[driven] = target if done + share >= 1.0 else start + (done + share) * way
@@ -118,16 +123,8 @@ def _to(loops: Loops, here: Array, target: Array, motion: Prescribed, i: int) ->
             continue
         step = 0.5 * share
         if step * longest < SHORTEST:
-            factor = start + done * way
-            words = motion.words(motion.values[i] if longest == 0.0 else _unscaled(motion, i, factor, target))
-            raise _singular(loops, motion, words, here)
+            raise _singular(loops, motion, motion.words((start + done * way) * loops.units[driven]), here)
     return here
-
-
-def _unscaled(motion: Prescribed, i: int, reached: Array, target: Array) -> Array:
-    """Values that were reached, in the units of the motion."""
-    scale: Array = np.divide(motion.values[i], target, out=np.ones_like(target), where=target != 0.0)
-    return np.asarray(reached * scale)
 
 
 def _closed(loops: Loops, there: Array) -> tuple[Array | None, Array]:
@@ -140,7 +137,7 @@ def _closed(loops: Loops, there: Array) -> tuple[Array | None, Array]:
         if size < CLOSED:
             return there, matrix
         if size > 0.5 * before:
-            return (there, matrix) if before < ACCEPTED else (None, matrix)
+            return (there, matrix) if before < max(ACCEPTED, loops.rounding) else (None, matrix)
         before = size
         there = there.copy()
         there[depends] -= np.linalg.lstsq(matrix[:, depends], error, rcond=None)[0]
@@ -151,8 +148,6 @@ def _same_side(before: Array, after: Array) -> bool:
     """Return whether A = dPhi/dq of the dependent coordinates goes over into that of the next pose without a singular
     one in between: no real eigenvalue of A(before)^-1 A(after) has changed its sign.
     """
-    if not before.shape[1]:
-        return True
     rows = qr(before.T, mode="r", pivoting=True)[1][: before.shape[1]]
     try:
         values = np.linalg.eigvals(np.linalg.solve(before[rows], after[rows]))

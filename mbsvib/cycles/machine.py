@@ -15,6 +15,7 @@ from mbsvib.cycles.following import Loops, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
 from mbsvib.kinematics.characteristic_length import length_of
+from mbsvib.linalg.rank import EPS, RANK_FACTOR
 from mbsvib.mechanism.topology import cut_elsewhere
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 class Machine:
     """A mechanism with its prescribed motion, the point ``about`` (3,) of moments, ``cut`` joints and ``size`` [m].
 
+    ``farthest`` [m] is the largest coordinate of any point.
+
     ``compiled`` are its equations, or those of a like machine with other values of its parameters; default: none yet.
     """
 
@@ -38,7 +41,13 @@ class Machine:
     about: Array
     cut: tuple[str, ...]
     size: float
+    farthest: float
     compiled: Statement | None = None
+
+    @property
+    def rounding(self) -> float:
+        """How far loops may be open as points are rounded relative to the origin, in units of ``size``."""
+        return float(RANK_FACTOR * EPS * max(1.0, self.farthest / self.size))
 
     @cached_property
     def statement(self) -> Statement:
@@ -90,7 +99,8 @@ def machine(
     at = (pivot or (0.0, 0.0, 0.0)) if about is None else check.vector(about, "cycle", "about")
     points = [body.position for body in model.bodies.values()]
     points += [joint.position for joint in model.joints.values() if joint.position is not None]
-    return Machine(model, asked, np.array(at), cut, length_of(np.array(points)), compiled)
+    array = np.array(points)
+    return Machine(model, asked, np.array(at), cut, length_of(array), float(np.abs(array).max()), compiled)
 
 
 def solved(plant: Machine, expressions: Statement) -> Solved:
@@ -130,8 +140,8 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
         value, matrix = position(q * units, still, still, p, plant.about)
         return np.array(value)[:, 0] / row_units, np.array(matrix) * units / row_units[:, None]
 
-    loops = Loops(kinematics.names, driven, openings)
-    q = followed(loops, motion, motion.values / units[driven]) * units
+    loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
+    q = followed(loops, motion)
     matrix = evaluated(position, q, still, still, p, plant.about)[1].reshape(len(q), -1, len(units))
     matrix = matrix * units / row_units[:, None]
     depends = loops.dependent
