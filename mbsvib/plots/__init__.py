@@ -15,6 +15,7 @@ from mbsvib.plots.mechanism import mechanism
 from mbsvib.plots.mode_comparison import mode_comparison
 from mbsvib.plots.modes import modes
 from mbsvib.plots.nyquist import nyquist
+from mbsvib.plots.periodic import periodic
 from mbsvib.plots.root_locus import root_locus
 from mbsvib.plots.singular_values import singular_values
 from mbsvib.plots.step import step
@@ -31,6 +32,7 @@ __all__ = [
     "mode_comparison",
     "modes",
     "nyquist",
+    "periodic",
     "root_locus",
     "singular_values",
     "step",

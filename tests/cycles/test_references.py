@@ -238,3 +238,56 @@ def test_far_from_the_origin(far):
     assert_allclose(other.torque, one.torque, rtol=0, atol=1e-13 * far * one.peak("torque"))
     assert_allclose(other.shaking_moment, one.shaking_moment, rtol=0, atol=1e-13 * far * one.peak("moment"))
     assert other.undetermined == one.undetermined
+
+
+KINDS = [("screw", {"pitch": 0.02}), ("cylindrical", {}), ("prismatic", {}), ("revolute", {}), ("planar", {}),
+         ("universal", {}), (None, {"free": ("x", "z", "ry")}), (None, {"free": ("y", "rx", "rz")})]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_joints_of_all_kinds_carry(seed):
+    """Along a chain, a joint and its drives carry the inertia of all that is beyond; the joint alone does no work."""
+    rng = np.random.default_rng(seed)
+    model, before, chain = mv.Model("chain"), "ground", []
+    for i in rng.permutation(len(KINDS))[:5]:
+        kind, words = KINDS[i]
+        name, at = f"b{i}", rng.uniform(-1, 1, 3)
+        sizes = rng.uniform(0.1, 0.3, 3) ** 2
+        model.add_body(name, rng.uniform(0.5, 2), sizes.sum() - sizes, at, rng.uniform(-1, 1, 3))
+        model.add_joint(f"j{i}", kind, before, name, at + rng.uniform(-0.5, 0.5, 3),
+                        orientation=rng.uniform(-1, 1, 3), **words)  # fmt: skip
+        chain.append((model.joints[f"j{i}"], before, name))
+        before = name
+    names = [f"{joint.name}.{direction}" for joint, _, _ in chain for direction, _ in joint.freedom]
+    motion = {name: rng.uniform(-0.7, 0.7, (3, 2)) for name in names}
+    cycle = model.cycle(motion=motion, about=(0, 0, 0))
+    for k, (joint, first, second) in enumerate(chain):
+        body, turned = model.bodies[second], cycle.orientations[second]
+        arm = np.array(body.orientation).T @ np.subtract(joint.point or body.position, body.position)
+        point = cycle.positions[second] + turned @ arm
+        total = np.zeros((2, 6))
+        for _, _, beyond in chain[k:]:
+            part, axes = model.bodies[beyond], cycle.orientations[beyond]
+            spin, bend = cycle.velocities[beyond][:, 3:], cycle.body_accelerations[beyond][:, 3:]
+            tensor = axes @ np.diag(part.inertia[:3]) @ axes.transpose(0, 2, 1)
+            force = part.mass * cycle.body_accelerations[beyond][:, :3]
+            moment = np.einsum("sij,sj->si", tensor, bend) + np.cross(spin, np.einsum("sij,sj->si", tensor, spin))
+            total += np.hstack([force, moment + np.cross(cycle.positions[beyond] - point, force)])
+        twist = np.zeros((2, 6))
+        for end, sign in ((first, -1.0), (second, 1.0)):
+            if end != "ground":
+                velocity = cycle.velocities[end]
+                at_point = velocity[:, :3] + np.cross(velocity[:, 3:], point - cycle.positions[end])
+                twist += sign * np.hstack([at_point, velocity[:, 3:]])
+        carried = cycle.reactions[joint.name]
+        drives = [name for name in names if name.startswith(f"{joint.name}.")]
+        power = sum(cycle.torques[name] * motion[name][1] for name in drives)
+        scale = np.abs(total).max()
+        assert_allclose((carried * twist).sum(axis=1), 0, atol=1e-11 * scale)
+        assert_allclose((total * twist).sum(axis=1), power, atol=1e-11 * scale)
+        left = total - carried  # what the drives do: moments of those that turn, forces of those that slide
+        if all(name.rpartition(".")[2].startswith("r") for name in drives):
+            assert_allclose(left[:, :3], 0, atol=1e-11 * scale)
+        elif not any(name.rpartition(".")[2].startswith("r") for name in drives):
+            assert_allclose(left[:, 3:], 0, atol=1e-11 * scale)
+    assert not cycle.undetermined

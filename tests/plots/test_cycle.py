@@ -38,3 +38,16 @@ def test_mistakes():
         plots.cycle([])
     with pytest.raises(mv.errors.ResponseError, match="expected 1, one for each cycle"):
         plots.cycle(library.hoeken().cycle("crank.rz", ANGLES, speed=1.0), labels=["a", "b"])
+
+
+def test_multipliers_against_the_unit_circle():
+    cycle = library.hoeken().cycle("crank.rz", 2 * np.pi * np.arange(128) / 128, speed=2 * np.pi)
+    for stiffness, title, mark in ((0.2, "stable", "o"), (0.3, "deviations grow", "s")):
+        data = cycle.periodic({"crank.rz": (stiffness, 1e-3)})
+        frozen, circle = plots.periodic(data).axes
+        assert np.allclose(frozen.lines[0].get_ydata(), np.abs(data.frozen[:, 0]) / (2 * np.pi))
+        shown = np.concatenate([line.get_xydata() for line in circle.lines[1:]]) @ (1, 1j)
+        assert np.allclose(np.sort_complex(shown), np.sort_complex(data.multipliers()))
+        assert circle.get_title(loc="left") == title
+        outside = [line.get_marker() for line in circle.lines[1:] if len(line.get_xdata())]
+        assert mark in outside

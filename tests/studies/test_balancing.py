@@ -179,7 +179,7 @@ def test_several_drives_are_summed():
      (lambda m: studies.with_counterweights(m, {"link9": (1, (0, 0, 0))}), "'link9' is no body"),
      (lambda m: studies.with_counterweights(m, {"link1": 1.0}), "a mass"),
      (lambda m: studies.with_counterweights(m, {"link1": (-1.0, (0, 0, 0))}), "body 'link1.counterweight': mass"),
-     (lambda m: studies.with_counterweights(m, None), "weights = None")],
+     (lambda m: studies.with_counterweights(m, {}), "weights = {}")],
 )  # fmt: skip
 def test_mistakes_are_named(ask, said):
     with pytest.raises(mv.ModelError, match=said):
