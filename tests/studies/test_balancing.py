@@ -9,7 +9,7 @@ import mbsvib as mv
 from mbsvib import library, studies
 
 TURN = 2 * np.pi
-ANGLES = TURN * np.arange(36) / 36
+ANGLES = TURN * np.arange(24) / 24
 SHAPES = {"force": "shaking_force", "moment": "shaking_moment", "torque": "torque"}
 
 
@@ -100,10 +100,9 @@ def test_a_bound_on_one_and_the_least_of_another():
 
 
 def test_mass_redistribution():
-    """Seven points on every link, their masses free within the total: far less of all three at once."""
-    model = studies.equimomental(library.hoeken(), points=7, reach=4.0)
-    variables = {f"link{i}.{k}.mass": (0.0, 1.0) for i in (1, 2, 3) for k in range(1, 8)
-                 if model.parameters[f"link{i}.{k}.mass"] > 0.0}  # fmt: skip
+    """Seven points on coupler and rocker each, their masses free: less of all three at once."""
+    model = studies.equimomental(library.hoeken(), ["link2", "link3"], points=7, reach=4.0)
+    variables = {name: (0.0, 1.0) for name in model.parameters.matching("link?.?.mass")}
     machine, start = run(), cycle_of(library.hoeken())
     best = studies.optimize(model, variables, machine.weighted(model, {"force": 1, "moment": 1, "torque": 1}))
     cycle = cycle_of(best.model)
