@@ -47,7 +47,7 @@ class Cycle(CycleData):
         return self._carried.undetermined
 
     def sensitivities(self, parameters: Any = None) -> CycleSensitivities:
-        """Return exact derivatives of torques, shaking force and moment to parameters.
+        """Return exact derivatives of torques, reactions, shaking force and moment to parameters.
 
         The motion of the drives stays as it is; the others follow the lengths.
 

@@ -125,7 +125,25 @@ def _spin(body: Body, motion: FiniteMotion) -> Expression:
 
 
 def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
-    """Return the outputs of a function at every sample.
+    """Return the outputs of a function at every sample, columns without their second axis.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Any function.
+    *arguments : array, shape (samples, k) or (k,)
+        Its arguments; those of one axis are the same at every sample.
+
+    Returns
+    -------
+    list of array, shape (samples, rows, columns) or (samples, rows)
+        Its outputs.
+    """
+    return [each[:, :, 0] if each.shape[2] == 1 else each for each in matrices(function, *arguments)]
+
+
+def matrices(function: ca.Function, *arguments: Array) -> list[Array]:
+    """Return the outputs of a function at every sample, all as matrices.
 
     Parameters
     ----------
@@ -137,14 +155,11 @@ def evaluated(function: ca.Function, *arguments: Array) -> list[Array]:
     Returns
     -------
     list of array, shape (samples, rows, columns)
-        Its outputs; of columns, (samples, rows).
+        Its outputs.
     """
     samples = max(len(each) for each in arguments if each.ndim == 2)
     columns: list[Any] = [each.T if each.ndim == 2 else np.repeat(each[:, None], samples, axis=1) for each in arguments]
-    result = []
     outputs = function.map(samples).call([ca.DM(column) for column in columns])
-    for i, output in enumerate(outputs):
-        rows, width = function.size_out(i)
-        array = np.array(output).reshape(rows, samples, width).transpose(1, 0, 2)
-        result.append(array[:, :, 0] if width == 1 else array)
-    return result
+    shapes = [function.size_out(i) for i in range(len(outputs))]
+    return [np.array(output).reshape(rows, samples, width).transpose(1, 0, 2)
+            for output, (rows, width) in zip(outputs, shapes, strict=True)]  # fmt: skip

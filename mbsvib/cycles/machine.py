@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from mbsvib.common import arguments as check
-from mbsvib.cycles.expressions import Statement, evaluated, statement
+from mbsvib.cycles.expressions import Statement, evaluated, matrices, statement
 from mbsvib.cycles.following import Loops, followed
 from mbsvib.cycles.prescribed import Prescribed, prescribed
 from mbsvib.errors import ModelError
@@ -142,8 +142,7 @@ def solved(plant: Machine, expressions: Statement) -> Solved:
 
     loops = Loops(kinematics.names, driven, units, plant.rounding, openings)
     q = followed(loops, motion)
-    matrix = evaluated(position, q, still, still, p, plant.about)[1].reshape(len(q), -1, len(units))
-    matrix = matrix * units / row_units[:, None]
+    matrix = matrices(position, q, still, still, p, plant.about)[1] * units / row_units[:, None]
     depends = loops.dependent
     inverse = np.linalg.pinv(matrix[:, :, depends]) if len(depends) else np.zeros((len(q), 0, len(row_units)))
     ways = np.zeros((len(q), len(units), len(driven)))

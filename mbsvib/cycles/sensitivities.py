@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,13 @@ class CycleSensitivities:
     torques: Mapping[str, Array] = field(repr=False)
     shaking_force: Array = field(repr=False)
     shaking_moment: Array = field(repr=False)
+
+    @cached_property
+    def reactions(self) -> Mapping[str, Array]:
+        """Derivatives (k, n, 6) of the reactions by joint; not a number where these are undetermined."""
+        from mbsvib.cycles.reaction_sensitivities import reaction_sensitivities
+
+        return reaction_sensitivities(self.cycle, self.parameters)
 
     @property
     def torque(self) -> Any:

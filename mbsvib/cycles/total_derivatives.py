@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.cycles.expressions import evaluated
+from mbsvib.cycles.expressions import matrices
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
@@ -54,36 +54,44 @@ def total_derivatives(cycle: CycleData, expressions: Statement, to: str, names: 
     ModelError
         If a parameter takes the loops apart.
     """
+    moved, y_z, y_p = _derivatives(cycle, expressions, to, names)
+    return np.array(y_p + y_z @ moved)
+
+
+def dependent_derivatives(cycle: CycleData, expressions: Statement) -> Array:
+    """Return the derivatives (samples, z, parameters) of dependent coordinates, their rates, accelerations and ways."""
+    return _derivatives(cycle, expressions, "parameters", expressions.names)[0]
+
+
+def _derivatives(
+    cycle: CycleData, expressions: Statement, to: str, names: Sequence[str]
+) -> tuple[Array, Array, Array]:
+    """dz/dp, y_z and y_p at all samples."""
     plant, motion = cycle.machine, cycle.machine.solved
     driven = tuple(motion.driven.tolist())
-    function, shapes = _slopes(expressions, driven, to)
+    function = _slopes(expressions, driven, to)
     ways = motion.ways.transpose(0, 2, 1).reshape(len(motion.q), -1)
-    found = evaluated(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
-    f_z, f_p, y_z, y_p = (each.reshape(len(motion.q), *shape) for each, shape in zip(found, shapes, strict=True))
+    found = matrices(function, motion.q, motion.qd, motion.qdd, ways, plant.values(expressions), plant.about)
+    f_z, f_p, y_z, y_p = found
     if not f_z.shape[2] or not f_p.shape[2]:
-        return np.array(y_p)
+        return np.zeros((len(motion.q), f_z.shape[2], f_p.shape[2])), y_z, y_p
     # rows and columns in units in which all are of like size
     row = np.tile(np.where(expressions.motion.motion.closure_turns, 1.0, plant.size), 3 + len(driven))
     f_z, f_p = f_z / row[:, None], f_p / row[:, None]
     scale = np.linalg.norm(f_z, axis=1, keepdims=True)
     moved = -np.linalg.pinv(f_z / scale) @ f_p
     _check_assembled(f_p, f_p + f_z / scale @ moved, names)
-    return np.array(y_p + y_z @ (moved / scale.transpose(0, 2, 1)))
+    return moved / scale.transpose(0, 2, 1), y_z, y_p
 
 
-def _slopes(
-    expressions: Statement, driven: tuple[int, ...], to: str
-) -> tuple[ca.Function, list[tuple[int, int]]]:
-    """Function of (q, q', q'', B, p, O) for F_z, F_p, y_z and y_p, compiled once, and the shapes of these."""
+def _slopes(expressions: Statement, driven: tuple[int, ...], to: str) -> ca.Function:
+    """Function of (q, q', q'', B, p, O) for F_z, F_p, y_z and y_p, compiled once."""
     wanted = expressions.p if to == "parameters" else _drives(expressions, driven)
     n = expressions.q.shape[0]
     depends = [i for i in range(n) if i not in driven]
     columns = ca.SX.sym("ways", n * len(driven))
     ways = ca.reshape(columns, n, len(driven))
     phi, phi_rate, phi_acceleration = expressions.closures
-    rows, unknowns = (3 + len(driven)) * phi.numel(), (3 + len(driven)) * len(depends)
-    shapes = [(rows, unknowns), (rows, wanted.numel()), (len(driven) + 6, unknowns),
-              (len(driven) + 6, wanted.numel())]  # fmt: skip
     key = (to, driven)
     if key not in expressions.functions:
         tied = ca.vec(ca.jacobian(phi, expressions.q) @ ways)
@@ -94,7 +102,7 @@ def _slopes(
         slopes = [ca.densify(ca.jacobian(each, by)) for each in (loops, results) for by in (free, wanted)]
         expressions.functions[key] = ca.Function(
             "f", [expressions.q, expressions.qd, expressions.qdd, columns, expressions.p, expressions.about], slopes)
-    return expressions.functions[key], shapes
+    return expressions.functions[key]
 
 
 def _drives(expressions: Statement, driven: tuple[int, ...]) -> Expression:

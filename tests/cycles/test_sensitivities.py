@@ -101,3 +101,42 @@ def test_patterns():
     assert cycle.sensitivities("link*.mass").parameters == ("link1.mass", "link2.mass", "link3.mass")
     with pytest.raises(mv.ModelError, match="parameters = 3"):
         cycle.sensitivities(3)
+
+
+def all_kinds():
+    model = mv.Model("kinds", gravity=(1.0, 2.0, -9.81))
+    turn = np.array([0.3, -0.5, 0.8])
+    for name, at in (("a", (0.3, 0, 0.1)), ("b", (0.5, 0.4, 0)), ("c", (0.1, 0.6, 0.5))):
+        model.add_body(name, 1.2, (0.02, 0.03, 0.025, 0.001, 0.002, -0.003), at, turn)
+    model.add_joint("screw", "screw", "ground", "a", (0, 0, 0), orientation=turn, pitch=0.05)
+    model.add_joint("hook", "universal", "a", "b", (0.4, 0.2, 0), axis=(0, 1, 0), axis2=(0.6, 0, 0.8))
+    model.add_joint("slide", "cylindrical", "b", "c", (0.3, 0.5, 0.2), axis=(0, 0.6, 0.8))
+    model.add_spring("tie", "ground", "c", (1, 1, 1), (0.1, 0.6, 0.6), 80.0, 3.0)
+    return model
+
+
+REACTIONS = {
+    "seven": (library.seven_r(), {"crank.rz": ([-0.4, 0.1], [3.0, 4.0], [1.0, 0.0])},
+              ["link2.mass", "link2.position.z", "ball12.2.position.x"]),
+    "rssr": (library.rssr(rocker_ball="universal"), {"crank.rz": ([-0.4, 0.1], [3.0, 4.0], [1.0, 0.0])},
+             ["link3.inertia.xy", "ball23.position.z", "drive.stiffness"]),
+    "hoeken": (spring_driven(), {"crank.rz": ([0.4, 2.0], [3.0, 4.0], [1.0, 0.0])},
+               ["pin12.position.x", "tie.damping", "gravity.y"]),
+    "kinds": (all_kinds(), {"screw.rz": (0.4, 1.0, 2.0), "hook.rx": (0.2, 1.0, -1.0), "hook.ry": (-0.5, 0.4, 1.0),
+                            "slide.z": (0.02, 0.3, 1.0), "slide.rz": (0.5, -1.0, 0.5)},
+              ["b.mass", "a.inertia.xz", "hook.position.y", "slide.position.x"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REACTIONS)
+def test_reactions_against_differences(case):
+    model, motion, names = REACTIONS[case]
+    cycle = model.cycle(motion=motion)
+    found = cycle.sensitivities(names)
+    for i, name in enumerate(names):
+        slopes = differences(model, name, lambda changed: list(changed.cycle(motion=motion).reactions.values()), 1e-5)
+        for joint, slope in zip(model.joints, slopes, strict=True):
+            exact, loose = found.reactions[joint][i], cycle.undetermined.get(joint, ())
+            known = [k for k, direction in enumerate(("x", "y", "z", "rx", "ry", "rz")) if direction not in loose]
+            assert_allclose(exact[:, known], slope[:, known], rtol=1e-6, atol=2e-7 * max(1.0, np.abs(slope).max()))
+            assert np.isnan(exact[:, [k for k in range(6) if k not in known]]).all()

@@ -102,7 +102,7 @@ def test_a_bound_on_one_and_the_least_of_another():
 def test_mass_redistribution():
     """Seven points on coupler and rocker each, their masses free: less of all three at once."""
     model = studies.equimomental(library.hoeken(), ["link2", "link3"], points=7, reach=4.0)
-    variables = {name: (0.0, 1.0) for name in model.parameters.matching("link?.?.mass")}
+    variables = dict.fromkeys(model.parameters.matching("link?.?.mass"), (0.0, 1.0))
     machine, start = run(), cycle_of(library.hoeken())
     best = studies.optimize(model, variables, machine.weighted(model, {"force": 1, "moment": 1, "torque": 1}))
     cycle = cycle_of(best.model)
