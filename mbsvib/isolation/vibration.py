@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common import tables
 from mbsvib.errors import ResponseError
 from mbsvib.isolation import octaves
-from mbsvib.isolation.csv_columns import write_columns
+from mbsvib.common.csv_columns import write_columns
 from mbsvib.isolation.frequencies import checked
 from mbsvib.isolation.mean_square import integrals, moments, panels
 from mbsvib.isolation.study_scene import ACCELERATIONS, DIRECTIONS

@@ -22,6 +22,7 @@ from mbsvib.library._pendulums import hinged_rod, pendulum_chain, trifilar_pendu
 from mbsvib.library._quadruped import quadruped
 from mbsvib.library._quarter_car import quarter_car
 from mbsvib.library._rotors import rotor_stator, sleeping_top
+from mbsvib.library._singular_beam import singular_beam
 from mbsvib.library._stewart import stewart, stewart_isolator
 from mbsvib.library._tree import tree
 from mbsvib.library._wafer_stage import wafer_stage
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 __all__ = [
     "build", "cantilever", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh", "hinged_rod",
     "inclined_chain", "ladder", "models", "pendulum_chain", "quadruped", "quarter_car", "rotor_stator",
-    "sleeping_top", "slider_crank", "stewart", "stewart_isolator", "tree", "trifilar_pendulum", "wafer_stage",
+    "singular_beam", "sleeping_top", "slider_crank", "stewart", "stewart_isolator", "tree", "trifilar_pendulum", "wafer_stage",
 ]  # fmt: skip
 
 _FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}
@@ -66,6 +67,7 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
         "four_bar": (four_bar, "four-bar linkage under gravity, held by a spring, 1 DOF"),
         "slider_crank": (slider_crank, "slider-crank under gravity, held by a spring, 1 DOF"),
         "rotor_stator": (rotor_stator, "rotor that spins in a stator on soft mounts, 7 DOF"),
+        "singular_beam": (singular_beam, "clamped beam with two arms that pass their stretched pose, ..."),
         "sleeping_top": (sleeping_top, "top that spins upright on its tip, 3 DOF"),
         "cantilever": (cantilever, "steel tube of 20 beam elements with a mass at its tip, 120 DOF"),
         "wafer_stage": (wafer_stage, "long and short stroke, and a metrology frame on isolators, 21 DOF"),

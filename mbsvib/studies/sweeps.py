@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.studies.design import design
-from mbsvib.studies.progress import counting
+from mbsvib.common.progress import counting
 from mbsvib.studies.question import question
 from mbsvib.studies.results import Sweep, gathered
 from mbsvib.studies.running import run, task
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mbsvib.api.model import Model
     from mbsvib.studies.design import Design, Ties
-    from mbsvib.studies.progress import Progress
+    from mbsvib.common.progress import Progress
     from mbsvib.studies.question import Asked
     from mbsvib.studies.running import Outcome
 

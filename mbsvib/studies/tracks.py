@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
     from mbsvib.modes import Modes
     from mbsvib.studies.design import Design, Ties
-    from mbsvib.studies.progress import Progress
+    from mbsvib.common.progress import Progress
 
 
 UNITS = {"eigenvalues": "1/s", "frequencies": "Hz", "damped_frequencies": "Hz", "damping_ratios": "-"}
