@@ -169,9 +169,7 @@ class Run:
         index = list(self.coordinates).index(name) if name in self.coordinates else -1
 
         def at(k: int, time: float) -> tuple[float, float]:
-            state, bases = self.trace.at(k, time)
-            before = self.trace.samples[k]
-            told = self.trace.told([before.state, state], [before.chart.bases, bases])
+            told = self.trace.told([self.trace.samples[k], self.trace.at(k, time)])
             if index >= 0:
                 # whole turns are counted from the sample before
                 turns = values[k] - told.coordinates[index, 0]

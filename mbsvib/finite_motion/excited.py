@@ -96,7 +96,7 @@ def touched(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> dict[str, tu
 
 
 def at_rest(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[str]:
-    """Return coordinates of blocks on the ground that nothing moves, neither forces nor other coordinates.
+    """Return modes of blocks on the ground that nothing moves, neither forces nor other coordinates.
 
     Parameters
     ----------
@@ -108,23 +108,26 @@ def at_rest(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[st
     Returns
     -------
     frozenset of str
-        Names of coordinates that stay 0.
+        Names of modes that stay 0.
     """
     motion = whole.motion
     names = motion.names
-    own = {joint for block in blocks if block.root == GROUND for joint in block.joints}
     modes = {name for block in blocks if block.root == GROUND for name in block.mode_names}
-    movable = [i for i, name in enumerate(names) if name in modes or name.rpartition(".")[0] in own]
+    movable = [i for i, name in enumerate(names) if name in modes]
     if not movable:
         return frozenset()
-    links, excited = _coupling(whole, movable)
+    bending = {name for block in blocks for name in (*block.interface_names, *block.mode_names)}
+    links, excited = _coupling(whole, movable, [i for i, name in enumerate(names) if name in bending])
     _, label = connected_components(csr_matrix(links), directed=False)
     alive = set(label[excited].tolist())
     return frozenset(names[i] for i in movable if label[i] not in alive)
 
 
-def _coupling(whole: FiniteMotion, movable: list[int]) -> tuple[Array, Array]:
-    """Which coordinates (n, n) act on one another, and which (n,) are moved from outside of the movable ones."""
+def _coupling(whole: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Array]:
+    """Which coordinates (n, n) act on one another, and which (n,) are moved from outside of the movable ones.
+
+    Forces on the movable ones are rounding beside the largest on all that are ``bending``.
+    """
     motion = whole.motion
     q, qd, n = motion.q, motion.qd, len(motion.names)
     pull = ca.densify(whole.forces)
@@ -150,6 +153,6 @@ def _coupling(whole: FiniteMotion, movable: list[int]) -> tuple[Array, Array]:
         size = np.sqrt(np.maximum(stiffness.diagonal(), 1e-300))
         force = np.maximum(force, (pulled[:, 0] + driven[:, 0]) / size)
     excited = ~inside | (rows > ROUNDING).any(axis=0)
-    excited |= inside & (force > ROUNDING * max(float(force[inside].max(initial=0.0)), 1e-300))
-    coupled = (links > ROUNDING) & (links.T > -1.0)
+    excited |= inside & (force > ROUNDING * max(float(force[bending].max()), 1e-300))
+    coupled = links > ROUNDING
     return (coupled | coupled.T).astype(float), excited

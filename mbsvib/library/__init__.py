@@ -67,7 +67,7 @@ def models() -> dict[str, tuple[Callable[[], Model], str]]:
         "four_bar": (four_bar, "four-bar linkage under gravity, held by a spring, 1 DOF"),
         "slider_crank": (slider_crank, "slider-crank under gravity, held by a spring, 1 DOF"),
         "rotor_stator": (rotor_stator, "rotor that spins in a stator on soft mounts, 7 DOF"),
-        "singular_beam": (singular_beam, "clamped beam with two arms that pass their stretched pose, ..."),
+        "singular_beam": (singular_beam, "clamped beam with two arms that swing through their stretched pose, 42 DOF"),
         "sleeping_top": (sleeping_top, "top that spins upright on its tip, 3 DOF"),
         "cantilever": (cantilever, "steel tube of 20 beam elements with a mass at its tip, 120 DOF"),
         "wafer_stage": (wafer_stage, "long and short stroke, and a metrology frame on isolators, 21 DOF"),

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 # Small dense systems: QR of S, whose rows are no symmetric matrix, and LDL of the mass matrix.
 GENERAL, SYMMETRIC = "qr", "ldl"
+# The integrator asks for derivatives even where it does not use them; differences cost nothing to set up.
+UNDIFFERENTIATED = {"enable_forward": False, "enable_reverse": False, "enable_jacobian": False, "enable_fd": True,
+                    "never_inline": True}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def motion_equations(statement: FiniteMotion, rank: int) -> MotionEquations:
     arguments = [*x, Y, W, *given]
     return MotionEquations(
         n, rank, y.shape[0], inputs, closures,
-        ca.Function("flow", arguments, [rates, vd, yd, power], {"cse": True}),
+        ca.Function("flow", arguments, [rates, vd, yd, power], {"cse": True} | UNDIFFERENTIATED),
         ca.Function("unfolded", arguments, [rates, T @ vd + left], {"cse": True}),
         ca.Function("mass", [q, bases], [ca.densify(statement.mass)]),
     )  # fmt: skip

@@ -31,13 +31,15 @@ ABOUT_Z, ALONG_Z = 5, 2
 class Measured:
     """Outputs as functions (q, q', q'', y, bases) -> (values, rotation vectors, their rates).
 
-    ``weights`` (outputs, 3) are those of the rotation vectors; ``refused`` tells why outputs have no value.
+    ``weights`` (outputs, 3) are those of the rotation vectors; ``refused`` tells why outputs have no value, and
+    ``needs_accelerations`` whether q'' has an effect.
     """
 
     names: tuple[str, ...]
     weights: Array
     function: Any
     refused: Mapping[str, str]
+    needs_accelerations: bool
 
     def values(self, q: Array, qd: Array, qdd: Array, y: Array, bases: Array) -> tuple[dict[str, Array], dict[str, Array]]:
         """Return all outputs and their rates by name, (samples,) each, of samples side by side, (n, samples) and so on.
@@ -112,7 +114,8 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         weights.append(weight)
     arguments = [motion.q, motion.qd, qdd, statement.yields, motion.bases]
     function = ca.Function("outputs", arguments, [ca.vertcat(*values), ca.vertcat(*vectors), ca.vertcat(*rates)])
-    return Measured(tuple(names), np.array(weights).reshape(-1, 3), function, refused)
+    return Measured(tuple(names), np.array(weights).reshape(-1, 3), function, refused,
+                    bool(ca.depends_on(ca.vertcat(*values, *rates), qdd)))  # fmt: skip
 
 
 def _force(model: Mechanism, part: ForceOutput, statement: FiniteMotion, onward: Any) -> Expression:

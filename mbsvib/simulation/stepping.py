@@ -53,9 +53,9 @@ def march(run: Session, start: Sample) -> Iterator[Sample]:
     start : Sample
         Where to start.
 
-    Yields
-    ------
-    Sample
+    Returns
+    -------
+    iterator of Sample
         The state at each of the breaks but the first.
 
     Raises

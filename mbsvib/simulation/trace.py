@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.simulation.session import Session
-    from mbsvib.simulation.states import State
 
 
 @dataclass(frozen=True)
@@ -53,29 +52,32 @@ class Trace:
         """Times (n,) [s]."""
         return np.array([sample.state.time for sample in self.samples])
 
-    def told(self, states: Sequence[State] | None = None, bases: Sequence[Array] | None = None) -> Told:
-        """Return what is told of the samples, or of other states."""
-        states = [sample.state for sample in self.samples] if states is None else states
-        bases = [sample.chart.bases for sample in self.samples] if bases is None else bases
+    def told(self, samples: Sequence[Sample] | None = None) -> Told:
+        """Return what is told of the samples of the run, or of others."""
+        samples = self.samples if samples is None else samples
+        states, bases = [sample.state for sample in samples], [sample.chart.bases for sample in samples]
         run = self.session
         q, qd, y = (np.array([getattr(state, name) for state in states]).T for name in ("q", "qd", "y"))
         base = np.array(bases).T
-        signals = run.signals.at(np.array([state.time for state in states]))
-        charts = [sample.chart for sample in self.samples] if len(states) == len(self.samples) else None
-        qdd = np.full(q.shape, np.nan)
-        if charts is not None and any(getattr(part, "quantity", "") == "acceleration" or hasattr(part, "element")
-                                      for part in run.model.outputs.values()):  # fmt: skip
-            for k, (state, chart) in enumerate(zip(states, charts, strict=True)):
-                v = state.qd[chart.independent]
-                second = run.equations.unfolded(state.q, v, state.y, chart.select, chart.rows, chart.bases, signals[:, k])
-                qdd[:, k] = np.asarray(second[1])[:, 0]
+        qdd = self._accelerations(samples) if self.measured.needs_accelerations else np.zeros(q.shape)
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
         outputs, slopes = self.measured.values(q, qd, qdd, y, base)
         where, rates = (array.T for array in as_described(q.T, qd.T, bases, run.turning))
         return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
 
-    def at(self, k: int, time: float) -> tuple[State, Array]:
-        """Return the state at a time between the samples k and k + 1, and its bases."""
+    def _accelerations(self, samples: Sequence[Sample]) -> Array:
+        """Second derivatives (n, samples) of the tree coordinates."""
+        run, columns = self.session, []
+        signals = run.signals.at(np.array([sample.state.time for sample in samples]))
+        for k, sample in enumerate(samples):
+            state, chart = sample.state, sample.chart
+            v = state.qd[chart.independent]
+            second = run.equations.unfolded(state.q, v, state.y, chart.select, chart.rows, chart.bases, signals[:, k])
+            columns.append(np.asarray(second[1])[:, 0])
+        return np.array(columns).T
+
+    def at(self, k: int, time: float) -> Sample:
+        """Return the state at a time between the samples k and k + 1."""
         run, sample, interval = self.session, self.samples[k], self.intervals[k]
         breaks = run.signals.breaks
         here = sample
@@ -83,8 +85,8 @@ class Trace:
             here = Sample(reached(run, here, interval, float(breaks[interval + 1])), here.chart)
             interval += 1
         if time == here.state.time:
-            return here.state, here.chart.bases
-        return reached(run, here, interval, time), here.chart.bases
+            return here
+        return Sample(reached(run, here, interval, time), here.chart)
 
 
 def trace(session: Session, samples: Sequence[Sample], intervals: Sequence[int]) -> Trace:
