@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mbsvib.common.arrays import Array
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.plots.animation import Animation
     from mbsvib.simulation.trace import Trace
 
@@ -135,6 +136,11 @@ class Run:
         stop = "" if self.complete else ", interrupted"
         return (f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {len(self.coordinates)} coordinates, "
                 f"{len(self.outputs)} outputs{stop})")  # fmt: skip
+
+    @property
+    def model(self) -> Mechanism:
+        """The model that ran."""
+        return self.trace.session.model
 
     def crossings(self, name: str, value: float = 0.0) -> Array:
         """Return the times at which a coordinate or output passes a value.
@@ -265,9 +271,9 @@ class Run:
         Parameters
         ----------
         view : str or sequence of 2 float
-            From where: "3-D", "xy", "xz", "yz", or the angles of azimuth and elevation [deg].
+            From where: "3-D", "x", "y", "z", or azimuth and elevation [deg].
         frames : int
-            Pictures, at equal times.
+            Pictures, at the samples nearest to equal times.
         rate : float
             Pictures in a second [Hz].
 
@@ -284,6 +290,19 @@ class Run:
         from mbsvib.plots.run import run_animation
 
         return run_animation(self, view, frames, rate)
+
+    def frames(self) -> dict[str, tuple[Array, Array]]:
+        """Return where all bodies and nodes are over time.
+
+        Returns
+        -------
+        dict of str to (array, array)
+            By body, ground among them: rotation R (n, 3, 3) and shift s (n, 3) [m], so that what was at p in the pose as
+            described is at R p + s.
+        """
+        from mbsvib.simulation.poses import frames
+
+        return frames(self.trace)
 
 
 def run_of(name: str, trace: Trace, complete: bool) -> Run:

@@ -50,7 +50,8 @@ class ElasticBlock:
     stations and the rates of internal coordinates, ``relative_damping`` (6 e + internal, ...) and ``stiffness`` on
     those of x; ``weight`` (s, 3) are forces at the stations [N] and ``force`` (6 e + internal,) forces along x.
     ``interface`` numbers the elastic stations at which something is attached, ``joints`` names their links to the root,
-    ``bodies`` the bodies there and ``held`` the directions (0 to 5) of each that belong to b. ``modes`` N and ``static`` P (6 e + internal, ...) span x.
+    ``bodies`` the bodies there and ``held`` the directions (0 to 5) of each that belong to b. ``modes`` N and ``static`` P (6 e + internal, ...) span x; ``nodes``
+    are the bodies at all elastic stations.
     """
 
     name: str
@@ -72,6 +73,7 @@ class ElasticBlock:
     modes: Array
     static: Array
     eigenvalues: Array
+    nodes: tuple[str, ...]
 
 
     @property
@@ -209,7 +211,7 @@ def _block(
     return ElasticBlock(
         whole.owner, whole.root, points, elastic, internal, state, mass, damping, beta * stiffness, stiffness, weight,
         force, interface, tuple([nodes[k][0] for k in interface]), tuple([nodes[k][1] for k in interface]),
-        (ALL_SIX,) * len(interface), modes, static, values,
+        (ALL_SIX,) * len(interface), modes, static, values, tuple([body for _, body in nodes]),
     )  # fmt: skip
 
 

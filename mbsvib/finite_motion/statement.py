@@ -46,8 +46,8 @@ class FiniteMotion:
     potential of the body, zero as described. ``gyroscopic`` is G [J]. ``loads`` has the power [W] of each load,
     ``inputs`` that of each force input of 1 N or 1 N m (base
     motions are not among them). ``connections`` are springs and the like by name; their first-order
-    states are ``yields`` (k,), called ``yield_names``, with derivatives ``yield_rates`` (k,). ``bends`` are beams and
-    superelements.
+    states are ``yields`` (k,), called ``yield_names``, with derivatives ``yield_rates`` (k,). ``bends`` are the
+    energies of beams and superelements, ``blocks`` these themselves.
     """
 
     motion: Kinematics
@@ -62,6 +62,7 @@ class FiniteMotion:
     yield_names: tuple[str, ...]
     yield_rates: Expression
     bends: Mapping[str, ElasticEnergies] = field(default_factory=dict)
+    blocks: tuple[ElasticBlock, ...] = ()
 
     @cached_property
     def total_kinetic(self) -> Expression:
@@ -182,7 +183,7 @@ def _stated(
     return FiniteMotion(
         motion, kinetic, gyroscopic, potential, dissipation, loads, inputs,
         parts, ca.vertcat(*(part.yields for part in yields.values())), tuple([f"{name}.z" for name in yields]),
-        ca.vertcat(*(part.yield_rates for part in yields.values())), bends,
+        ca.vertcat(*(part.yield_rates for part in yields.values())), bends, tuple(blocks),
     )  # fmt: skip
 
 

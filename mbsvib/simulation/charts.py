@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mbsvib.simulation.equations import MotionEquations
 
 # Independent coordinates are chosen anew where the dependent ones follow worse than the best choice by this factor.
-WORN = 0.1
+WORN = 0.2
 # A rotation vector is started anew from 0 beyond this angle [rad]; beyond LONGEST_TURN it must not go in one step.
 LONG_TURN, LONGEST_TURN = 1.0, 2.8
 # The smallest singular value of the closures, in units of like size, below which the pose is a singular one.
@@ -99,7 +99,8 @@ class Chart:
 
     ``independent`` (m,) and ``dependent`` (rank,) number the coordinates, ``select`` Y (m, n) takes the first, ``rows``
     W (rank, rows) combines closures to as many as are independent; ``bases`` (9 b,) are the rotations on top of which
-    rotation vectors come.
+    rotation vectors come. The choice holds while dependent coordinates go less than ``limit`` times as fast as
+    independent ones, in units of like size.
     """
 
     independent: Index
@@ -107,6 +108,7 @@ class Chart:
     select: Array
     rows: Array
     bases: Array
+    limit: float
 
 
 def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
@@ -135,7 +137,11 @@ def chart_at(loops: Loops, q: Array, bases: Array) -> Chart:
         dependent = np.sort(qr(left @ jacobian, mode="r", pivoting=True)[1][:rank])
         rows = left * loops.row_scale
     independent = np.setdiff1d(np.arange(n), dependent)
-    return Chart(independent, dependent, np.eye(n)[independent], rows, bases)
+    ratio = 1.0
+    if rank:
+        kept = left @ jacobian
+        ratio = float(np.abs(np.linalg.solve(kept[:, dependent], kept[:, independent])).max(initial=1.0))
+    return Chart(independent, dependent, np.eye(n)[independent], rows, bases, ratio / WORN)
 
 
 def wear(loops: Loops, chart: Chart, q: Array) -> tuple[float, float]:

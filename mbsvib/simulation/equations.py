@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 
 if TYPE_CHECKING:
+    from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.statement import FiniteMotion
 
 # Small dense systems: QR of S, whose rows are no symmetric matrix, and LDL of the mass matrix.
@@ -31,8 +32,9 @@ class MotionEquations:
     """Functions of CasADi for a mechanism of ``n`` tree coordinates, ``rank`` independent closures, ``dof`` = n - rank.
 
     ``closures``: (q, bases) -> (phi, J).  ``rates``: (q, qd, y, bases, u) -> (M, f + B u, J, J' q', y', powers), powers
-    being those that dampers take, that loads and that inputs give [W].  ``flow``: (q, v, y, Y, W, bases, u) ->
-    (q', v', y', powers).  ``unfolded``: the same arguments -> (q', q'').
+    being those that dampers take, that loads and that inputs give [W].  ``flow``: (q, v, y, Y, W, bases, u, limit)
+    -> (q', v', y', powers), NaN where dependent coordinates go more than ``limit`` times as fast as independent ones.
+    ``unfolded``: the same arguments but the last -> (q', q'').
     """
 
     n: int
@@ -50,7 +52,7 @@ class MotionEquations:
         return self.n - self.rank
 
 
-def motion_equations(statement: FiniteMotion, rank: int) -> MotionEquations:
+def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> MotionEquations:
     """Return the equations of motion of a mechanism whose loops demand ``rank`` independent conditions.
 
     Parameters
@@ -59,6 +61,8 @@ def motion_equations(statement: FiniteMotion, rank: int) -> MotionEquations:
         Energies and forces.
     rank : int
         Rank of the derivative of its closures.
+    scale : array, shape (n,)
+        Units in which all coordinates are of like size.
 
     Returns
     -------
@@ -85,6 +89,7 @@ def motion_equations(statement: FiniteMotion, rank: int) -> MotionEquations:
     Y, W = ca.MX.sym("Y", dof, n), ca.MX.sym("W", rank, rows)
     given = [ca.MX.sym("bases", bases.shape[0]), ca.MX.sym("u", len(inputs))]
     jacobian = closures(x[0], given[0])[1]
+    limit = ca.MX.sym("limit")
     if rank:
         S = ca.vertcat(Y, W @ jacobian)
         both = ca.solve(S, ca.vertcat(ca.horzcat(ca.MX.eye(dof), x[1]), ca.MX.zeros(rank, dof + 1)), GENERAL)
@@ -95,10 +100,15 @@ def motion_equations(statement: FiniteMotion, rank: int) -> MotionEquations:
     left = -ca.solve(S, ca.vertcat(ca.MX.zeros(dof), W @ bias), GENERAL) if rank else ca.MX.zeros(n)
     reduced = T.T @ M @ T
     vd = ca.solve(reduced, T.T @ (f - M @ left), SYMMETRIC)
+    if rank:  # beyond a dead point of the chosen coordinates the rates would go on along another branch
+        scaled = T * ca.repmat(1.0 / ca.DM(scale), 1, dof) * ca.repmat((Y @ ca.DM(scale)).T, n, 1)
+        vd_in = vd * ca.if_else(ca.mmax(ca.fabs(scaled)) < limit, 1.0, ca.MX(float("nan")))
+    else:
+        vd_in = vd
     arguments = [*x, Y, W, *given]
     return MotionEquations(
         n, rank, y.shape[0], inputs, closures,
-        ca.Function("flow", arguments, [rates, vd, yd, power], {"cse": True} | UNDIFFERENTIATED),
+        ca.Function("flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True} | UNDIFFERENTIATED),
         ca.Function("unfolded", arguments, [rates, T @ vd + left], {"cse": True}),
         ca.Function("mass", [q, bases], [ca.densify(statement.mass)]),
     )  # fmt: skip

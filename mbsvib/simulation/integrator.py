@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from mbsvib.simulation.equations import MotionEquations
 
 # CVODES controls the error of single steps; these shares of the tolerance leave the sum of some thousand below it.
-RELATIVE, ABSOLUTE = 0.1, 1e-3
-# Steps within one interval of the output, beyond which it is given up.
-STEPS = 200_000
+RELATIVE, ABSOLUTE = 1e-2, 1e-3
+# Steps within one interval of the output, beyond which it is given up, and the shortest as a share of a block: where
+# the equations end steps become shorter and shorter.
+STEPS, SHORTEST = 200_000, 1e-10
 
 
 @dataclass
@@ -77,7 +78,7 @@ class Integrator:
         held = np.concatenate((starts[:, None], (shares - starts)[:, None], coefficients.reshape(len(grid), -1)), axis=1)
         own = self.scale[chart.independent]
         x0 = np.concatenate((start.q / self.scale, start.qd[chart.independent] / own, start.y))
-        p = np.concatenate(([length], own, chart.select.reshape(-1, order="F"), chart.rows.reshape(-1, order="F"),
+        p = np.concatenate(([length, chart.limit], own, chart.select.reshape(-1, order="F"), chart.rows.reshape(-1, order="F"),
                             chart.bases))  # fmt: skip
         result = solver(x0=x0, p=p, u=held.T)
         x, work = np.asarray(result["xf"]), np.asarray(result["qf"])
@@ -97,7 +98,7 @@ class Integrator:
         eq = self.equations
         x = ca.MX.sym("x", eq.n + eq.dof + eq.yields)
         rows = eq.closures.size1_out(0)
-        length, own = ca.MX.sym("h"), ca.MX.sym("s", eq.dof)
+        length, own, limit = ca.MX.sym("h"), ca.MX.sym("s", eq.dof), ca.MX.sym("l")
         select, kept = ca.MX.sym("Y", eq.dof, eq.n), ca.MX.sym("W", eq.rank, rows)
         bases, t = ca.MX.sym("b", eq.closures.size1_in(1)), ca.MX.sym("t")
         held = ca.MX.sym("u", 2 + len(eq.inputs) * (self.degree + 1))
@@ -106,12 +107,13 @@ class Integrator:
         u = ca.reshape(held[2:], self.degree + 1, len(eq.inputs)).T @ powers
         scale = ca.DM(self.scale)
         q, v, y = x[: eq.n] * scale, x[eq.n : eq.n + eq.dof] * own, x[eq.n + eq.dof :]
-        qd, vd, yd, powers_taken = eq.flow(q, v, y, select, kept, bases, u)
+        qd, vd, yd, powers_taken = eq.flow(q, v, y, select, kept, bases, u, limit)
         ode = length * ca.vertcat(qd / scale, vd / own, yd)
-        p = ca.vertcat(length, own, ca.vec(select), ca.vec(kept), bases)
+        p = ca.vertcat(length, limit, own, ca.vec(select), ca.vec(kept), bases)
         dae = {"x": x, "p": p, "u": held, "t": t, "ode": ode, "quad": length * powers_taken}
         return ca.integrator("run", "cvodes", dae, 0.0, shares.tolist(), {
             "reltol": RELATIVE * self.tolerance, "abstol": ABSOLUTE * self.tolerance, "max_num_steps": STEPS,
             "linear_multistep_method": "adams", "nonlinear_solver_iteration": "functional", "quad_err_con": True,
-            "show_eval_warnings": False, "print_time": False,
+            "min_step_size": SHORTEST, "disable_internal_warnings": True, "show_eval_warnings": False,
+            "print_time": False,
         })  # fmt: skip

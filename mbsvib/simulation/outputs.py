@@ -29,7 +29,7 @@ ABOUT_Z, ALONG_Z = 5, 2
 
 @dataclass(frozen=True)
 class Measured:
-    """Outputs as functions (q, q', q'', y, bases) -> (values, rotation vectors, their rates).
+    """Outputs as functions (q, q', q'', y, bases) -> (values, rotation vectors, angular velocities, rates).
 
     ``weights`` (outputs, 3) are those of the rotation vectors; ``refused`` tells why outputs have no value, and
     ``needs_accelerations`` whether q'' has an effect.
@@ -41,16 +41,18 @@ class Measured:
     refused: Mapping[str, str]
     needs_accelerations: bool
 
-    def values(self, q: Array, qd: Array, qdd: Array, y: Array, bases: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return all outputs and their rates by name, (samples,) each, of samples side by side, (n, samples) and so on.
+    def values(self, time: Array, arguments: tuple[Array, ...]) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Return all outputs and their rates by name, (samples,) each, of ``arguments`` side by side, (n, samples) each.
 
-        The rates of accelerations are not told; they are NaN.
+        The rates of accelerations and forces are not told; they are NaN.
         """
-        values, vectors, rates = (np.asarray(array) for array in self.function(q, qd, qdd, y, bases))
+        values, vectors, spins, rates = (np.asarray(array) for array in self.function(*arguments))
         result, slope = {}, {}
         for i, name in enumerate(self.names):
-            turned = continued(vectors[3 * i : 3 * i + 3].T) @ self.weights[i] if self.weights[i].any() else 0.0
-            result[name] = values[i] + turned
+            result[name] = values[i]
+            if self.weights[i].any():
+                own = slice(3 * i, 3 * i + 3)
+                result[name] = values[i] + continued(vectors[own].T, spins[own].T, time) @ self.weights[i]
             slope[name] = rates[i]
         return result, slope
 
@@ -74,6 +76,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
     qdd = ca.SX.sym("qdd", len(motion.names))
     values: list[Expression] = []
     vectors: list[Expression] = []
+    spins: list[Expression] = []
     rates: list[Expression] = []
     weights: list[Array] = []
     names: list[str] = []
@@ -84,7 +87,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         return motion.rate(expression) + ca.jtimes(expression, motion.qd, qdd)
 
     for name, part in model.outputs.items():
-        vector, weight = ca.SX.zeros(3), np.zeros(3)
+        vector, spin, weight = ca.SX.zeros(3), ca.SX.zeros(3), np.zeros(3)
         if type(part) is Output:
             point = ca.SX(np.array(model.bodies[part.body].position if part.position is None and part.body in
                                    model.bodies else part.position or (0.0, 0.0, 0.0)))  # fmt: skip
@@ -96,7 +99,7 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
                 value, rate = ca.dot(ca.SX(wrench[:3]), apart), speed
                 if wrench[3:].any():
                     turn = motion.frames[part.body].rotation @ motion.frames[part.relative_to].rotation.T
-                    vector, weight = logarithm(turn), wrench[3:]
+                    vector, spin, weight = logarithm(turn), w - o, wrench[3:]
             elif part.quantity == "velocity":
                 value, rate = speed, onward(speed)
             else:
@@ -110,10 +113,12 @@ def measured(model: Mechanism, statement: FiniteMotion) -> Measured:
         names.append(name)
         values.append(value)
         vectors.append(vector)
+        spins.append(spin)
         rates.append(rate)
         weights.append(weight)
     arguments = [motion.q, motion.qd, qdd, statement.yields, motion.bases]
-    function = ca.Function("outputs", arguments, [ca.vertcat(*values), ca.vertcat(*vectors), ca.vertcat(*rates)])
+    function = ca.Function("outputs", arguments, [
+        ca.vertcat(*part) for part in (values, vectors, spins, rates)])  # fmt: skip
     return Measured(tuple(names), np.array(weights).reshape(-1, 3), function, refused,
                     bool(ca.depends_on(ca.vertcat(*values, *rates), qdd)))  # fmt: skip
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3
+# Where a run stops at this share of the angle up to which moments are defined, that is why.
+NEXT_TO = 0.9
 
 
 @dataclass(frozen=True)
@@ -53,13 +55,13 @@ class Session:
         """Names of the tree coordinates."""
         return self.statement.motion.names
 
-    def beyond_limits(self, q: Array, bases: Array) -> str | None:
-        """Return the connection whose angle is beyond the limit, or None."""
+    def at_limit(self, q: Array, bases: Array) -> str | None:
+        """Return the connection whose angle is next to the limit, or None."""
         if not self.limited:
             return None
         angles = np.asarray(self.limits(q, bases))[:, 0]
         worst = int(np.argmax(angles))
-        return self.limited[worst] if angles[worst] > FARTHEST else None
+        return self.limited[worst] if angles[worst] > NEXT_TO * FARTHEST else None
 
 
 def session(model: Mechanism, statement: FiniteMotion, signals: Signals, tolerance: float) -> Session:
@@ -94,7 +96,7 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
     rows = np.where(motion.closure_turns, 1.0, 1.0 / size)
     bases = np.tile(np.eye(3).reshape(-1), len(motion.based))
     rank = _rank(model, statement, scale, rows, bases)
-    equations = motion_equations(statement, rank)
+    equations = motion_equations(statement, rank, scale)
     loops = Loops(equations, scale, rows)
     _check_mass(model, loops, motion.names, bases)
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}

@@ -76,19 +76,28 @@ def restarted(state: State, bases: Array, turning: Sequence[Turning], beyond: fl
     return replace(state, q=q, qd=qd), new
 
 
-def continued(vectors: Array) -> Array:
-    """Return rotation vectors (n, 3) of the same rotations that go on from sample to sample, beyond half a turn."""
+def continued(vectors: Array, spins: Array, time: Array) -> Array:
+    """Return rotation vectors (n, 3) of the same rotations that go on from sample to sample, beyond half a turn.
+
+    Angular velocities ``spins`` (n, 3) [rad/s] at ``time`` (n,) [s] tell how many whole turns lie between samples.
+    """
     result = vectors.copy()
     for k in range(1, len(result)):
         angle = float(np.linalg.norm(result[k]))
-        axis = result[k] / angle if angle > 0.0 else np.zeros(3)
-        near = float(axis @ result[k - 1])
+        axis = result[k] / angle if angle > 0.0 else _direction(result[k - 1])
+        expected = result[k - 1] + 0.5 * (time[k] - time[k - 1]) * (spins[k - 1] + spins[k])
+        near = float(axis @ expected)
         result[k] = axis * (angle + 2.0 * np.pi * round((near - angle) / (2.0 * np.pi)))
     return result
 
 
+def _direction(vector: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return np.asarray(vector / length) if length > 0.0 else np.zeros(3)
+
+
 def as_described(
-    q: Array, qd: Array, bases: Sequence[Array], turning: Sequence[Turning]
+    q: Array, qd: Array, time: Array, bases: Sequence[Array], turning: Sequence[Turning]
 ) -> tuple[Array, Array]:
     """Return tree coordinates and rates (samples, n) as displacements from the pose as described.
 
@@ -96,6 +105,8 @@ def as_described(
     ----------
     q, qd : array, shape (samples, n)
         Coordinates on top of bases, and their rates.
+    time : array, shape (samples,)
+        When [s].
     bases : sequence of array, shape (9 b,)
         The bases of each sample.
     turning : sequence of Turning
@@ -108,9 +119,11 @@ def as_described(
     """
     result, rates = np.array(q), np.array(qd)
     for joint in turning:
-        vectors = continued(np.array([logarithm(joint.total(own, base)) for own, base in zip(q, bases, strict=True)]))
+        spins = np.array([np.linalg.solve(inverse_jacobian(joint.axes @ own[joint.place]), joint.axes @ speed[joint.place])
+                          for own, speed in zip(q, qd, strict=True)])  # fmt: skip
+        totals = [logarithm(joint.total(own, base)) for own, base in zip(q, bases, strict=True)]
+        vectors = continued(np.array(totals), spins, time)
         result[:, joint.place] = vectors @ joint.axes
         for k, vector in enumerate(vectors):
-            spin = np.linalg.solve(inverse_jacobian(joint.axes @ q[k, joint.place]), joint.axes @ qd[k, joint.place])
-            rates[k, joint.place] = joint.axes.T @ inverse_jacobian(vector) @ spin
+            rates[k, joint.place] = joint.axes.T @ inverse_jacobian(vector) @ spins[k]
     return result, rates

@@ -115,7 +115,9 @@ def _angles(run: Session, q: Array) -> float:
 def _halved(run: Session, here: Sample, end: float, coefficients: Array, left: int) -> Sample:
     """The state at the end of an interval that has to be gone in parts."""
     if not left:
-        raise _stopped(run, here.state, "the integrator takes no step, however short")
+        name = run.at_limit(here.state.q, here.chart.bases)
+        raise _stopped(run, here.state, "the integrator takes no step, however short" if name is None else
+                       f"'{name}' is turned so far that its moment is no longer defined")  # fmt: skip
     middle = 0.5 * (here.state.time + end)
     degree = np.arange(coefficients.shape[1])
     first = coefficients * 0.5**degree
@@ -145,8 +147,6 @@ def _next(run: Session, state: State, chart: Chart) -> Sample:
     own, singular = wear(run.loops, chart, state.q)
     if singular < SINGULAR:
         raise _stopped(run, state, "the loops come to a singular pose, from which they could go on in several ways")
-    if name := run.beyond_limits(state.q, chart.bases):
-        raise _stopped(run, state, f"'{name}' is turned so far that its moment is no longer defined")
     best = chart_at(run.loops, state.q, chart.bases)
     if _angles(run, state.q) > LONG_TURN or own < TIRED * wear(run.loops, best, state.q)[0]:
         return settled(run, state, chart.bases)

@@ -61,8 +61,9 @@ class Trace:
         base = np.array(bases).T
         qdd = self._accelerations(samples) if self.measured.needs_accelerations else np.zeros(q.shape)
         kinetic, potential = (np.asarray(array) for array in self.energies(q, qd, y, base))
-        outputs, slopes = self.measured.values(q, qd, qdd, y, base)
-        where, rates = (array.T for array in as_described(q.T, qd.T, bases, run.turning))
+        time = np.array([state.time for state in states])
+        outputs, slopes = self.measured.values(time, (q, qd, qdd, y, base))
+        where, rates = (array.T for array in as_described(q.T, qd.T, time, bases, run.turning))
         return Told(where, rates, outputs, slopes, kinetic, potential, np.array([state.work for state in states]).T)
 
     def _accelerations(self, samples: Sequence[Sample]) -> Array:
