@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 class Energy:
     """Energies of a run over time [J].
 
-    The kinetic and the potential energy by part; springs, elastic parts and weights are potential energy, a weight being
-    0 in the pose as described. ``dissipated`` is what dampers have taken since the start, ``supplied`` the work of loads
-    and inputs. So total + dissipated - supplied stays what it was: ``balance`` is its change.
+    The kinetic and the potential energy by part; springs, elastic parts and weights are potential energy, a weight
+    being 0 in the pose as described. ``dissipated`` is what dampers have taken since the start, ``supplied`` the work
+    of loads and inputs. So total + dissipated - supplied stays what it was: ``balance`` is its change.
     """
 
     parts: tuple[str, ...]
@@ -134,8 +134,8 @@ class Run:
 
     def __repr__(self) -> str:
         stop = "" if self.complete else ", interrupted"
-        return (f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {len(self.coordinates)} coordinates, "
-                f"{len(self.outputs)} outputs{stop})")  # fmt: skip
+        return (f"Run({self.name!r}: {len(self.time)} times to {self.time[-1]:g} s, {len(self.coordinates)} "
+                f"coordinates, {len(self.outputs)} outputs{stop})")  # fmt: skip
 
     @property
     def model(self) -> Mechanism:
@@ -234,10 +234,12 @@ class Run:
         ExportError
             If pandas is not installed.
         """
+        from importlib import import_module
+
         from mbsvib.errors import ExportError
 
         try:
-            import pandas
+            pandas: Any = import_module("pandas")
         except ImportError as error:
             raise ExportError("to_dataframe: needs pandas, which is not installed; pip install pandas, or take "
                               "run.table().") from error  # fmt: skip
@@ -297,8 +299,8 @@ class Run:
         Returns
         -------
         dict of str to (array, array)
-            By body, ground among them: rotation R (n, 3, 3) and shift s (n, 3) [m], so that what was at p in the pose as
-            described is at R p + s.
+            By body, ground among them: rotation R (n, 3, 3) and shift s (n, 3) [m], so that what was at p in the pose
+            as described is at R p + s.
         """
         from mbsvib.simulation.poses import frames
 

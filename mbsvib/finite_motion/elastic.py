@@ -1,4 +1,4 @@
-"""Linear blocks in the frame of a body that moves finitely: displacements of their nodes, and their energies.
+"""Linear blocks in the frame of a body that moves finitely: their energies.
 
 Stations have the velocities V = (R^T v, R^T w + rho') in the axes of the root, and T = 1/2 V^T M V with the mass matrix
 of the part as described: M is that of small displacements, and exact for motions of the root.
@@ -14,9 +14,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.finite_motion.frames import Frame
-from mbsvib.finite_motion.rotations import Expression, exponential, logarithm
-from mbsvib.linalg.rotations import exponential as rotation_matrix
+from mbsvib.finite_motion.rotations import Expression
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
@@ -30,51 +28,12 @@ ROUNDING = 1e-13
 
 @dataclass(frozen=True)
 class ElasticEnergies:
-    """What a linear block stores and dissipates [J, W]; ``angle`` [rad] is the largest rotation of an interface node."""
+    """What a linear block stores and dissipates [J, W]; ``angle`` [rad] is the largest rotation at its interface."""
 
     kinetic: Expression
     potential: Expression
     dissipation: Expression
     angle: Expression
-
-
-def node_displacement(block: ElasticBlock, station: int, both: Expression) -> Frame:
-    """Return the displacement of an interface node against the root by the coordinates of the block.
-
-    Parameters
-    ----------
-    block : ElasticBlock
-        The block.
-    station : int
-        Number of the node among the elastic ones.
-    both : expression, shape (modes + interface,)
-        Its coordinates (z, b).
-
-    Returns
-    -------
-    Frame
-        The displacement since the pose as described, in the axes of the root as described.
-    """
-    rho, rows = block.state[6 * station + 3 : 6 * station + 6], block.span[6 * station : 6 * station + 6]
-    b = ca.sparsify(ca.DM(rows)) @ both
-    rotation = exponential(ca.SX(rho) + b[3:])
-    if rho.any():
-        rotation = rotation @ ca.DM(_inverse(rho))
-    point = ca.SX(point_as_described(block, station))
-    return Frame(rotation, point + b[:3] - rotation @ point)
-
-
-def coordinates_of(block: ElasticBlock, station: int, relative: Frame) -> Expression:
-    """Return the coordinates b (6,) of an interface node whose displacement against the root follows from others."""
-    rho = block.state[6 * station + 3 : 6 * station + 6]
-    point = ca.SX(point_as_described(block, station))
-    rotation = relative.rotation @ ca.DM(_inverse(rho)).T if rho.any() else relative.rotation
-    return ca.vertcat(relative.point(point) - point, logarithm(rotation) - ca.SX(rho))
-
-
-def point_as_described(block: ElasticBlock, station: int) -> Array:
-    """Return where a node is in the pose as described [m]."""
-    return np.asarray(block.points[block.elastic[station]] + block.state[6 * station : 6 * station + 3])
 
 
 def elastic_energies(block: ElasticBlock, b: Expression, z: Expression, motion: Kinematics) -> ElasticEnergies:
@@ -160,8 +119,3 @@ def _form(matrix: Array, vector: Expression) -> Expression:
 
 def _clean(vector: Array) -> Array:
     return np.where(np.abs(vector) > ROUNDING * np.abs(vector).max(initial=0.0), vector, 0.0)
-
-
-def _inverse(rho: Array) -> Array:
-    """The rotation matrix of -rho."""
-    return rotation_matrix(-rho)

@@ -45,13 +45,13 @@ class ElasticBlock:
     """A beam or superelement as a linear block carried by body ``root``.
 
     Its stations (s,) are all nodes at ``points`` (s, 3) without forces [m]; ``elastic`` (e,) numbers those that move
-    against the root. Coordinates x (6 e + internal,) are their displacements and rotations, then internal ones, ``state``
-    x0 what they are as described. ``mass`` and ``damping`` (6 s + internal, 6 s + internal) act on the velocities of all
-    stations and the rates of internal coordinates, ``relative_damping`` (6 e + internal, ...) and ``stiffness`` on
-    those of x; ``weight`` (s, 3) are forces at the stations [N] and ``force`` (6 e + internal,) forces along x.
-    ``interface`` numbers the elastic stations at which something is attached, ``joints`` names their links to the root,
-    ``bodies`` the bodies there and ``held`` the directions (0 to 5) of each that belong to b. ``modes`` N and ``static`` P (6 e + internal, ...) span x; ``nodes``
-    are the bodies at all elastic stations.
+    against the root, ``nodes`` names their bodies. Coordinates x (6 e + internal,) are their displacements and
+    rotations, then internal ones, ``state`` x0 what they are as described. ``mass`` and ``damping`` (6 s + internal,
+    6 s + internal) act on the velocities of all stations and the rates of internal coordinates, ``relative_damping``
+    (6 e + internal, 6 e + internal) and ``stiffness`` on those of x; ``weight`` (s, 3) are forces at the stations [N]
+    and ``force`` (6 e + internal,) forces along x. ``interface`` numbers the elastic stations at which something is
+    attached, ``joints`` names their links to the root, ``bodies`` the bodies there and ``held`` the directions (0 to 5)
+    of each that belong to b. ``modes`` N and ``static`` P (6 e + internal, ...) span x.
     """
 
     name: str
@@ -152,9 +152,9 @@ def _used(model: Mechanism) -> set[str]:
     for group in (model.loads, model.inputs, model.outputs, model.rotors):
         for part in group.values():
             result |= {body for key in ("body", "relative_to") if (body := getattr(part, key, None)) is not None}
-    for part in model.composed.values():
-        result |= {body for key in ("a", "b") if (body := getattr(part, key, None)) is not None}
-        result |= {body for _, body in getattr(part, "bodies", ())}
+    for flexible in model.composed.values():
+        result |= {body for key in ("a", "b") if (body := getattr(flexible, key, None)) is not None}
+        result |= {body for _, body in getattr(flexible, "bodies", ())}
     return result
 
 

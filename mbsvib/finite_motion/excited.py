@@ -11,15 +11,15 @@ from scipy.sparse.csgraph import connected_components
 
 from mbsvib.elements.body import Body
 from mbsvib.elements.joint import make as make_joint
-from mbsvib.finite_motion.elastic import point_as_described
+from mbsvib.finite_motion.elastic_nodes import point_as_described
 from mbsvib.mechanism.mechanism import GROUND
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.finite_motion.elastic_block import ElasticBlock
-    from mbsvib.finite_motion.statement import FiniteMotion
+    from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Derivatives below this share of the largest of their kind are rounding of zeros.
@@ -45,7 +45,7 @@ def with_interfaces(model: Mechanism, blocks: Sequence[ElasticBlock]) -> Mechani
     """
     bodies, joints = dict(model.bodies), dict(model.joints)
     for block in blocks:
-        for name, body, station in zip(block.joints, block.bodies, block.interface, strict=True):
+        for body, station in zip(block.bodies, block.interface, strict=True):
             x, y, z = point_as_described(block, station).tolist()
             bodies.setdefault(body, Body(body, 0.0, (0.0,) * 6, (x, y, z)))
         if block.root not in bodies and block.root != GROUND:
@@ -123,8 +123,8 @@ def at_rest(whole: FiniteMotion, blocks: Sequence[ElasticBlock]) -> frozenset[st
     return frozenset(names[i] for i in movable if label[i] not in alive)
 
 
-def _coupling(whole: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Array]:
-    """Which coordinates (n, n) act on one another, and which (n,) are moved from outside of the movable ones.
+def _coupling(whole: FiniteMotion, movable: list[int], bending: list[int]) -> tuple[Array, Index]:
+    """Which coordinates (n, n) act on one another, and which (k,) are moved from outside of the movable ones.
 
     Forces on the movable ones are rounding beside the largest on all that are ``bending``.
     """
@@ -155,4 +155,4 @@ def _coupling(whole: FiniteMotion, movable: list[int], bending: list[int]) -> tu
     excited = ~inside | (rows > ROUNDING).any(axis=0)
     excited |= inside & (force > ROUNDING * max(float(force[bending].max()), 1e-300))
     coupled = links > ROUNDING
-    return (coupled | coupled.T).astype(float), excited
+    return (coupled | coupled.T).astype(float), np.flatnonzero(excited)

@@ -11,7 +11,7 @@ import numpy as np
 from mbsvib.common.arguments import DIRECTIONS
 from mbsvib.elements.joint import make as make_joint
 from mbsvib.errors import ModelError
-from mbsvib.finite_motion.elastic import coordinates_of, node_displacement
+from mbsvib.finite_motion.elastic_nodes import coordinates_of, node_displacement
 from mbsvib.finite_motion.frames import REST, Frame, angular_velocity, rate
 from mbsvib.finite_motion.joints import displacement, openings
 from mbsvib.finite_motion.rotations import Expression

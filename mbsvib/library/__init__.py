@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 __all__ = [
     "build", "cantilever", "chain", "cubic_hexapod", "engine_on_mounts", "four_bar", "from_dh", "hinged_rod",
     "inclined_chain", "ladder", "models", "pendulum_chain", "quadruped", "quarter_car", "rotor_stator",
-    "singular_beam", "sleeping_top", "slider_crank", "stewart", "stewart_isolator", "tree", "trifilar_pendulum", "wafer_stage",
+    "singular_beam", "sleeping_top", "slider_crank", "stewart", "stewart_isolator", "tree", "trifilar_pendulum",
+    "wafer_stage",
 ]  # fmt: skip
 
 _FAMILIES: dict[str, Callable[..., Model]] = {"C": chain, "T": tree, "L": ladder}

@@ -30,8 +30,9 @@ def singular_beam(
     - 1) - gap. Where theta = 0 both arms are in line: the middle passes at a rate of 0 whatever that of theta, and a
     mechanism on rigid ground would be singular there.
 
-    The arms guide the middle along z only, so that the beam bends and does not stretch. By itself the beam has 21.33625854,
-    58.84641055 and 115.56285039 Hz, and 4300.8 N/m at its middle.
+    The arms guide the middle along z only, so that the beam bends and does not stretch. By itself the straight beam has
+    21.33625854, 58.84641055 and 115.56285039 Hz, and 4300.8 N/m at its middle. ``simulate`` takes it as linear;
+    ``linearize`` sees the arch that the sag makes of it, which is stiffer where its ends are held apart.
 
     Parameters
     ----------

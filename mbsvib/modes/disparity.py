@@ -62,8 +62,8 @@ def modal_disparity(free_system: Equations, held_system: Equations) -> Array:
     carried = np.linalg.lstsq(motions[0], motions[1], rcond=None)[0]
     left = np.abs(motions[0] @ carried - motions[1]).max(initial=0.0)
     if left > ADMISSIBLE * np.abs(motions[1]).max(initial=1.0):
-        raise ResponseError(f"modal_disparity: '{held.name}' moves in ways that '{free.name}' does not; give the system "
-                            f"without the constraints first.")  # fmt: skip
+        raise ResponseError(f"modal_disparity: '{held.name}' moves in ways that '{free.name}' does not; give the "
+                            f"system without the constraints first.")  # fmt: skip
     shapes = [_modes(free), carried @ _modes(held)]
     mass = np.asarray(free.M)
     own = [np.einsum("ki,kl,li->i", shape, mass, shape) for shape in shapes]
@@ -79,8 +79,8 @@ def _motions(system: Any, bodies: list[str]) -> Array:
 def _symmetric(system: Any) -> Any:
     """Refuse equations whose modes are not orthogonal."""
     if np.abs(system.K - system.K.T).max(initial=0.0) > 1e-9 * np.abs(system.K).max(initial=0.0):
-        raise ResponseError(f"modal_disparity: '{system.name}' has follower loads or torques, whose K is not symmetric, "
-                            f"so that its modes share no energy; leave these loads out.")  # fmt: skip
+        raise ResponseError(f"modal_disparity: '{system.name}' has follower loads or torques, whose K is not "
+                            f"symmetric, so that its modes share no energy; leave these loads out.")  # fmt: skip
     return system
 
 
@@ -88,5 +88,5 @@ def _modes(system: Any) -> Array:
     try:
         return np.asarray(eigh(system.K, system.M)[1])
     except np.linalg.LinAlgError as error:
-        raise ResponseError(f"modal_disparity: '{system.name}' has coordinates without mass, whose modes hold no kinetic "
-                            f"energy; give their bodies a mass.") from error  # fmt: skip
+        raise ResponseError(f"modal_disparity: '{system.name}' has coordinates without mass, whose modes hold no "
+                            f"kinetic energy; give their bodies a mass.") from error  # fmt: skip

@@ -14,7 +14,7 @@ from mbsvib.plots._scene import GROUND, of_model
 from mbsvib.plots.animation import Animation
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
 
@@ -28,19 +28,36 @@ MOST_CURVES = 12  # in one panel that was not asked for by name
 class RunData(Protocol):
     """What a run tells of itself."""
 
-    name: str
-    time: Any
-    outputs: Any
-    output_units: Any
-    coordinates: Any
-    energy: Any
+    @property
+    def name(self) -> str:
+        """Name of the model."""
 
-    def frames(self) -> dict[str, tuple[Array, Array]]:
-        """Rotations and shifts of all bodies."""
+    @property
+    def time(self) -> Array:
+        """Times (n,) [s]."""
+
+    @property
+    def outputs(self) -> Mapping[str, Array]:
+        """Outputs (n,) by name."""
+
+    @property
+    def output_units(self) -> Mapping[str, str]:
+        """Their units."""
+
+    @property
+    def coordinates(self) -> Mapping[str, Array]:
+        """Joint coordinates (n,) by name."""
+
+    @property
+    def energy(self) -> Any:
+        """Energies ``kinetic``, ``potential``, ``total`` and ``dissipated`` (n,) [J]."""
 
     @property
     def model(self) -> Mechanism:
         """The mechanism."""
+
+    def frames(self) -> dict[str, tuple[Array, Array]]:
+        """Rotations and shifts of all bodies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +177,6 @@ def run_animation(run: RunData, view: View, frames: int, rate: float) -> RunAnim
             there = np.einsum("fij,pj->fpi", rotation, at[which]) + shift[:, None]
             positions[:, which] += share[which][:, None] * (there - at[which])
     went = positions - scene.points
-    farthest = went[np.argmax(np.linalg.norm(went, axis=2), axis=0), np.arange(len(scene.points))] if went.size else went[0]
+    farthest = went[np.argmax(np.linalg.norm(went, axis=2), axis=0), np.arange(len(scene.points))]
     title = f"{run.time[0]:g} to {run.time[-1]:g} s"
     return RunAnimation(scene, farthest, title, view, len(samples), float(rate), positions)

@@ -39,7 +39,7 @@ def crossings(
     array, shape (k,)
         Times [s], ascending.
     """
-    result = []
+    result: list[float] = []
     size = max(float(np.abs(values - level).max(initial=0.0)), 1e-300)
     for k in range(len(time) - 1):
         step = time[k + 1] - time[k]
@@ -48,7 +48,7 @@ def crossings(
         c, end = rates[k] * step, rates[k + 1] * step
         e = c + end - 2.0 * (b - a)
         d = b - a - c - e
-        roots = np.roots([e, d, c, a]) if np.isfinite([c, end]).all() else np.array([a / (a - b)] if a * b < 0.0 else [])
+        roots = np.roots([e, d, c, a]) if np.isfinite([c, end]).all() else np.zeros(0)
         real = np.sort(roots.real[np.abs(roots.imag) < 1e-9])
         inside = [float(s) for s in real if -1e-9 < s <= 1.0 + 1e-9]
         if a * b < 0.0 and not inside:

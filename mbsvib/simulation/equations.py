@@ -18,7 +18,7 @@ import casadi as ca
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.statement import FiniteMotion
+    from mbsvib.finite_motion.lagrange import FiniteMotion
 
 # Small dense systems: QR of S, whose rows are no symmetric matrix, and LDL of the mass matrix.
 GENERAL, SYMMETRIC = "qr", "ldl"

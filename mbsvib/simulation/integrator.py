@@ -75,11 +75,12 @@ class Integrator:
         if solver is None:
             solver = self.compiled[key] = self._compile(shares)
         starts = np.concatenate(([0.0], shares[:-1]))
-        held = np.concatenate((starts[:, None], (shares - starts)[:, None], coefficients.reshape(len(grid), -1)), axis=1)
+        powers = coefficients.reshape(len(grid), -1)
+        held = np.concatenate((starts[:, None], (shares - starts)[:, None], powers), axis=1)
         own = self.scale[chart.independent]
         x0 = np.concatenate((start.q / self.scale, start.qd[chart.independent] / own, start.y))
-        p = np.concatenate(([length, chart.limit], own, chart.select.reshape(-1, order="F"), chart.rows.reshape(-1, order="F"),
-                            chart.bases))  # fmt: skip
+        p = np.concatenate(([length, chart.limit], own, chart.select.reshape(-1, order="F"),
+                            chart.rows.reshape(-1, order="F"), chart.bases))  # fmt: skip
         result = solver(x0=x0, p=p, u=held.T)
         x, work = np.asarray(result["xf"]), np.asarray(result["qf"])
         if not np.isfinite(x).all():

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array
     from mbsvib.finite_motion.rotations import Expression
-    from mbsvib.finite_motion.statement import FiniteMotion
+    from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Where the force of an element stands among the six of its axes.
@@ -42,9 +42,10 @@ class Measured:
     needs_accelerations: bool
 
     def values(self, time: Array, arguments: tuple[Array, ...]) -> tuple[dict[str, Array], dict[str, Array]]:
-        """Return all outputs and their rates by name, (samples,) each, of ``arguments`` side by side, (n, samples) each.
+        """Return all outputs and their rates by name, (samples,) each.
 
-        The rates of accelerations and forces are not told; they are NaN.
+        ``arguments`` are those of the function, (n, samples) each. The rates of accelerations and forces are not
+        told; they are NaN.
         """
         values, vectors, spins, rates = (np.asarray(array) for array in self.function(*arguments))
         result, slope = {}, {}

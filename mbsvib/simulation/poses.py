@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from mbsvib.finite_motion.elastic import node_displacement
+from mbsvib.finite_motion.elastic_nodes import node_displacement
 
 if TYPE_CHECKING:
     from mbsvib.common.arrays import Array

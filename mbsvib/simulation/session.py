@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.statement import FiniteMotion
+    from mbsvib.finite_motion.lagrange import FiniteMotion
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.simulation.signals import Signals
     from mbsvib.simulation.states import Turning

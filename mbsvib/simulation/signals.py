@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,8 @@ from mbsvib.common import arguments as check
 from mbsvib.errors import ModelError, nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mbsvib.common.arrays import Array
 
 # Degree of the polynomials that functions are told by, and the share of its size to which they tell it.
@@ -71,7 +73,7 @@ def signals(given: Any, names: tuple[str, ...], t: Array) -> Signals:
         if name not in names:
             raise ModelError(f"simulate: '{name}' is no force input of the model.{nearest(str(name), names)} It has "
                              f"{', '.join(names) or 'none'}.", element=str(name), field="inputs")  # fmt: skip
-    functions = {name: value for name, value in given.items() if isinstance(value, Callable)}
+    functions = {name: value for name, value in given.items() if callable(value)}
     breaks = _breaks(functions, t)
     start, length = breaks[:-1], np.diff(breaks)
     result = np.zeros((len(start), len(names), DEGREE + 1 if functions else 2))

@@ -104,5 +104,6 @@ def _dropped(model: Mechanism, without: Any) -> tuple[str, ...]:
     for name in result:
         if name not in model.loads:
             raise ModelError(f"simulate: '{name}' is no load of model '{model.name}'.{nearest(str(name), model.loads)} "
-                             f"It has {', '.join(model.loads) or 'none'}.", element=str(name), field="without")  # fmt: skip
+                             f"It has {', '.join(model.loads) or 'none'}.", element=str(name),
+                             field="without")  # fmt: skip
     return result

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where a run is: time [s], tree coordinates and their rates (n,), what Maxwell dampers yield (k,), and the work [J]
-    that dampers have taken, loads and inputs have given (3,).
+    """Where a run is: time [s], tree coordinates and their rates (n,), what Maxwell dampers yield (k,), and the work
+    [J] that dampers have taken, loads and inputs have given (3,).
     """
 
     time: float
@@ -119,8 +119,10 @@ def as_described(
     """
     result, rates = np.array(q), np.array(qd)
     for joint in turning:
-        spins = np.array([np.linalg.solve(inverse_jacobian(joint.axes @ own[joint.place]), joint.axes @ speed[joint.place])
-                          for own, speed in zip(q, qd, strict=True)])  # fmt: skip
+        spins = np.array([
+            np.linalg.solve(inverse_jacobian(joint.axes @ own[joint.place]), joint.axes @ speed[joint.place])
+            for own, speed in zip(q, qd, strict=True)
+        ])  # fmt: skip
         totals = [logarithm(joint.total(own, base)) for own, base in zip(q, bases, strict=True)]
         vectors = continued(np.array(totals), spins, time)
         result[:, joint.place] = vectors @ joint.axes

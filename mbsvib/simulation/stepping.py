@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import comb
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -119,21 +120,14 @@ def _halved(run: Session, here: Sample, end: float, coefficients: Array, left: i
         raise _stopped(run, here.state, "the integrator takes no step, however short" if name is None else
                        f"'{name}' is turned so far that its moment is no longer defined")  # fmt: skip
     middle = 0.5 * (here.state.time + end)
-    degree = np.arange(coefficients.shape[1])
-    first = coefficients * 0.5**degree
+    degrees = range(coefficients.shape[1])
+    first = coefficients * 0.5 ** np.array(degrees)
     # powers of 1/2 + s/2 in powers of s
-    shift = np.array([[_binomial(p, j) * 0.5**p for p in degree] for j in degree])
+    shift = np.array([[comb(p, j) * 0.5**p for p in degrees] for j in degrees])
     for time, powers in ((middle, first), (end, coefficients @ shift.T)):
         states = _taken(run, here, np.array([time]), powers[None])
         here = _next(run, states[0], here.chart) if states else _halved(run, here, time, powers, left - 1)
     return here
-
-
-def _binomial(n: int, k: int) -> float:
-    result = 1.0
-    for i in range(k):
-        result *= (n - i) / (i + 1)
-    return result if k <= n else 0.0
 
 
 def _closed(run: Session, state: State, chart: Chart) -> State:

@@ -1,7 +1,7 @@
 """Nonlinear time response: closed forms, conservation, small motion, and what is refused."""
 
-import builtins
 import csv
+import sys
 
 import numpy as np
 import pytest
@@ -110,7 +110,7 @@ def test_four_bar_turns_over_with_coordinates_chosen_anew():
     model = mv.library.four_bar(pins=pins).with_parts(springs={}, outputs={})
     run = model.simulate(np.linspace(0.0, 2.0, 201), initial={"A.rz": (0.0, 12.0)})
     for values in run.coordinates.values():
-        assert 0.5 < np.ptp(values)
+        assert np.ptp(values) > 0.5
     assert len({tuple(sample.chart.independent) for sample in run.trace.samples}) > 1
     assert np.abs(run.energy.balance).max() < 1e-7 * run.energy.kinetic.max()
     closures = [run.trace.session.loops.scaled(s.state.q, s.chart.bases)[0] for s in run.trace.samples]
@@ -164,7 +164,7 @@ def test_a_step_that_cannot_be_taken_says_when_and_why():
     model.add_body("b", 1.0, (0.1, 0.1, 0.1))
     model.add_joint("hinge", "revolute", "ground", "b", (0, 0, 0), axis=(0, 0, 1))
     model.add_bushing("k", "ground", "b", (0, 0, 0), (0, 0, 0, 1e-3, 1e-3, 1e-3))
-    with pytest.raises(mv.SimulationError, match=r"'k' is turned so far that its moment is no longer defined") as caught:
+    with pytest.raises(mv.SimulationError, match="'k' is turned so far that its moment is no longer") as caught:
         model.simulate(np.linspace(0.0, 2.0, 201), initial={"hinge.rz": (0.0, 2.0)})
     error = caught.value
     assert error.coordinate == "hinge.rz"
@@ -246,13 +246,6 @@ def test_what_a_run_tells(tmp_path, monkeypatch):
     motion = run.animate(view="y", frames=3)
     assert motion.save(tmp_path / "run.gif").stat().st_size > 1000
     np.testing.assert_allclose(motion.points(0.0), motion.scene.points, atol=1e-12)
-    real = builtins.__import__
-
-    def without_pandas(name, *args, **kwargs):
-        if name == "pandas":
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without_pandas)
+    monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(mv.ExportError, match="needs pandas"):
         run.to_dataframe()
