@@ -48,7 +48,7 @@ def draw():
     """Two figures: what is left after a second, and how it goes."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.6), sharey=True, layout="constrained")
+    _, axes = plt.subplots(1, 3, figsize=(10.5, 3.6), sharey=True, layout="constrained")
     for (name, shares), mark in zip(by_mass.items(), "osD", strict=True):
         axes[0].semilogx(1e3 * MASSES, shares, f"{mark}-", label=name)
     for group, x, panel in ((by_length, 1e3 * LENGTHS, axes[1]), (by_damping, 1e6 * BETAS, axes[2])):
@@ -59,7 +59,7 @@ def draw():
         panel.set(xlabel=words, ylim=(0.0, 1.05))
         panel.legend(fontsize=8)
 
-    figure, axes = plt.subplots(2, 2, figsize=(10.5, 5.0), sharex=True, sharey="row", layout="constrained")
+    _, axes = plt.subplots(2, 2, figsize=(10.5, 5.0), sharex=True, sharey="row", layout="constrained")
     for column, (run, name) in enumerate(((light, "arms of 10 g: damped"), (heavy, "arms of 100 g: stored"))):
         top, bottom = axes[:, column]
         top.plot(run.time, 1e3 * (run["w"] - 6.975446428571e-3), lw=1.0)

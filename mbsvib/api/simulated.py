@@ -64,6 +64,11 @@ class Simulated(Mechanism):
         SimulationError
             If a step cannot be taken; it tells time, coordinate and reason, and its ``run`` holds what was reached.
 
+        Warns
+        -----
+        LargeDisplacementWarning
+            If beams or superelements bend further than small displacements hold.
+
         Source: Shabana, Dynamics of Multibody Systems (2020), generalized coordinate partitioning; Hindmarsh et al.
         (2005), SUNDIALS.
         """

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 
+__all__ = ["FiniteMotion", "finite_motion"]
+
 
 def finite_motion(
     model: Mechanism, parameters: Sequence[str] = (), *, cut: Sequence[str] | None = None, bases: bool = False,
@@ -92,9 +94,9 @@ def _stated(
     gyroscopic = sum((rotor_term(part, motion) for part in model.rotors.values()), ca.SX(0.0))
     numbers.check_taken()
     return FiniteMotion(
-        motion, kinetic, gyroscopic, potential, dissipation, loads, inputs,
-        parts, ca.vertcat(*(part.yields for part in yields.values())), tuple([f"{name}.z" for name in yields]),
-        ca.vertcat(*(part.yield_rates for part in yields.values())), bends, tuple(blocks),
+        motion, kinetic, gyroscopic, potential, dissipation, loads, inputs, parts,
+        ca.vertcat(ca.SX(0, 1), *(part.yields for part in yields.values())), tuple([f"{name}.z" for name in yields]),
+        ca.vertcat(ca.SX(0, 1), *(part.yield_rates for part in yields.values())), bends, tuple(blocks),
     )  # fmt: skip
 
 

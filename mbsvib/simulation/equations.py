@@ -34,7 +34,8 @@ class MotionEquations:
     ``closures``: (q, bases) -> (phi, J).  ``rates``: (q, qd, y, bases, u) -> (M, f + B u, J, J' q', y', powers), powers
     being those that dampers take, that loads and that inputs give [W].  ``flow``: (q, v, y, Y, W, bases, u, limit)
     -> (q', v', y', powers), NaN where dependent coordinates go more than ``limit`` times as fast as independent ones.
-    ``unfolded``: the same arguments but the last -> (q', q'').
+    ``smooth_flow`` is the same with derivatives, for Newton's method. ``unfolded``: the same arguments but the last ->
+    (q', q'').
     """
 
     n: int
@@ -43,6 +44,7 @@ class MotionEquations:
     inputs: tuple[str, ...]
     closures: Any
     flow: Any
+    smooth_flow: Any
     unfolded: Any
     mass: Any
 
@@ -109,6 +111,7 @@ def motion_equations(statement: FiniteMotion, rank: int, scale: Array) -> Motion
     return MotionEquations(
         n, rank, y.shape[0], inputs, closures,
         ca.Function("flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True} | UNDIFFERENTIATED),
+        ca.Function("smooth_flow", [*arguments, limit], [rates, vd_in, yd, power], {"cse": True}),
         ca.Function("unfolded", arguments, [rates, T @ vd + left], {"cse": True}),
         ca.Function("mass", [q, bases], [ca.densify(statement.mass)]),
     )  # fmt: skip

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from mbsvib.common.arrays import Array
-    from mbsvib.finite_motion.rotations import Expression
     from mbsvib.finite_motion.lagrange import FiniteMotion
+    from mbsvib.finite_motion.rotations import Expression
     from mbsvib.mechanism.mechanism import Mechanism
 
 # Where the force of an element stands among the six of its axes.

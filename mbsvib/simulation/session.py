@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import eigh
 
 from mbsvib.elements.bushing import FARTHEST
 from mbsvib.equilibrium.pose_kinematics import size_of
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 # Poses this far off (rad, mechanism sizes), in which as many closures must be independent as where a run starts.
 NEIGHBOUR = 1e-3
+# Decays over the time of a run, beyond which an explicit method takes more steps for its stability than for accuracy.
+STIFF = 1e6
 # Where a run stops at this share of the angle up to which moments are defined, that is why.
 NEXT_TO = 0.9
 
@@ -98,11 +101,12 @@ def session(model: Mechanism, statement: FiniteMotion, signals: Signals, toleran
     rank = _rank(model, statement, scale, rows, bases)
     equations = motion_equations(statement, rank, scale)
     loops = Loops(equations, scale, rows)
-    _check_mass(model, loops, motion.names, bases)
+    mass = _checked_mass(model, loops, motion.names, bases)
+    stiff = _fastest_decay(statement, mass, bases) * float(np.ptp(signals.breaks)) > STIFF
     angles = {name: part.angle for name, part in statement.connections.items() if part.angle is not None}
     return Session(
         model, statement, equations, loops, turnings(motion),
-        Integrator(equations, scale, signals.coefficients.shape[2] - 1, tolerance), signals, tuple(angles),
+        Integrator(equations, scale, signals.coefficients.shape[2] - 1, tolerance, stiff), signals, tuple(angles),
         ca.Function("limits", [motion.q, motion.bases], [ca.vertcat(*angles.values())]),
     )  # fmt: skip
 
@@ -113,7 +117,7 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
         return 0
     motion = statement.motion
     closures = ca.Function("closures", [motion.q, motion.bases], [motion.closures, statement.jacobian])
-    blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None)
+    blank = MotionEquations(len(scale), 0, 0, (), closures, None, None, None, None)
     loops, here = Loops(blank, scale, rows), np.zeros(len(scale))
     rank = loops.rank(here, bases)
     generator = np.random.default_rng(0)
@@ -127,8 +131,24 @@ def _rank(model: Mechanism, statement: FiniteMotion, scale: Array, rows: Array, 
     return rank
 
 
-def _check_mass(model: Mechanism, loops: Loops, names: tuple[str, ...], bases: Array) -> None:
-    """Refuse motions without inertia, by the coordinate that has most of it."""
+def _fastest_decay(statement: FiniteMotion, reduced: tuple[Array, Array], bases: Array) -> float:
+    """The largest rate [1/s] at which dampers alone would bring a motion to rest where a run starts."""
+    to_all, mass = reduced
+    motion = statement.motion
+    taken = sum(statement.dissipation.values(), ca.SX(0.0))
+    damping = ca.jacobian(ca.gradient(taken, motion.qd), motion.qd)
+    yielding = ca.jacobian(statement.yield_rates, statement.yields)
+    function = ca.Function("damping", [motion.q, motion.qd, statement.yields, motion.bases], [damping, yielding])
+    here = np.zeros(len(motion.names))
+    own, yields = map(np.asarray, function(here, here, np.zeros(statement.yields.shape), bases))
+    rates = [*np.abs(eigh(to_all.T @ own @ to_all, mass, eigvals_only=True)), *np.abs(np.diag(yields))]
+    return float(max(rates, default=0.0))
+
+
+def _checked_mass(
+    model: Mechanism, loops: Loops, names: tuple[str, ...], bases: Array
+) -> tuple[Array, Array]:
+    """Motions (n, m) of the independent coordinates and their mass; refuse those without inertia by name."""
     n = loops.equations.n
     here = np.zeros(n)
     if loops.equations.dof == 0:
@@ -147,3 +167,4 @@ def _check_mass(model: Mechanism, loops: Loops, names: tuple[str, ...], bases: A
             f"simulate: the motion '{name}' has no inertia, so that no acceleration follows from the forces; give the "
             f"body behind it a mass, or join it firmly to one that has.", element=name,
         )  # fmt: skip
+    return to_all, mass

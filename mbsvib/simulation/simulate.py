@@ -11,7 +11,8 @@ from mbsvib.common import arguments as check
 from mbsvib.common.expected import names as as_names
 from mbsvib.common.progress import counting
 from mbsvib.elements.ports import Input
-from mbsvib.errors import ModelError, SimulationError, nearest
+from mbsvib.equilibrium.linear_range import TURNED
+from mbsvib.errors import LargeDisplacementWarning, ModelError, SimulationError, nearest
 from mbsvib.finite_motion.statement import finite_motion
 from mbsvib.simulation.initial import initial_state
 from mbsvib.simulation.session import session
@@ -85,7 +86,20 @@ def simulate(
     if not complete:
         warnings.warn(f"simulate: interrupted at t = {samples[-1].state.time:g} s; the run holds what was reached.",
                       RuntimeWarning, stacklevel=4)  # fmt: skip
-    return trace(run, samples, intervals), complete
+    result = trace(run, samples, intervals)
+    _warn_of_bending(result)
+    return result, complete
+
+
+def _warn_of_bending(run: Trace) -> None:
+    """Warn of beams and superelements whose interface turns further than small displacements hold."""
+    for name, angle in run.largest_bending().items():
+        if angle > TURNED:
+            warnings.warn(
+                f"simulate: '{name}' bends by {angle:.2g} rad; its displacements are small ones in the frame of the "
+                f"body that carries it, good to about {0.5 * angle**2:.0%} there. Make several parts of it, with a "
+                f"body between them.", LargeDisplacementWarning, stacklevel=5,
+            )  # fmt: skip
 
 
 def _times(t: Any) -> Array:

@@ -249,3 +249,29 @@ def test_what_a_run_tells(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(mv.ExportError, match="needs pandas"):
         run.to_dataframe()
+
+
+def test_strong_dampers_do_not_bind_the_steps():
+    """A damper that stops its motion within a nanosecond, and a slow spring beside it."""
+    model = mv.Model("stiff")
+    for name, x, damping in (("fast", 1.0, 1e9), ("slow", 2.0, 0.1)):
+        model.add_body(name, 1.0, (0.1,) * 3, (x, 0, 0))
+        model.add_joint(f"{name}.rail", "prismatic", "ground", name, axis=(1, 0, 0))
+        model.add_spring(f"{name}.k", "ground", name, (0, 0, 0), (x, 0, 0), 40.0, damping)
+    t = np.linspace(0.0, 3.0, 31)
+    run = model.simulate(t, initial={"fast.rail.z": 0.1, "slow.rail.z": 0.1})
+    assert run.trace.session.integrator.stiff
+    np.testing.assert_allclose(run.coordinates["fast.rail.z"], 0.1 * np.exp(-40e-9 * t), rtol=1e-8)
+    rate, omega = 0.05, np.sqrt(40.0 - 0.05**2)
+    slow = 0.1 * np.exp(-rate * t) * (np.cos(omega * t) + rate / omega * np.sin(omega * t))
+    np.testing.assert_allclose(run.coordinates["slow.rail.z"], slow, rtol=0, atol=2e-8)
+
+
+def test_beams_that_bend_far_are_warned_of():
+    model = mv.Model("ruler")
+    model.add_body("tip", 0.2, (1e-4,) * 3, (0.5, 0, 0))
+    model.add_beam("b", "ground", "tip", {"type": "rectangle", "width": 0.02, "height": 0.001},
+                   {"E": 2.1e11, "nu": 0.3, "rho": 7800}, (0, 0, 0), (0.5, 0, 0), elements=1)  # fmt: skip
+    model.add_load("pull", "tip", (0, 0, -0.3))
+    with pytest.warns(mv.LargeDisplacementWarning, match="'b' bends by"):
+        model.simulate(np.linspace(0.0, 1.0, 11), tolerance=1e-5)
