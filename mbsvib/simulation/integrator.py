@@ -117,10 +117,11 @@ class Integrator:
         qd, vd, yd, powers_taken = (eq.smooth_flow if self.stiff else eq.flow)(q, v, y, select, kept, bases, u, limit)
         ode = length * ca.vertcat(qd / scale, vd / own, yd)
         p = ca.vertcat(length, limit, own, ca.vec(select), ca.vec(kept), bases)
+        options: dict[str, Any] = STRONGLY_DAMPED if self.stiff else SMOOTH
         dae = {"x": x, "p": p, "u": held, "t": t, "ode": ode, "quad": length * powers_taken}
         return ca.integrator("run", "cvodes", dae, 0.0, shares.tolist(), {
             "reltol": RELATIVE * self.tolerance, "abstol": ABSOLUTE * self.tolerance, "max_num_steps": STEPS,
             "quad_err_con": True,
             "min_step_size": SHORTEST, "disable_internal_warnings": True, "show_eval_warnings": False,
             "print_time": False,
-        } | (STRONGLY_DAMPED if self.stiff else SMOOTH))  # fmt: skip
+        } | options)  # fmt: skip
