@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
 from mbsvib.equations.wrenches import is_loaded as carries_loads
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     Limit = frozenset[tuple[str, str]]
 
 _STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
-_MASS, _INERTIA = ("body", "mass"), ("body", "inertia")
-_KNOWN = (Body, Bushing, Coupling, Gravity, Joint, Load, Maxwell, Spring)
+_MASS, _INERTIA, _INERTANCE = ("body", "mass"), ("body", "inertia"), ("spring", "inertance")
+_KNOWN = (Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Spring)
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -35,8 +36,8 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     parts, result = came.parts, []
     if is_loaded(system):
         falls = any(isinstance(part, Gravity) for part in parts)
-        still = {_STIFFNESS, _DAMPING, _INERTIA} if falls else {_STIFFNESS, _DAMPING, _INERTIA, _MASS}
-        result.append(({_INERTIA} if _turned(system) else {_DAMPING, _INERTIA}) if came.settled else still)
+        still = {_STIFFNESS, _DAMPING, _INERTIA, _INERTANCE} | (set() if falls else {_MASS})
+        result.append(({_INERTIA, _INERTANCE} if _turned(system) else {_DAMPING, _INERTIA, _INERTANCE}) if came.settled else still)
     if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})

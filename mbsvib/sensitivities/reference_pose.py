@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Bushing, Load
+from mbsvib.elements import Bushing, Load, Spring
 from mbsvib.sensitivities.displaced_bodies import Displaced, turned
 from mbsvib.sensitivities.force_changes import RowTerms
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array
-    from mbsvib.elements import Joint, Spring
+    from mbsvib.elements import Joint
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.mechanism.parameters import Parameter
     from mbsvib.sensitivities.force_changes import ForceChanges
@@ -86,7 +86,7 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
         else:
             follows(spring.name, "start", turns[0])
             follows(spring.name, "end", turns[1])
-            if spring.free_length is None:
+            if isinstance(spring, Spring) and spring.free_length is None:
                 _spring(beside, spring, given, place, turns)
     for load in (part for part in network.parts if isinstance(part, Load)):
         turn = pose.turn(load.body)
