@@ -14,6 +14,7 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.equations.wrenches import is_loaded as carries_loads
 from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
 
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
 
     Limit = frozenset[tuple[str, str]]
 
-_STIFFNESS, _DAMPING = ("spring", "stiffness"), ("spring", "damping")
-_MASS, _INERTIA, _INERTANCE = ("body", "mass"), ("body", "inertia"), ("spring", "inertance")
-_KNOWN = (Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Spring)
+_STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
+_DAMPING = {("spring", "damping"), ("torsion", "damping")}
+_INERTIA, _MASS = {("body", "inertia"), ("spring", "inertance")}, {("body", "mass")}
+_KNOWN = (Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, TorsionSpring)
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -36,11 +38,13 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     parts, result = came.parts, []
     if is_loaded(system):
         falls = any(isinstance(part, Gravity) for part in parts)
-        still = {_STIFFNESS, _DAMPING, _INERTIA, _INERTANCE} | (set() if falls else {_MASS})
-        result.append(({_INERTIA, _INERTANCE} if _turned(system) else {_DAMPING, _INERTIA, _INERTANCE}) if came.settled else still)
+        if came.settled:
+            result.append(_INERTIA if _turned(system) else _DAMPING | _INERTIA)
+        else:
+            result.append(_STIFFNESS | _DAMPING | _INERTIA | (set() if falls else _MASS))
     if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
-        result.append({_STIFFNESS, _DAMPING} if system.circulatory is None else {_STIFFNESS})
+        result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
     return tuple(map(frozenset, result))
 
 
@@ -53,17 +57,19 @@ def is_loaded(system: Equations) -> bool:
 def follows(system: Equations) -> bool:
     """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
 
-    True for rigid bodies, joints, couplers, springs, bushings, Maxwell elements, gravity and loads, where all motions
-    without mass have dampers; unless bushings with moments were turned on the way to an equilibrium that was found,
+    True for rigid bodies, joints, couplers, springs, bushings, inerters, torsion springs, Maxwell elements, rotors on
+    bodies, gravity and loads, where all motions without mass have dampers; unless bodies themselves spin, bushings with
+    moments were turned on the way to an equilibrium that was found,
     couplers or Maxwell elements went along or these carry a preload, couplers contradict each other, or a joint's
     rotations turn against its locked translations, which parameters of joints cannot say.
     """
     came = system.provenance
     return (
-        came.statics is not None and came.dropped is None and system.gyroscopic is None
+        came.statics is not None and came.dropped is None
         and (came.massless is None or came.massless.transform is None)
         and all(isinstance(part, _KNOWN) for part in came.parts)
         and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
+        and not any(isinstance(part, Rotor) and part.inertia is None for part in came.parts)
         and not any(isinstance(part, Maxwell) and (came.settled or part.loaded) for part in came.parts)
         and not (any(isinstance(part, Coupling) for part in came.parts)
                  and (came.settled or any(group.surplus for group in came.reduction.groups)))

@@ -12,6 +12,7 @@ from mbsvib.elements import Bushing, Load, Spring
 from mbsvib.elements.load import Gravity
 from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, wide
+from mbsvib.sensitivities.internal_parameters import AXIS, internal_parameters
 from mbsvib.sensitivities.network import maxwell_lines
 from mbsvib.sensitivities.part_rules import line_turn_rates
 
@@ -81,7 +82,7 @@ class ForceChanges:
 
     @property
     def count(self) -> int:
-        """Number of parameters."""
+        """Number of parameters, internal ones included."""
         return len(self.row)
 
 
@@ -120,7 +121,8 @@ class RowTerms:
 def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]) -> ForceChanges:
     """Return what parameters change of the forces at the pose."""
     at = ForceLayout.of(forces)
-    terms = RowTerms({(entry.part, entry.field, entry.index): k for k, entry in enumerate(entries)}, at)
+    keys = (*[(entry.part, entry.field, entry.index) for entry in entries], *internal_parameters(network))
+    terms = RowTerms({key: k for k, key in enumerate(keys)}, at)
     joints, springs, bodies, _ = forces.counts
     weight = joints + springs
     for k, joint in enumerate(network.joints):
@@ -178,6 +180,7 @@ def _bushing(terms: RowTerms, bushing: Bushing, k: int) -> None:
     wrench = np.array(bushing.preload).reshape(2, 3) @ axes.T
     for i in range(6):
         terms.put((bushing.name, "preload", (i,)), column + 3 * (i // 3), axes[:, i % 3])
+    terms.put((bushing.name, "preload", ()), column + 3, axes[:, 2])  # of torsion springs
     for i, unit in enumerate(np.eye(3)):
         terms.put((bushing.name, "orientation", (i,)), column, np.cross(unit, wrench).reshape(6))
 
@@ -221,6 +224,8 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
     for k, load in zip(forces.loads, (part for part in network.parts if isinstance(part, Load)), strict=True):
         if load.position is not None:
             put(load.name, "position", second[k, :3])
+    for name, (k, _) in ({} if network.spin is None else network.spin.rotor).items():
+        put(name, AXIS, motion[k, 3:])
     return result
 
 

@@ -25,9 +25,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbsvib.linalg.vectors import cross, moved, product, wide
+from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.linalg.vectors import cross, dot, moved, product, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
+from mbsvib.sensitivities.internal_parameters import internal_groups
 from mbsvib.sensitivities.parameter_group import groups_by_rule
 from mbsvib.sensitivities.products import form_table
 from mbsvib.sensitivities.second_order_work import point_slopes, turn_slopes, work_slopes, wrench_slopes
@@ -37,7 +39,7 @@ from mbsvib.sensitivities.variables import FieldLayout
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-    from mbsvib.common.arrays import Array
+    from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
     from mbsvib.linalg.vectors import Field
     from mbsvib.mechanism.parameters import Parameter
@@ -49,7 +51,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedNetwork:
-    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``groups`` and ``changes``.
+    """A network in balance under its ``forces``, with all its parameters ``entries``, their ``groups`` and ``changes``;
+    internal parameters come behind them.
 
     The pose may make the ``motions`` (bodies, 6, c), first those along the m coordinates; parameters are then
     carried along at ``parameter_rates`` (p, c), and forces change at ``force_rates`` (e, c) beside these. Forces of
@@ -196,12 +199,28 @@ class LoadedNetwork:
         return transmitted(self.network, -self.forces.applied, still)[2]
 
     def _stiffened(self, left: Fields, right: Fields | None) -> Field:
-        """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...)."""
+        """What turning the second body of each bushing does to its moment's part in K, (bushings, 3, ...).
+
+        About an axis e it is e (e . s) (m . r) / 2 - ((m . r) s + (m . s) r) / 4, see ``elements.torsion_spring``.
+        """
         own = self.forces.bushings
         strained = own - self.forces.counts[0]
         r, s = (each.strain[strained, 3:] for each in (left, left if right is None else right))
         m = wide(self.forces.wrench[own, 3:], r)
-        return (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
+        result = (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
+        about, axis = self._torsion_springs
+        if len(about):
+            r, s, m, e = r[about], s[about], m[about], wide(axis, r)
+            result[about] = 0.5 * e * dot(e, s) * dot(m, r) - 0.25 * (s * dot(m, r) + r * dot(m, s))
+        return result
+
+    @cached_property
+    def _torsion_springs(self) -> tuple[Index, Array]:
+        """Which of the bushings are torsion springs, whose angle is a twist, and their axes (n, 3)."""
+        axes = {part.name: part.axis for part in self.network.parts if isinstance(part, TorsionSpring)}
+        names = [self.network.springs[k - self.forces.counts[0]].name for k in self.forces.bushings.tolist()]
+        about = [i for i, name in enumerate(names) if name in axes]
+        return np.array(about, dtype=np.intp), np.array([axes[names[i]] for i in about]).reshape(-1, 3)
 
     def _twisted(self, left: Fields, right: Fields | None) -> Field:
         """The same for its stiffness and damping: K and C go with (1 - [rho]x / 2) on both sides."""
@@ -227,8 +246,9 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
+    groups = (*groups_by_rule(network, layout), *internal_groups(network, len(entries)))
     return LoadedNetwork(
-        network, forces, entries, tuple(groups_by_rule(network, layout)), changes, motions,
+        network, forces, entries, groups, changes, motions,
         parameter_rates(network, forces, changes, motions),
         force_rates(network, forces, changes, motions), statics.size,
     )  # fmt: skip

@@ -90,11 +90,28 @@ def rotor_rule(network: Network, rotor: Rotor, field: str, _: tuple[int, ...] = 
     h = per_speed if field == "speed" else per_speed * (rotor.speed / (rotor.inertia or 1.0))
 
     def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
-        turn = fields.body[body : body + 1, 3:]
-        return [[(-fields.side * value * fields.rate * turn[:, i], turn[:, j])
-                 for value, (i, j) in zip(h.tolist(), ((1, 2), (2, 0), (0, 1)), strict=True) if value]]  # fmt: skip
+        return [_spin_terms(fields, body, h)]
 
     return rule
+
+
+def rotor_axis_rule(network: Network, rotor: Rotor) -> Rule:
+    """Return the rule by which turns of a rotor's axis, about x, y and z, enter the equations."""
+    assert network.spin is not None
+    body, per_speed = network.spin.rotor[rotor.name]
+    changes = np.cross(np.eye(3), rotor.speed * per_speed)
+
+    def rule(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
+        return [_spin_terms(fields, body, change) for change in changes]
+
+    return rule
+
+
+def _spin_terms(fields: Fields, body: int, momentum: Array) -> Terms:
+    """Terms of x^T C y = h . (x x y) for an angular momentum (3,)."""
+    turn = fields.body[body : body + 1, 3:]
+    return [(-fields.side * value * fields.rate * turn[:, i], turn[:, j])
+            for value, (i, j) in zip(momentum.tolist(), ((1, 2), (2, 0), (0, 1)), strict=True) if value]  # fmt: skip
 
 
 def torsion_rule(network: Network, part: TorsionSpring, field: str, _: tuple[int, ...] = ()) -> Rule:

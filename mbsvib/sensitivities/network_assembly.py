@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from mbsvib.common.arrays import Array, Index
     from mbsvib.equations.equations import Equations
+    from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.network_kinematics import Kinematics
 
 _TENSOR = [0, 3, 4, 3, 1, 5, 4, 5, 2]  # xx xy xz, xy yy yz, xz yz zz out of xx yy zz xy xz yz
@@ -107,7 +108,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     # inerters are line springs of which only the mass counts
     springs = cast("tuple[Bushing | Spring, ...]", tuple(
         part for part in parts if isinstance(part, (Bushing, Inerter, Spring))))  # fmt: skip
-    origin = system.provenance.origin
+    origin = model_in_pose(system)
     plain = None if origin is None else expanded(origin)
     if (plain is not None and plain.pieces is not None) or any(isinstance(part, Maxwell) for part in parts):
         nodes, lines = maxwell_parts(parts)
@@ -133,8 +134,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     ties = ways.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    loaded = is_loaded(system)
-    stiffness, damping = _world(springs)
+    (stiffness, damping), analytic = _world(springs), follows(system)
     return Network(
         parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
@@ -144,11 +144,22 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
-        forces=forces_at_rest(system, bodies, joints, springs, number, point) if follows(system) else None,
+        forces=forces_at_rest(system, bodies, joints, springs, number, point) if analytic else None,
         shared=None if plain is None else shared_forces(plain, bodies, number, ways),
         inertance=_inertance(springs),
-        spin=spin(plain, bodies, springs) if plain is not None and not loaded else None,
+        spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
     )  # fmt: skip
+
+
+def model_in_pose(system: Equations) -> Mechanism | None:
+    """Return the model of a system in the pose of its equations; None where there is none."""
+    came = system.provenance
+    if came.origin is None or not came.settled:
+        return came.origin
+    there = {part.name: part for part in came.parts}
+    groups: Any = {key: {name: there[name] for name in group} for key, group in came.origin.groups().items()
+              if key not in ("inputs", "outputs")}  # fmt: skip
+    return came.origin.with_parts(**groups)
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:

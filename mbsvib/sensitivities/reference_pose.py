@@ -15,6 +15,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements import Bushing, Load, Spring
+from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.linalg.rotations import quaternion
 from mbsvib.sensitivities.displaced_bodies import Displaced, turned
 from mbsvib.sensitivities.force_changes import RowTerms
 
@@ -78,7 +80,9 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
     for k, spring in enumerate(network.springs, len(network.joints)):
         turns, place = (pose.turn(spring.first), pose.turn(spring.second)), changes.at.wrench_of(k)
         given: Any = origin.springs[spring.name]
-        if isinstance(spring, Bushing):
+        if isinstance(given, TorsionSpring):
+            beside.put((spring.name, "stiffness", ()), place + 3, _moment_rate(given, *turns))
+        elif isinstance(spring, Bushing):
             follows(spring.name, "position", turns[1])
             follows(spring.name, "orientation", turns[0])
             gap = pose.point(spring.second, given.position) - pose.point(spring.first, given.position)
@@ -138,6 +142,12 @@ def _spring(beside: RowTerms, spring: Spring, given: Spring, place: int, turns: 
         for i in range(3):
             change = sign * spring.stiffness * (after @ turn[:, i] - before[i])
             beside.put((spring.name, field, (i,)), place, -change * after)
+
+
+def _moment_rate(given: TorsionSpring, first: Array, second: Array) -> Array:
+    """Its moment there is its preload less stiffness times its angle, about the axis that its first body carries."""
+    w, vector = quaternion(first.T @ second)
+    return np.asarray(-2.0 * np.arctan2(np.dot(vector, given.axis), w) * (first @ given.axis))
 
 
 def _bushing(

@@ -1,0 +1,49 @@
+"""Numbers of plain parts that are no parameters of the model, but change as the pose moves: axes of torsion springs and
+of rotors, which go with the bodies that carry them.
+
+They have rows of their own behind the parameters of a loaded network, with rules like those of parameters.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.sensitivities.made_part_rules import rotor_axis_rule
+from mbsvib.sensitivities.parameter_group import ParameterGroup
+from mbsvib.sensitivities.part_rules import rule
+
+if TYPE_CHECKING:
+    from mbsvib.sensitivities.network import Network
+
+AXIS = "axis"
+
+
+def internal_parameters(network: Network) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
+    """Return part, field and index of all such numbers of a network."""
+    return tuple((part.name, _FIELDS[type(part)], (i,)) for part in network.parts if type(part) in _FIELDS
+                 for i in range(3))  # fmt: skip
+
+
+def internal_groups(network: Network, first: int) -> list[ParameterGroup]:
+    """Return the groups of these numbers; ``first`` is the row of the first of them."""
+    springs = {spring.name: k for k, spring in enumerate(network.springs)}
+    result, row = [], first
+    for part in network.parts:
+        if isinstance(part, TorsionSpring):
+            k = springs[part.name]
+            own, number = rule(network.springs[k], "orientation"), np.array([len(network.joints) + k])
+        elif isinstance(part, Rotor):
+            own, number = rotor_axis_rule(network, part), np.zeros(1, dtype=np.intp)
+        else:
+            continue
+        kind = "spring" if isinstance(part, TorsionSpring) else "rotor"
+        result.append(ParameterGroup(kind, _FIELDS[type(part)], number, own, (), row + np.arange(3)[None], 3))
+        row += 3
+    return result
+
+
+_FIELDS = {TorsionSpring: "orientation", Rotor: AXIS}
