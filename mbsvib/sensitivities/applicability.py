@@ -10,12 +10,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mbsvib.elements import Body, Bushing, Joint, Load, Maxwell, Spring
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.equations.wrenches import is_loaded as carries_loads
+from mbsvib.sensitivities.beam_rules import has_rule
 from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 _STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
 _DAMPING = {("spring", "damping"), ("torsion", "damping")}
 _INERTIA, _MASS = {("body", "inertia"), ("spring", "inertance")}, {("body", "mass")}
-_KNOWN = (Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, TorsionSpring)
+_KNOWN = (Beam, Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, TorsionSpring)
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -70,6 +72,8 @@ def follows(system: Equations) -> bool:
         and all(isinstance(part, _KNOWN) for part in came.parts)
         and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
         and not any(isinstance(part, Rotor) and part.inertia is None for part in came.parts)
+        and not any(isinstance(part, Beam) and (part.displacements is not None or not has_rule(part, "start"))
+                    for part in came.parts)
         and not any(isinstance(part, Maxwell) and (came.settled or part.loaded) for part in came.parts)
         and not (any(isinstance(part, Coupling) for part in came.parts)
                  and (came.settled or any(group.surplus for group in came.reduction.groups)))

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Bushing, Load, Spring
+from mbsvib.elements import Bushing, Spring
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
 from mbsvib.equilibrium.joints import ALONG_AXIS
-from mbsvib.linalg.vectors import cross, wide
-from mbsvib.sensitivities.internal_parameters import AXIS, internal_parameters
+from mbsvib.linalg.vectors import cross, moved, wide
+from mbsvib.sensitivities.beam_rules import middle_rates, motion_slopes, numbers, slopes
+from mbsvib.sensitivities.internal_parameters import AXIS, MOTION, internal_parameters
 from mbsvib.sensitivities.network import maxwell_lines
 from mbsvib.sensitivities.part_rules import line_turn_rates
 
@@ -146,13 +148,36 @@ def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]
         terms.put((body.name, "mass", ()), at.wrench_of(weight + k), forces.gravity)
         for i in range(3 if any(isinstance(part, Gravity) for part in network.parts) else 0):
             terms.put(("gravity", "", (i,)), at.wrench_of(weight + k) + i, (body.mass,))
-    loads = [part for part in network.parts if isinstance(part, Load)]
-    for k, load in enumerate(loads, weight + bodies):
+    for k, load in enumerate(network.loads, weight + bodies):
         terms.along(load.name, "force", at.wrench_of(k))
         terms.along(load.name, "torque", at.wrench_of(k) + 3)
         owner = (load.body, "position") if load.position is None else (load.name, "position")
         terms.along(*owner, at.point_of(k))
+    for beam in (part for part in network.parts if isinstance(part, Beam)):
+        _beam(terms, network, forces, beam)
     return ForceChanges(terms.row, at, terms.matrix(at.size))
+
+
+def _beam(terms: RowTerms, network: Network, forces: Forces, beam: Beam) -> None:
+    """Its elements carry forces at their midpoints, its nodes the weight and loads without points of their own."""
+    number = {part.name: k for k, part in enumerate((*network.joints, *network.springs))}  # springs come later
+    elements = [terms.at.point_of(number[name]) for name in beam.element_names]
+    weight_of = {f"{beam.name}.weight{i}": i for i in range(len(beam.points))}
+    node_of = {beam.node(i): i for i in range(len(beam.points)) if beam.node(i) in beam.node_names}
+    loads = [(load, k) for load, k in zip(network.loads, forces.loads.tolist(), strict=True)]
+    weights = [(weight_of[load.name], k) for load, k in loads if load.name in weight_of]
+    at_nodes = [(node_of[load.body], k) for load, k in loads if load.position is None and load.body in node_of]
+    for part, field, index in [key for key in terms.row if key[0] == beam.name]:
+        change = motion_slopes(beam, index[0]) if field == MOTION else slopes(beam, field, index)
+        for point, middle in zip(elements, middle_rates(change), strict=True):
+            terms.put((part, field, index), point, middle)
+        for i, k in (*weights, *at_nodes):
+            terms.put((part, field, index), terms.at.point_of(k), change["points"][i])
+        for i, k in weights:
+            terms.put((part, field, index), terms.at.wrench_of(k), change["weight"][i] * forces.gravity)
+    for i, k in weights:
+        for j in range(3):
+            terms.put(("gravity", "", (j,)), terms.at.wrench_of(k) + j, (numbers(beam)["weight"][i],))
 
 
 def _spring(terms: RowTerms, spring: Spring, k: int) -> None:
@@ -221,9 +246,15 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
     for maxwell, k in maxwell_lines(network):
         put(maxwell, "start", start[joints + k])
         put(maxwell, "end", second[joints + k, :3])
-    for k, load in zip(forces.loads, (part for part in network.parts if isinstance(part, Load)), strict=True):
+    for k, load in zip(forces.loads, network.loads, strict=True):
         if load.position is not None:
             put(load.name, "position", second[k, :3])
+    number = {body.name: k for k, body in enumerate(network.bodies)}
+    for beam in (part for part in network.parts if isinstance(part, Beam) and part.node(0) != "ground"):
+        k = number[beam.node(0)]
+        at_start = moved(motion[k][None], (np.array(beam.points[0]) - network.position[k])[None])[0]
+        for i in range(6):
+            result[changes.row[beam.name, MOTION, (i,)]] = at_start[i]
     for name, (k, _) in ({} if network.spin is None else network.spin.rotor).items():
         put(name, AXIS, motion[k, 3:])
     return result

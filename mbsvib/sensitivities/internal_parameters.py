@@ -1,5 +1,5 @@
 """Numbers of plain parts that are no parameters of the model, but change as the pose moves: axes of torsion springs and
-of rotors, which go with the bodies that carry them.
+of rotors, which go with the bodies that carry them, and the place and orientation of beams that keep their shape.
 
 They have rows of their own behind the parameters of a loaded network, with rules like those of parameters.
 """
@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
+from mbsvib.sensitivities.beam_rules import changed_beam, motion_slopes
 from mbsvib.sensitivities.made_part_rules import rotor_axis_rule
 from mbsvib.sensitivities.parameter_group import ParameterGroup
 from mbsvib.sensitivities.part_rules import rule
@@ -19,13 +21,15 @@ from mbsvib.sensitivities.part_rules import rule
 if TYPE_CHECKING:
     from mbsvib.sensitivities.network import Network
 
-AXIS = "axis"
+AXIS, MOTION = "axis", "motion"
+_FIELDS: dict[type, tuple[str, int]] = {TorsionSpring: ("orientation", 3), Rotor: (AXIS, 3), Beam: (MOTION, 6)}
+_ONE = np.zeros(1, dtype=np.intp)
 
 
 def internal_parameters(network: Network) -> tuple[tuple[str, str, tuple[int, ...]], ...]:
     """Return part, field and index of all such numbers of a network."""
-    return tuple((part.name, _FIELDS[type(part)], (i,)) for part in network.parts if type(part) in _FIELDS
-                 for i in range(3))  # fmt: skip
+    return tuple((part.name, field, (i,)) for part in network.parts if type(part) in _FIELDS
+                 for field, count in (_FIELDS[type(part)],) for i in range(count))  # fmt: skip
 
 
 def internal_groups(network: Network, first: int) -> list[ParameterGroup]:
@@ -37,13 +41,18 @@ def internal_groups(network: Network, first: int) -> list[ParameterGroup]:
             k = springs[part.name]
             own, number = rule(network.springs[k], "orientation"), np.array([len(network.joints) + k])
         elif isinstance(part, Rotor):
-            own, number = rotor_axis_rule(network, part), np.zeros(1, dtype=np.intp)
+            own, number = rotor_axis_rule(network, part), _ONE
+        elif isinstance(part, Beam):
+            for i in range(6):
+                own, data = changed_beam(network, part, motion_slopes(part, i))
+                result.append(ParameterGroup("beam", MOTION, _ONE, own, data, np.array([[row]]), 0))
+                row += 1
+            continue
         else:
             continue
         kind = "spring" if isinstance(part, TorsionSpring) else "rotor"
-        result.append(ParameterGroup(kind, _FIELDS[type(part)], number, own, (), row + np.arange(3)[None], 3))
+        result.append(ParameterGroup(kind, _FIELDS[type(part)][0], number, own, (), row + np.arange(3)[None], 3))
         row += 3
     return result
 
 
-_FIELDS = {TorsionSpring: "orientation", Rotor: AXIS}

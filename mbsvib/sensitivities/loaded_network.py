@@ -25,8 +25,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.torsion_spring import TorsionSpring
-from mbsvib.linalg.vectors import cross, dot, moved, product, wide
+from mbsvib.equations.beam_prestress import bent_forms
+from mbsvib.linalg.vectors import cross, dot, moved, product, transformed, wide
 from mbsvib.sensitivities.adjoint_fields import Fields
 from mbsvib.sensitivities.force_changes import force_changes, force_rates, parameter_rates
 from mbsvib.sensitivities.internal_parameters import internal_groups
@@ -71,8 +73,9 @@ class LoadedNetwork:
 
     @property
     def dof(self) -> int:
-        """Number m of minimal coordinates."""
-        return int(self.network.displacements.shape[1])
+        """Number m of coordinates along which the pose moves: all minimal ones unless beams keep their shape."""
+        reactions = self.network.reactions
+        return int(self.network.displacements.shape[1]) - (0 if reactions is None else len(reactions.dependent))
 
     @property
     def size(self) -> int:
@@ -100,7 +103,9 @@ class LoadedNetwork:
         gap = wrench_slopes(self.forces, x, None if right is None else y)
         if left.turned is not None:
             gap[:joints, 3:] += 0.5 * cross(left.turned, y[1][:joints, 3:])
-        second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
+        if self.network.reactions is not None:
+            self._add_tensions(gap, x[1], y[1])
+        second = self._released(gap)
         row = self._given(second, gap)
         point, start = point_slopes(self.forces, x, None if right is None else y)
         turn, twist = turn_slopes(self.forces, x, y), self._stiffened(left, right)
@@ -110,6 +115,25 @@ class LoadedNetwork:
         if left.turned is not None:
             self._open(result, weight * cross(left.turned, cross(y[1][:joints, 3:], wide(
                 self.forces.wrench[:joints, 3:], y[1]))))  # fmt: skip
+
+    def _released(self, gap: Field) -> Field:
+        """Relative motions (n, 6, ...), less the gaps, in which joints and elements of beams give way by gaps."""
+        joints, reactions = self.forces.counts[0], self.network.reactions
+        second = self.forces.seen(joint_release_motion(self.network, gap[:joints]))[1] - gap
+        if reactions is None:
+            return second
+        motion = np.tensordot(self.network.displacements, reactions.opened(-second[joints + reactions.springs]), axes=1)
+        return second + self.forces.seen(motion.reshape(len(self.forces.centre), 6, *gap.shape[2:]))[1]
+
+    def _add_tensions(self, gap: Field, x: Field, y: Field) -> None:
+        """Add what the tension of elements does by the bent lines of beams, in place; x, y: relative motions."""
+        number = {spring.name: k for k, spring in enumerate(self.network.springs, self.forces.counts[0])}
+        for beam in (part for part in self.network.parts if isinstance(part, Beam)):
+            which = np.array([number[name] for name in beam.element_names])
+            axes = np.array([axes for _, axes in beam.frames()])
+            r, s = (_in_axes(axes, seen[which]) for seen in (x, y))
+            works = (r * transformed(bent_forms(beam), s)).sum(axis=1, keepdims=True)
+            gap[which, :3] -= wide(axes[:, :, 0], gap) * works
 
     def _open(self, result: Field, slope: Field) -> None:
         """Add what turning the axes of joints does that are turned open, twice ``slope`` (joints, 3, ...)."""
@@ -232,6 +256,12 @@ class LoadedNetwork:
         return twisted
 
 
+def _in_axes(axes: Array, vectors: Field) -> Field:
+    """Six-vectors (n, 6, ...) in axes (n, 3, 3), their columns."""
+    turn = axes.swapaxes(1, 2)
+    return np.concatenate((transformed(turn, vectors[:, :3]), transformed(turn, vectors[:, 3:])), axis=1)
+
+
 def _put(row: Field, at: slice, part: Field) -> None:
     """Add derivatives (k, 3, ...) or (k, 6, ...) at their place in a row."""
     row[at] += part.reshape(at.stop - at.start, *row.shape[1:])
@@ -245,10 +275,13 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     forces, entries = network.forces, system.parameters.entries
     layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
+    reactions, size = network.reactions, statics.size
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
+    if reactions is not None:
+        motions, size = motions @ reactions.motions, abs(reactions.motions).T @ size
     groups = (*groups_by_rule(network, layout), *internal_groups(network, len(entries)))
     return LoadedNetwork(
         network, forces, entries, groups, changes, motions,
         parameter_rates(network, forces, changes, motions),
-        force_rates(network, forces, changes, motions), statics.size,
+        force_rates(network, forces, changes, motions), size,
     )  # fmt: skip

@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements import Body, Bushing, Joint
+    from mbsvib.elements import Body, Bushing, Joint, Load
     from mbsvib.elements.part import Part
     from mbsvib.kinematics.relative_motion import Twists
     from mbsvib.sensitivities.applicability import Limit
+    from mbsvib.sensitivities.element_reactions import ElementReactions
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network_kinematics import Constraints
     from mbsvib.sensitivities.shared_wrenches import SharedForces, Spin
@@ -51,7 +52,8 @@ class Network:
     that are not zero, ``floating`` (f,) the bodies that hang on nothing. ``limits`` say which parameters act by rules
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
     loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
-    ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters.
+    ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters. ``loads`` are those of the model and the weights
+    of beams, ``reactions`` the elements of beams whose forces statics gives.
     """
 
     parts: tuple[Part, ...]
@@ -84,6 +86,8 @@ class Network:
     shared: SharedForces | None = None
     spin: Spin | None = None
     inertance: Array | None = None
+    loads: tuple[Load, ...] = ()
+    reactions: ElementReactions | None = None
 
     @property
     def partial(self) -> bool:

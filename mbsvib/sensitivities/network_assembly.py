@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
+from mbsvib.elements.beam import Beam
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
@@ -16,6 +17,7 @@ from mbsvib.linalg.vectors import entries_matrix, transformed
 from mbsvib.mechanism.topology import FLOATS
 from mbsvib.sensitivities.adjoint_fields import motions
 from mbsvib.sensitivities.applicability import follows, is_loaded, limits
+from mbsvib.sensitivities.element_reactions import element_reactions
 from mbsvib.sensitivities.forces import forces_at_rest
 from mbsvib.sensitivities.network import Network, maxwell_parts
 from mbsvib.sensitivities.network_kinematics import JointCoordinates
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
+    from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.network_kinematics import Kinematics
@@ -114,9 +117,9 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         nodes, lines = maxwell_parts(parts)
         known = ({} if plain is None else dict(plain.bodies)) | {body.name: body for body in (*bodies, *nodes)}
         own = {spring.name for spring in springs}
-        elements = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
+        made = () if plain is None else tuple([part for part in plain.springs.values() if part.name not in own])
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
-        springs += (*[part for part in elements if isinstance(part, Bushing)], *lines)
+        springs += (*[part for part in made if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
     ways = JointCoordinates.of(system, bodies) if ways is None else ways
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
@@ -135,16 +138,25 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
     (stiffness, damping), analytic = _world(springs), follows(system)
+    loads = () if plain is None else tuple(plain.loads.values())
+    relative, reactions = ways.relative(rows), None
+    bending = np.array([k for k, part in enumerate(springs) if part.name in _elements(parts)], dtype=np.intp)
+    if analytic and len(bending):
+        strained = (6 * (len(joints) + bending)[:, None] + np.arange(6)).reshape(-1)
+        strains = relative[strained] if ways.reduction is None else relative[strained] @ ways.reduction
+        reactions = element_reactions(bending, np.asarray(strains @ np.eye(system.dof)))
+        analytic = reactions is not None
     return Network(
         parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
         axes @ tensors @ axes.transpose(0, 2, 1), position, axes, point,
-        ways.relative(rows), stiffness, damping,
+        relative, stiffness, damping,
         tuple((branch.body, branch.parent) for branch in topology.branches), behind, sign,
         _incidence(first[len(joints) :], second[len(joints) :], len(bodies)),
         _incidence(first[: len(joints)], second[: len(joints)], len(bodies)), ties, centre,
         displacements, np.flatnonzero(displacements.any(axis=1)), np.array(topology.floating, dtype=np.intp),
         limits(system),
-        forces=forces_at_rest(system, bodies, joints, springs, number, point) if analytic else None,
+        forces=forces_at_rest(system, bodies, joints, springs, loads, number, point) if analytic else None,
+        loads=loads, reactions=reactions,
         shared=None if plain is None else shared_forces(plain, bodies, number, ways),
         inertance=_inertance(springs),
         spin=spin(plain, bodies, springs) if plain is not None and (analytic or not is_loaded(system)) else None,
@@ -160,6 +172,11 @@ def model_in_pose(system: Equations) -> Mechanism | None:
     groups: Any = {key: {name: there[name] for name in group} for key, group in came.origin.groups().items()
               if key not in ("inputs", "outputs")}  # fmt: skip
     return came.origin.with_parts(**groups)
+
+
+def _elements(parts: Sequence[Part]) -> frozenset[str]:
+    """Names of the elements of beams."""
+    return frozenset(name for part in parts if isinstance(part, Beam) for name in part.element_names)
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:

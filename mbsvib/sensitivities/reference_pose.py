@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from mbsvib.elements import Bushing, Load, Spring
+from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.linalg.rotations import quaternion
 from mbsvib.sensitivities.displaced_bodies import Displaced, turned
@@ -92,7 +92,7 @@ def reference_pose(network: Network, forces: Forces, changes: ForceChanges, orig
             follows(spring.name, "end", turns[1])
             if isinstance(spring, Spring) and spring.free_length is None:
                 _spring(beside, spring, given, place, turns)
-    for load in (part for part in network.parts if isinstance(part, Load)):
+    for load in network.loads:
         turn = pose.turn(load.body)
         for field in ("force", "torque") if load.follower else ():
             follows(load.name, field, turn)
