@@ -15,6 +15,7 @@ from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
 from mbsvib.elements.rotor import Rotor
+from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.torsion_spring import TorsionSpring
 from mbsvib.equations.wrenches import is_loaded as carries_loads
 from mbsvib.sensitivities.beam_rules import has_rule
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 _STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
 _DAMPING = {("spring", "damping"), ("torsion", "damping")}
 _INERTIA, _MASS = {("body", "inertia"), ("spring", "inertance")}, {("body", "mass")}
-_KNOWN = (Beam, Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, TorsionSpring)
+_KNOWN = (Beam, Body, Bushing, Coupling, Gravity, Inerter, Joint, Load, Maxwell, Rotor, Spring, Superelement,
+          TorsionSpring)
 
 
 def limits(system: Equations) -> tuple[Limit, ...]:
@@ -66,6 +68,7 @@ def follows(system: Equations) -> bool:
     rotations turn against its locked translations, which parameters of joints cannot say.
     """
     came = system.provenance
+    weightless = any(isinstance(part, Gravity) and not any(part.acceleration) for part in came.parts)
     return (
         came.statics is not None and came.dropped is None
         and (came.massless is None or came.massless.transform is None)
@@ -73,6 +76,8 @@ def follows(system: Equations) -> bool:
         and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
         and not any(isinstance(part, Rotor) and part.inertia is None for part in came.parts)
         and not any(isinstance(part, Beam) and (part.displacements is not None or not has_rule(part, "start"))
+                    for part in came.parts)
+        and not any(isinstance(part, Superelement) and (part.displacements is not None or weightless)
                     for part in came.parts)
         and not any(isinstance(part, Maxwell) and (came.settled or part.loaded) for part in came.parts)
         and not (any(isinstance(part, Coupling) for part in came.parts)

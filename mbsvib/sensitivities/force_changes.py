@@ -11,6 +11,8 @@ from scipy.sparse import csr_array
 from mbsvib.elements import Bushing, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.superelement import Superelement
+from mbsvib.elements.superelement_expansion import elastic_part
 from mbsvib.equilibrium.joints import ALONG_AXIS
 from mbsvib.linalg.vectors import cross, moved, wide
 from mbsvib.sensitivities.beam_rules import middle_rates, motion_slopes, numbers, slopes
@@ -155,6 +157,8 @@ def force_changes(network: Network, forces: Forces, entries: Sequence[Parameter]
         terms.along(*owner, at.point_of(k))
     for beam in (part for part in network.parts if isinstance(part, Beam)):
         _beam(terms, network, forces, beam)
+    for part in (part for part in network.parts if isinstance(part, Superelement)):
+        _superelement(terms, network, forces, part)
     return ForceChanges(terms.row, at, terms.matrix(at.size))
 
 
@@ -178,6 +182,25 @@ def _beam(terms: RowTerms, network: Network, forces: Forces, beam: Beam) -> None
     for i, k in weights:
         for j in range(3):
             terms.put(("gravity", "", (j,)), terms.at.wrench_of(k) + j, (numbers(beam)["weight"][i],))
+
+
+def _superelement(terms: RowTerms, network: Network, forces: Forces, part: Superelement) -> None:
+    """It acts at its nodes; the body that carries it takes its weight."""
+    points = np.array([point for _, point in part.nodes])
+    number = {spring.name: k for k, spring in enumerate(network.springs, len(network.joints))}
+    elements = [(i, number[name]) for i, (node, _) in enumerate(part.nodes)
+                if (name := f"{part.name}.{node}") in number]  # fmt: skip
+    node_of = {part.body_of(i): i for i in range(len(points)) if part.body_of(i) in part.node_names}
+    loads = list(zip(network.loads, forces.loads.tolist(), strict=True))
+    weights = [(np.array(load.position), k) for load, k in loads if load.name == f"{part.name}.weight"]
+    moving = [(points[i], k) for i, k in elements] + weights + [
+        (points[node_of[load.body]], k) for load, k in loads if load.position is None and load.body in node_of]
+    for i, way in enumerate(np.tile(np.eye(3), (2, 1))):
+        for at, k in moving:
+            terms.put((part.name, MOTION, (i,)), terms.at.point_of(k), way if i < 3 else np.cross(way, at - points[0]))
+    for i, way in enumerate(np.eye(3) if weights else ()):
+        for load in elastic_part(part, tuple(way.tolist())).loads:
+            terms.put(("gravity", "", (i,)), terms.at.wrench_of(weights[0][1]), load.force)
 
 
 def _spring(terms: RowTerms, spring: Spring, k: int) -> None:
@@ -226,9 +249,9 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
         for i in range(3 if (part, field, (0,)) in changes.row else 0):  # nodes of Maxwell elements have no parameters
             result[changes.row[part, field, (i,)]] = value[i]
 
-    for k, body in enumerate(network.bodies):
-        put(body.name, "position", motion[k, :3])
-        put(body.name, "orientation", motion[k, 3:])
+    for k, part in enumerate(network.bodies):
+        put(part.name, "position", motion[k, :3])
+        put(part.name, "orientation", motion[k, 3:])
     for k, joint in enumerate(network.joints):
         if joint.end is not None:
             put(joint.name, "position", start[k])
@@ -250,11 +273,16 @@ def parameter_rates(network: Network, forces: Forces, changes: ForceChanges, mot
         if load.position is not None:
             put(load.name, "position", second[k, :3])
     number = {body.name: k for k, body in enumerate(network.bodies)}
-    for beam in (part for part in network.parts if isinstance(part, Beam) and part.node(0) != "ground"):
-        k = number[beam.node(0)]
-        at_start = moved(motion[k][None], (np.array(beam.points[0]) - network.position[k])[None])[0]
-        for i in range(6):
-            result[changes.row[beam.name, MOTION, (i,)]] = at_start[i]
+    for flexible in network.parts:
+        if not isinstance(flexible, (Beam, Superelement)):
+            continue
+        body, point = (flexible.node(0), flexible.points[0]) if isinstance(flexible, Beam) else (
+            flexible.body_of(0), flexible.nodes[0][1])  # fmt: skip
+        if body != "ground":
+            arm = np.array(point) - network.position[number[body]]
+            shift = moved(motion[number[body]][None], arm[None])[0]
+            for i in range(6):
+                result[changes.row[flexible.name, MOTION, (i,)]] = shift[i]
     for name, (k, _) in ({} if network.spin is None else network.spin.rotor).items():
         put(name, AXIS, motion[k, 3:])
     return result

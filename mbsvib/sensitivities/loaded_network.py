@@ -279,7 +279,8 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     if reactions is not None:
         motions, size = motions @ reactions.motions, abs(reactions.motions).T @ size
-    groups = (*groups_by_rule(network, layout), *internal_groups(network, len(entries)))
+    gravity = changes.row.get(("gravity", "", (0,)))
+    groups = (*groups_by_rule(network, layout), *internal_groups(network, len(entries), gravity))
     return LoadedNetwork(
         network, forces, entries, groups, changes, motions,
         parameter_rates(network, forces, changes, motions),

@@ -16,6 +16,7 @@ import numpy as np
 from mbsvib.elements import Maxwell, Spring
 from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
+from mbsvib.elements.load import Gravity
 from mbsvib.elements.maxwell_rows import Node
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.torsion_spring import TorsionSpring
@@ -53,7 +54,7 @@ class Network:
     of their own. A ``bare`` network has no parts, as no parameter has a rule. ``forces`` are those at the pose of a
     loaded scene whose derivatives through the equilibrium are known, ``shared`` what more than two bodies share,
     ``spin`` what rotors add and ``inertance`` (s, 6, 6) what inerters. ``loads`` are those of the model and the weights
-    of beams, ``reactions`` the elements of beams whose forces statics gives.
+    of beams and superelements, ``reactions`` the elements of these whose forces statics gives.
     """
 
     parts: tuple[Part, ...]
@@ -114,6 +115,11 @@ class Network:
         assert self.constraints is not None
         assert self.coordinates is not None
         return body_motion(self.coordinates, self.position)[:, :, self.constraints.dependent]
+
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of free fall (3,), zero without gravity."""
+        return next((np.array(part.acceleration) for part in self.parts if isinstance(part, Gravity)), np.zeros(3))
 
     @cached_property
     def damped(self) -> bool:

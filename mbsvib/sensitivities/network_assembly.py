@@ -8,7 +8,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from mbsvib.elements import Body, Bushing, Joint, Maxwell, Spring
-from mbsvib.elements.beam import Beam
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.part import Composed
 from mbsvib.elements.rows import Rows
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mbsvib.common.arrays import Array, Index
-    from mbsvib.elements.part import Part
     from mbsvib.equations.equations import Equations
     from mbsvib.mechanism.mechanism import Mechanism
     from mbsvib.sensitivities.network_kinematics import Kinematics
@@ -140,11 +138,11 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     (stiffness, damping), analytic = _world(springs), follows(system)
     loads = () if plain is None else tuple(plain.loads.values())
     relative, reactions = ways.relative(rows), None
-    bending = np.array([k for k, part in enumerate(springs) if part.name in _elements(parts)], dtype=np.intp)
-    if analytic and len(bending):
-        strained = (6 * (len(joints) + bending)[:, None] + np.arange(6)).reshape(-1)
-        strains = relative[strained] if ways.reduction is None else relative[strained] @ ways.reduction
-        reactions = element_reactions(bending, np.asarray(strains @ np.eye(system.dof)))
+    if analytic and any(isinstance(part, Composed) for part in parts):
+        at_joints = relative if ways.reduction is None else relative @ ways.reduction
+        moves = np.asarray(at_joints @ np.eye(system.dof)).reshape(-1, 6, system.dof)[len(joints) :]
+        reactions = element_reactions(parts, {part.name: k for k, part in enumerate(springs)}, moves,
+                                      dict(zip(system.bodies, system.body_motion, strict=True)))  # fmt: skip
         analytic = reactions is not None
     return Network(
         parts, bodies, joints, springs, ways.coordinates, ways.reduction, np.array([body.mass for body in bodies]),
@@ -172,11 +170,6 @@ def model_in_pose(system: Equations) -> Mechanism | None:
     groups: Any = {key: {name: there[name] for name in group} for key, group in came.origin.groups().items()
               if key not in ("inputs", "outputs")}  # fmt: skip
     return came.origin.with_parts(**groups)
-
-
-def _elements(parts: Sequence[Part]) -> frozenset[str]:
-    """Names of the elements of beams."""
-    return frozenset(name for part in parts if isinstance(part, Beam) for name in part.element_names)
 
 
 def _point(joint: Joint, bodies: Sequence[Body], number: dict[str, int]) -> tuple[float, float, float]:
