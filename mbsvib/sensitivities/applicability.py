@@ -22,9 +22,11 @@ from mbsvib.sensitivities.beam_rules import has_rule
 from mbsvib.sensitivities.displaced_bodies import holds_turns, turned
 
 if TYPE_CHECKING:
-    from mbsvib.equations.equations import Equations
+    from collections.abc import Iterable
 
-    Limit = frozenset[tuple[str, str]]
+    from mbsvib.elements.part import Part
+    from mbsvib.equations.equations import Equations
+    from mbsvib.sensitivities.network import Limit
 
 _STIFFNESS = {("spring", "stiffness"), ("torsion", "stiffness")}
 _DAMPING = {("spring", "damping"), ("torsion", "damping")}
@@ -61,30 +63,40 @@ def is_loaded(system: Equations) -> bool:
 def follows(system: Equations) -> bool:
     """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
 
-    True for rigid bodies, joints, couplers, springs, bushings, inerters, torsion springs, Maxwell elements, rotors on
-    bodies, gravity and loads, where all motions without mass have dampers; unless bodies themselves spin, bushings with
-    moments were turned on the way to an equilibrium that was found,
-    couplers or Maxwell elements went along or these carry a preload, couplers contradict each other, or a joint's
-    rotations turn against its locked translations, which parameters of joints cannot say.
+    True where all motions without mass have dampers, and each part has rules for what forces at the pose do.
     """
     came = system.provenance
-    weightless = any(isinstance(part, Gravity) and not any(part.acceleration) for part in came.parts)
+    turned_bushings = _turned(system)
     return (
         came.statics is not None and came.dropped is None
         and (came.massless is None or came.massless.transform is None)
-        and all(isinstance(part, _KNOWN) for part in came.parts)
-        and not any(isinstance(part, Joint) and _skews(part) for part in came.parts)
-        and not any(isinstance(part, Rotor) and part.inertia is None for part in came.parts)
-        and not any(isinstance(part, Beam) and (part.displacements is not None or not has_rule(part, "start"))
-                    for part in came.parts)
-        and not any(isinstance(part, Superelement) and (part.displacements is not None or weightless)
-                    for part in came.parts)
-        and not any(isinstance(part, Maxwell) and (came.settled or part.loaded) for part in came.parts)
-        and not (any(isinstance(part, Coupling) for part in came.parts)
-                 and (came.settled or any(group.surplus for group in came.reduction.groups)))
-        and not any(isinstance(part, Bushing) and part.name in _turned(system) and holds_turns(part)
-                    for part in came.parts)
+        and not any(group.surplus for group in came.reduction.groups if _has(came.parts, Coupling))
+        and not (_has(came.parts, Superelement) and any(
+            isinstance(part, Gravity) and not any(part.acceleration) for part in came.parts))
+        and all(isinstance(part, _KNOWN) and not _is_exception(part, came.settled, turned_bushings)
+                for part in came.parts)
     )  # fmt: skip
+
+
+def _has(parts: Iterable[Part], kind: type[Part]) -> bool:
+    return any(isinstance(part, kind) for part in parts)
+
+
+def _is_exception(part: Part, settled: bool, turned_bushings: frozenset[str]) -> bool:
+    """Whether no rule says what a part of a loaded scene does; ``settled``: the equilibrium was found elsewhere."""
+    if isinstance(part, Beam):  # the axes of an upright one without a y axis jump as it is tilted
+        return part.displacements is not None or not has_rule(part, "start")
+    if isinstance(part, Superelement):
+        return part.displacements is not None
+    if isinstance(part, Joint):
+        return _skews(part)
+    if isinstance(part, Rotor):  # bearings may leave the axis of a body that spins itself
+        return part.inertia is None
+    if isinstance(part, Maxwell):
+        return settled or part.loaded
+    if isinstance(part, Bushing):  # what its moments do about axes changes in ways of its own
+        return part.name in turned_bushings and holds_turns(part)
+    return isinstance(part, Coupling) and settled
 
 
 def _skews(joint: Joint) -> bool:

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from mbsvib.elements import Body, Bushing, Joint, Load
     from mbsvib.elements.part import Part
     from mbsvib.kinematics.relative_motion import Twists
-    from mbsvib.sensitivities.applicability import Limit
     from mbsvib.sensitivities.element_reactions import ElementReactions
     from mbsvib.sensitivities.forces import Forces
     from mbsvib.sensitivities.network_kinematics import Constraints
     from mbsvib.sensitivities.shared_wrenches import SharedForces, Spin
 
+    Limit = frozenset[tuple[str, str]]  # kinds of parts with their fields
 
 # Parts that are made of bodies and connections, or act on these, with rules of their own.
 MADE = {"beam": Beam, "coupler": Coupling, "maxwell": Maxwell, "rotor": Rotor, "torsion": TorsionSpring}
