@@ -105,9 +105,11 @@ def spectrum(modes: Modes) -> Spectrum:
 
 def _symmetric(damped: Damped) -> Spectrum:
     values = damped.pairs.reshape(-1)
-    turns = damped.pairs[:, 0].imag != 0.0
+    second_alike = damped.pairs[:, 0].imag != 0.0
+    if damped.vectors is None:  # both eigenvalues 0 of a rigid-body motion have its shape
+        second_alike |= ~damped.pairs.any(axis=1)
     keep = np.ones(damped.pairs.shape, dtype=bool)
-    keep[turns, 1] = False
+    keep[second_alike, 1] = False
     place = np.flatnonzero(keep)
     mirror = np.flatnonzero(~keep)
     position = np.cumsum(keep) - 1
