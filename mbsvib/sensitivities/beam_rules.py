@@ -189,7 +189,7 @@ def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Arr
     ends = np.cumsum([part.size for part in present.values()])[:-1]
     if field in ("alpha", "beta", "damping_ratio"):  # linear, and not to be negative
         twice = numbers(beam.with_values({field: 2.0 * start or 1.0}))
-        found = {key: (twice[key] - present[key]) / (start or 1.0) for key in present}
+        result = {key: (twice[key] - present[key]) / (start or 1.0) for key in present}
     else:
         length = min(size for size, _ in beam.frames())
         scale = length if index or field == "length" else abs(start) or 1.0
@@ -209,13 +209,13 @@ def slopes(beam: Beam, field: str, index: tuple[int, ...] = ()) -> dict[str, Arr
                 f"sensitivities: beam '{beam.name}' does not change smoothly with its '{field}' (differences agree to "
                 f"{error.max():.1e} only). Compare variants by model.with_values.", element=beam.name, field=field,
             )  # fmt: skip
-        found = {key: part.reshape(shape) for (key, shape), part in zip(shapes.items(), np.split(flat, ends),
+        result = {key: part.reshape(shape) for (key, shape), part in zip(shapes.items(), np.split(flat, ends),
                                                                         strict=True)}  # fmt: skip
-    spin = found.pop("axes") @ present["axes"].swapaxes(1, 2)
-    found["modal"] = found["modal"][None]
-    found["turns"] = 0.5 * np.stack((spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0],
+    spin = result.pop("axes") @ present["axes"].swapaxes(1, 2)
+    result["modal"] = result["modal"][None]
+    result["turns"] = 0.5 * np.stack((spin[:, 2, 1] - spin[:, 1, 2], spin[:, 0, 2] - spin[:, 2, 0],
                                      spin[:, 1, 0] - spin[:, 0, 1]), axis=1)  # fmt: skip
-    return found
+    return result
 
 
 def _factors(matrices: Array) -> list[tuple[Array, Array]]:

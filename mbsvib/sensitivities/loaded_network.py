@@ -168,7 +168,7 @@ class LoadedNetwork:
         e): what changes of the forces then.
         """
         motion = joint_release_motion(self.network, gaps)
-        more = tuple(each(self.network, self.forces, self.changes, motion) for each in (parameter_rates, force_rates))
+        more = tuple(of(self.network, self.forces, self.changes, motion) for of in (parameter_rates, force_rates))
         return replace(self, motions=np.concatenate((self.motions, motion), axis=2),
                        parameter_rates=np.concatenate((self.parameter_rates, more[0]), axis=1),
                        force_rates=np.concatenate((self.force_rates, more[1] + forces.T), axis=1))  # fmt: skip
@@ -229,7 +229,7 @@ class LoadedNetwork:
         """
         own = self.forces.bushings
         strained = own - self.forces.counts[0]
-        r, s = (each.strain[strained, 3:] for each in (left, left if right is None else right))
+        r, s = (side.strain[strained, 3:] for side in (left, left if right is None else right))
         m = wide(self.forces.wrench[own, 3:], r)
         result = (cross(s, cross(m, r)) + cross(r, cross(m, s))) / 12.0
         about, axis = self._torsion_springs

@@ -64,7 +64,7 @@ def _rates(coupler: Coupling, field: str, index: tuple[int, ...]) -> list[tuple[
 def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, ...]) -> Rule:
     """Return the rule by which a number of a Maxwell element enters the equations."""
     number_of = {spring.name: k for k, spring in enumerate(network.springs)}
-    static, spring, _ = (number_of[line_name(part, each)] for each in ("static_stiffness", "stiffness", "damping"))
+    static, spring, _ = (number_of[line_name(part, name)] for name in ("static_stiffness", "stiffness", "damping"))
     line, joints = np.array([part.line]), len(network.joints)
     span = np.array([np.subtract(part.end, part.start)])
 
@@ -76,8 +76,8 @@ def maxwell_rule(network: Network, part: Maxwell, field: str, index: tuple[int, 
     def point(fields: Fields, _: Any, __: tuple[Array, ...]) -> list[Terms]:
         own = slice(joints + static, joints + static + 1)
         change = moved_end(line, span, fields.relative[own], field == "end")
-        beside = joints + spring
-        tension = along(line, fields.wrench[own, :3] + fields.wrench[beside : beside + 1, :3])
+        in_series = joints + spring
+        tension = along(line, fields.wrench[own, :3] + fields.wrench[in_series : in_series + 1, :3])
         return [[(tension, change[:, index[0]])]]
 
     return point if field in ("start", "end") else coefficient

@@ -129,9 +129,9 @@ class Network:
 
 def maxwell_parts(parts: Sequence[Part]) -> tuple[list[Body], list[Spring]]:
     """Return the nodes and the lines of all Maxwell elements."""
-    found = [part for part in parts if isinstance(part, Maxwell)]
-    nodes: list[Body] = [Node(part.node, 0.0, (0.0,) * 6, part.end) for part in found]
-    return nodes, [line for part in found for line in _lines(part)]
+    elements = [part for part in parts if isinstance(part, Maxwell)]
+    nodes: list[Body] = [Node(part.node, 0.0, (0.0,) * 6, part.end) for part in elements]
+    return nodes, [line for part in elements for line in _lines(part)]
 
 
 def _lines(part: Maxwell) -> tuple[Spring, Spring, Spring]:
@@ -153,6 +153,6 @@ def line_name(part: Maxwell, field: str) -> str:
 
 def maxwell_lines(network: Network) -> list[tuple[str, int]]:
     """Return the name of each Maxwell element, with the number of the line between its two bodies."""
-    place = {spring.name: k for k, spring in enumerate(network.springs)}
-    found = [part for part in network.parts if isinstance(part, Maxwell)]
-    return [(part.name, place[line_name(part, "static_stiffness")]) for part in found]
+    number_of = {spring.name: k for k, spring in enumerate(network.springs)}
+    elements = [part for part in network.parts if isinstance(part, Maxwell)]
+    return [(part.name, number_of[line_name(part, "static_stiffness")]) for part in elements]

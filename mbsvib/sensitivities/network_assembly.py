@@ -72,8 +72,8 @@ def is_complete(system: Equations, network: Network) -> bool:
     if network.shared is not None and motion.nodes is not None:
         shared = [float((motion.body * network.shared.wrench(motion.nodes, powers)).sum()) for powers in _POWERS]
     return all(
-        bool(abs(work + beside - terms.sum()) <= COMPLETE * np.abs(terms).sum())
-        for work, beside, terms in (
+        bool(abs(work + shared_work - terms.sum()) <= COMPLETE * np.abs(terms).sum())
+        for work, shared_work, terms in (
             ((own * motion.elastic).sum(), shared[0], system.stiffness * strained**2),
             (0.0 if motion.viscous is None else (own * motion.viscous).sum(), shared[1], system.damping * strained**2),
             ((motion.body * motion.momentum).sum(), shared[2] + _inertial(network, own), moved[:, 0] ** 2),

@@ -88,7 +88,7 @@ class ParameterGroups:
     @cached_property
     def variable_slopes(self) -> Mapping[str, Array]:
         """Derivatives of whole matrices to the variables, for outputs that are no motions and no forces in springs."""
-        return self.slopes(self.variables.each(), self.every)
+        return self.slopes(self.variables.as_directions(), self.every)
 
     def of_bodies(self, *fields: str) -> tuple[ParameterGroup, ...]:
         """Return the groups of bodies, or of some of their fields."""
@@ -165,7 +165,7 @@ def grouped_through_equilibrium(
         rates = csr_array(eye_array(len(loaded.entries), count))
     if reference is not None:
         moved = (reference.rates, reference.forces, reference.gaps)
-        rates, forces, gaps = moved if rates is None else tuple(rates @ each for each in moved)
+        rates, forces, gaps = moved if rates is None else tuple(rates @ matrix for matrix in moved)
         apart = gaps.toarray().reshape(len(asked.names), len(loaded.network.joints), 6)
         loaded = loaded.with_gaps(apart.transpose(1, 2, 0), forces)
     motion, lost = pose_motion(loaded, rates)

@@ -32,8 +32,8 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
     count, m = loaded.changes.count, loaded.dof
     own = loaded.generalized_force_jacobian[:count]
     pushed = own if rates is None else rates @ own
-    beside = np.eye(len(pushed), loaded.motions.shape[2] - m)
-    if beside.size:
+    of_gaps = np.eye(len(pushed), loaded.motions.shape[2] - m)
+    if of_gaps.size:
         pushed = pushed + loaded.parameter_rates[:, m:].T @ own + loaded.generalized_force_jacobian[count + m :]
     # K but for couplers of several rotations of one joint, which go by small rotations in each pose anew
     stiffness = -(loaded.parameter_rates[:, :m].T @ own + loaded.generalized_force_jacobian[count : count + m]).T
@@ -45,7 +45,7 @@ def pose_motion(loaded: LoadedNetwork, rates: csr_array | None) -> tuple[Array, 
         return size if rates is None else np.asarray(abs(rates) @ size)
 
     motion, lost = balancing_motion(stiffness, unit, pushed, terms)
-    return np.concatenate((motion, beside), axis=1), lost
+    return np.concatenate((motion, of_gaps), axis=1), lost
 
 
 def balancing_motion(

@@ -98,7 +98,7 @@ class Variants:
         return {key: part.reshape(len(flat), *shape) for key, part, shape in zip(MATRICES, parts, shapes, strict=True)}
 
     @cached_property
-    def whole(self) -> Equations | None:
+    def unreduced(self) -> Equations | None:
         """The system that ``reachable`` took this one out of; None where this one is whole."""
         own, came = self.system, self.system.provenance
         if came.dropped is None:
@@ -106,9 +106,9 @@ class Variants:
         independent = (*own.coordinates, *came.dropped.names)
         if not came.settled:
             return linearized(self._model, independent, self._cut)
-        whole: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
-        assert isinstance(whole, Equations)
-        return whole
+        unreduced: Equations | SparseEquations = at_equilibrium(self._model, independent, self._cut, "dense")[1]
+        assert isinstance(unreduced, Equations)
+        return unreduced
 
     def sizes(self, directions: Sequence[Direction]) -> Array:
         """Return the largest of the forces that cancel in the pose, over what is a large change along directions."""
