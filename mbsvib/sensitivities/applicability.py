@@ -14,6 +14,7 @@ from mbsvib.elements.beam import Beam
 from mbsvib.elements.coupler import Coupling
 from mbsvib.elements.inerter import Inerter
 from mbsvib.elements.load import Gravity
+from mbsvib.elements.part import Composed
 from mbsvib.elements.rotor import Rotor
 from mbsvib.elements.superelement import Superelement
 from mbsvib.elements.torsion_spring import TorsionSpring
@@ -60,6 +61,14 @@ def is_loaded(system: Equations) -> bool:
     return came.statics is not None or (came.origin is not None and carries_loads(came.origin))
 
 
+def may_move(system: Equations) -> bool:
+    """Tell whether parameters may move the pose: forces act on it, or are zero and may be changed."""
+    came = system.provenance
+    return came.statics is not None or any(
+        isinstance(part, Gravity) or getattr(part, "preload", None) is not None
+        or getattr(part, "free_length", None) is not None for part in came.parts)  # fmt: skip
+
+
 def follows(system: Equations) -> bool:
     """Tell whether derivatives through the equilibrium of a loaded scene are known of all its parts.
 
@@ -68,7 +77,8 @@ def follows(system: Equations) -> bool:
     came = system.provenance
     turned_bushings = _turned(system)
     return (
-        came.statics is not None and came.dropped is None
+        may_move(system) and came.dropped is None
+        and (came.statics is not None or not (is_loaded(system) or _has(came.parts, Composed)))
         and (came.massless is None or came.massless.transform is None)
         and not any(group.surplus for group in came.reduction.groups if _has(came.parts, Coupling))
         and not (_has(came.parts, Superelement) and any(

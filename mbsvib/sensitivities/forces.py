@@ -181,7 +181,6 @@ def forces_at_rest(
     connections.
     """
     statics, parts = system.provenance.statics, system.provenance.parts
-    assert statics is not None
     gravity = next((np.array(part.acceleration) for part in parts if isinstance(part, Gravity)), np.zeros(3))
     ground, j = len(bodies), len(joints)
     connections = (*joints, *springs)
@@ -193,9 +192,10 @@ def forces_at_rest(
     points[: len(connections)] = point
     halves = np.array([k for k, joint in enumerate(joints) if joint.kind == "homokinetic"], dtype=np.intp)
     for k, joint in enumerate(joints):
-        at = statics.pairs.end[:, len(statics.applied.names) + k]
-        wrench[k] = statics.joints[:, k]
-        wrench[k, 3:] += np.cross(at - points[k], wrench[k, :3])
+        if statics is not None:
+            at = statics.pairs.end[:, len(statics.applied.names) + k]
+            wrench[k] = statics.joints[:, k]
+            wrench[k, 3:] += np.cross(at - points[k], wrench[k, :3])
         if joint.end is not None:
             span[k] = np.subtract(joint.end, joint.position or np.zeros(3))
         if joint.successive:

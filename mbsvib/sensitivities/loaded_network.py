@@ -271,11 +271,10 @@ def loaded_network(network: Network, system: Equations) -> LoadedNetwork:
     """Return a network in balance."""
     statics = system.provenance.statics
     assert network.forces is not None
-    assert statics is not None
     forces, entries = network.forces, system.parameters.entries
     layout = FieldLayout.of(system.parameters.parts.values())
     changes = force_changes(network, forces, entries)
-    reactions, size = network.reactions, statics.size
+    reactions, size = network.reactions, np.zeros(system.dof) if statics is None else statics.size
     motions = network.displacements.reshape(len(network.bodies), 6, -1)
     if reactions is not None:
         motions, size = motions @ reactions.motions, abs(reactions.motions).T @ size

@@ -119,6 +119,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
         bodies, joints = tuple([known[name] for name in topology.bodies]), topology.joints
         springs += (*[part for part in made if isinstance(part, Bushing)], *lines)
     number = {body.name: i for i, body in enumerate(bodies)} | {"ground": len(bodies)}
+    analytic = ways is None and follows(system)  # amplitudes of some modes do not tell how the pose moves
     ways = JointCoordinates.of(system, bodies) if ways is None else ways
     point = np.array([*(_point(joint, bodies, number) for joint in joints),
                       *(part.position if isinstance(part, Bushing) else part.start for part in springs),
@@ -135,7 +136,7 @@ def assembled(system: Equations, ways: Kinematics | None = None) -> Network:
     ties = ways.constraints(bodies, number, centre)
     six = np.tile(_SIX, (len(first), 1)).T
     rows = Rows(np.repeat(first, 6), np.repeat(second, 6), np.repeat(point, 6, axis=0).T, six[:3], six[3:])
-    (stiffness, damping), analytic = _world(springs), follows(system)
+    stiffness, damping = _world(springs)
     loads = () if plain is None else tuple(plain.loads.values())
     relative, reactions = ways.relative(rows), None
     if analytic and any(isinstance(part, Composed) for part in parts):

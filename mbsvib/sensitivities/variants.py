@@ -29,6 +29,7 @@ from mbsvib.equilibrium.pose_kinematics import size_of
 from mbsvib.errors import MbsvibError, ModelError
 from mbsvib.linalg.differences import slope
 from mbsvib.mechanism.changes import scale_of
+from mbsvib.sensitivities.applicability import may_move
 from mbsvib.sensitivities.matrix_entries import MatrixEntries
 from mbsvib.sensitivities.variant_poses import VariantPoses
 
@@ -163,9 +164,11 @@ class Variants:
 
     @cached_property
     def _poses(self) -> VariantPoses | None:
-        """The poses next to that of the system; None without loads, or where each variant finds its own."""
+        """The poses next to that of the system; None where no parameter moves it, or each variant finds its own."""
         came = self.system.provenance
-        return None if came.settled or came.statics is None else VariantPoses.of(self._model, self._cut)
+        if came.settled or not may_move(self.system):
+            return None
+        return VariantPoses.of(self._model, self._cut)
 
     def _along(self, k: int) -> Array:
         """Derivatives of all entries along a motion of the pose."""

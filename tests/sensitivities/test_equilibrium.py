@@ -140,3 +140,19 @@ def test_what_nothing_holds_is_refused_by_name():
     every = system.matrix_derivatives()
     lost = [name for name, change in zip(every.variables, every.M, strict=True) if np.isnan(change).any()]
     assert lost == ["gravity.x", "way.orientation.ry"]
+
+
+def test_forces_that_are_zero_move_the_pose_once_they_are_not():
+    """A preload of 0 N on a slanted spring turns its arm, whose other spring then pulls from elsewhere."""
+    model = mv.Model("arm", gravity=(0, 0, 0))
+    model.add_body("arm", 2.0, (0.02, 0.03, 0.02), position=(0.3, 0, 0))
+    model.add_joint("hinge", "revolute", "ground", "arm", position=(0, 0, 0), axis=(0, 1, 0))
+    model.add_spring("stay", "ground", "arm", (0.1, 0, 0.5), (0.4, 0, 0), 800.0)
+    model.add_spring("line", "ground", "arm", (0.5, 0, 0.3), (0.6, 0, 0), 300.0, preload=0.0)
+    system = model.linearize()
+    assert system.provenance.statics is None
+    names = ["line.preload", "gravity.z", "arm.mass", "stay.start.x"]
+    for row, name in zip(system.eigenvalue_sensitivities(names), names, strict=True):
+        expected, _ = settled(model, system, name, eigenvalues)
+        np.testing.assert_allclose(row, expected, rtol=RTOL)
+        assert np.abs(row).max() > 0.0
