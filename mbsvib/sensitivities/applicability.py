@@ -52,6 +52,9 @@ def limits(system: Equations) -> tuple[Limit, ...]:
     if any(isinstance(part, Rotor) for part in parts) and (is_loaded(system) or came.origin is None):
         # dampers that turn with a rotor are stiffness, too
         result.append(_STIFFNESS | _DAMPING if system.circulatory is None else _STIFFNESS)
+    if came.massless is not None and came.massless.transform is not None and system.circulatory is not None:
+        # motions without mass follow others by K, from the left in other ways than from the right
+        result.append(_DAMPING | _INERTIA | _MASS)
     return tuple(map(frozenset, result))
 
 
