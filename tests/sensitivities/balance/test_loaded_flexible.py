@@ -59,6 +59,9 @@ SUPERELEMENTS = {
 def check(model, names=None):
     model.add_input("force", "tip", (1, 2, 3), position=(0.9, 0.2, 0.3))
     model.add_output("seen", "tip", (1, 2, 3), position=(0.9, 0.2, 0.3), quantity="acceleration")
+    node = "beam.1" if model.beams else "part.left"
+    model.add_input("force on node", node, (3, 2, -1))
+    model.add_output("seen on node", node, (1, -2, 3))
     if "hold" in model.springs:
         model = model.equilibrium(preload=True)
     system = model.linearize()
