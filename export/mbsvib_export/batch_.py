@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import said
 from mbsvib.errors import ExportError
 from mbsvib_export.neutral import SECOND_ORDER, SystemData, first_order
-from mbsvib_export.npz_ import STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.npz_ import KEYS, STATE_TEXTS, TEXTS, system_data_from
+from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -124,24 +126,25 @@ def from_npz_batch(path: str | os.PathLike[str]) -> BatchData:
     ExportError
         If the file cannot be read, is damaged, holds a single system, or is of a later version of the format.
     """
-    a_path(path, "from_npz_batch", ExportError)
+    where = os.fspath(a_path(path, "from_npz_batch", ExportError))
     try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = dict(file)
+        arrays = arrays_in(where, (*KEYS, "parameters", "values"), "a file of to_npz_batch")
         kind, version = str(arrays.pop("format")), int(arrays.pop("version"))
         if (kind, version) != (FORMAT, VERSION):
             raise ExportError(f"format = {kind!r}, version {version}; expected {FORMAT!r}, version {VERSION}. A single "
                               f"system is read by from_npz.")  # fmt: skip
         names, values = arrays.pop("parameters").tolist(), arrays.pop("values")
         shared = {key: arrays.pop(key) for key in ("name", "realization", *TEXTS, *STATE_TEXTS)}
+        if values.ndim != 2 or values.dtype != float:
+            raise ExportError(f"the array 'values' has shape {values.shape}; expected floats (parameters, variants).")
+        for key, array in arrays.items():
+            if array.shape[:1] != values.shape[1:]:
+                raise ExportError(f"the array '{key}' has shape {array.shape}; expected {values.shape[1]} variants.")
         systems = tuple(system_data_from(shared | {key: array[i].copy() for key, array in arrays.items()})
                         for i in range(values.shape[1]))  # fmt: skip
         return BatchData(str(shared["name"]), systems, dict(zip(names, values, strict=True)))
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_npz_batch.") from error  # fmt: skip
     except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
-        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz_batch, or a damaged one ({error}); write it "
+        raise ExportError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
+    except (ValueError, TypeError, LookupError) as error:  # arrays of other kinds and shapes
+        raise ExportError(f"{where}: no .npz file of to_npz_batch, or a damaged one ({said(error)}); write it "
                           f"again.") from error  # fmt: skip

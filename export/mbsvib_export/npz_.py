@@ -20,10 +20,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbsvib.common.expected import a_path
+from mbsvib.common.file_content import said
 from mbsvib.errors import ExportError
 from mbsvib.responses.state_space import StateSpace
 from mbsvib_export.format_version import FORMAT, VERSION, check_version
 from mbsvib_export.neutral import FIRST_ORDER, SECOND_ORDER, THROUGH, SystemData, first_order, system_data_of
+from mbsvib_export.npz_reading import arrays_in
 from mbsvib_export.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -33,6 +35,9 @@ if TYPE_CHECKING:
 
 TEXTS = ("coordinates", "coordinate_units", "inputs", "input_units", "outputs", "output_units", "bodies")
 STATE_TEXTS = ("states", "state_units")
+# All that is read of a file.
+KEYS = ("format", "version", "name", "realization", *TEXTS, *STATE_TEXTS, *SECOND_ORDER, "body_motion",
+        *(f"state_space.{key}" for key in (*FIRST_ORDER, THROUGH)))  # fmt: skip
 
 
 def to_npz(system: System | SystemData, path: str | os.PathLike[str], realization: str = "physical") -> Path:
@@ -107,19 +112,15 @@ def from_npz(path: str | os.PathLike[str]) -> SystemData:
     ExportError
         If the file cannot be read, is damaged, or is of a later version of the format.
     """
-    a_path(path, "from_npz", ExportError)
+    where = os.fspath(a_path(path, "from_npz", ExportError))
     try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            entries = dict(arrays)
+        entries = arrays_in(where, KEYS, "a file of to_npz")
         check_version(str(entries.get("format")), int(entries.get("version", 0)))
         return system_data_from(entries)
-    except OSError as error:
-        raise ExportError(f"{os.fspath(path)}: cannot be read: {error.strerror or error}; expected a file of "
-                          f"to_npz.") from error  # fmt: skip
     except ExportError as error:
-        raise ExportError(f"{os.fspath(path)}: {error}") from error
-    except Exception as error:  # zipfile, zlib and numpy's header reader each raise kinds of their own
-        raise ExportError(f"{os.fspath(path)}: no .npz file of to_npz, or a damaged one ({error}); write it "
+        raise ExportError(str(error) if str(error).startswith(where) else f"{where}: {error}") from error
+    except (ValueError, TypeError, LookupError) as error:  # arrays of other kinds and shapes
+        raise ExportError(f"{where}: no .npz file of to_npz, or a damaged one ({said(error)}); write it "
                           f"again.") from error  # fmt: skip
 
 

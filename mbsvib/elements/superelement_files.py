@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbsvib.common.file_content import ContentError, check_dense, content_of, said
+from mbsvib.common.mat_file import read_mat_file
 from mbsvib.errors import ModelError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
     from os import PathLike
 
     from mbsvib.common.arrays import Array
@@ -63,7 +66,7 @@ class Reduced:
 
 
 def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | None = None) -> Reduced:
-    """Read reduced matrices from a MATLAB file (scipy.io.loadmat; version 7.3 files are not read).
+    """Read reduced matrices from a MATLAB file of level 5 or 4 (``save -v7``, ``-v6`` or ``-v4``, not ``-v7.3``).
 
     Parameters
     ----------
@@ -84,14 +87,31 @@ def read_mat(path: str | PathLike[str], M: str = "M", K: str = "K", C: str | Non
     ModelError
         If the file cannot be read or has no such matrix.
     """
+    wanted = [name for name in (M, K, C) if name is not None]
+    raw = content_of(path, _error(path), "a MATLAB file")
+    try:
+        content = _level_4(raw) if 0 in raw[:4] else read_mat_file(raw, wanted)
+    except ContentError as error:
+        raise ModelError(f"{path}: cannot be read as a MATLAB file: {error}. Save it with version -v7.",
+                         element=str(path)) from error  # fmt: skip
+    return _picked(path, content, M, K, C)
+
+
+def _level_4(raw: bytes) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(str(path), appendmat=False)
-    except (OSError, ValueError, NotImplementedError) as error:
-        raise ModelError(f"{path}: cannot be read as a MATLAB file: {error} Save it with version -v7.",
-                         element=str(path)) from error  # fmt: skip
-    return _picked(path, {name: value for name, value in content.items() if not name.startswith("__")}, M, K, C)
+        content: dict[str, Any] = loadmat(BytesIO(raw))
+        for name, value in content.items():
+            if hasattr(value, "toarray"):
+                rows, columns = value.shape
+                check_dense(rows, columns, len(raw), name)
+                content[name] = value.toarray()
+    except ContentError:
+        raise
+    except Exception as error:  # the reader has no errors of its own
+        raise ContentError(said(error)) from error
+    return content
 
 
 def read_op4(path: str | PathLike[str], M: str = "MAA", K: str = "KAA", C: str | None = None) -> Reduced:
@@ -208,12 +228,25 @@ def _real(text: str) -> float:
 
 
 def _picked(path: Any, content: Mapping[str, Any], M: str, K: str, C: str | None) -> Reduced:
-    found = []
+    matrices = []
     for name in (M, K) if C is None else (M, K, C):
         if name not in content:
             known = ", ".join(sorted(content)) or "none"
             raise ModelError(f"{path}: there is no matrix '{name}'; the file has {known}.",
                              element=str(path), field=name)  # fmt: skip
-        value = content[name]
-        found.append(np.asarray(value.toarray() if hasattr(value, "toarray") else value, dtype=float))
-    return Reduced(found[0], found[2] if C is not None else None, found[1])
+        value = np.asarray(content[name])
+        if value.dtype.kind not in "fiu" or value.ndim != 2 or value.shape[0] != value.shape[1]:
+            raise ModelError(f"{path}: '{name}' is of type {value.dtype} and shape {value.shape}; expected a square "
+                             f"matrix of real numbers.", element=str(path), field=name)  # fmt: skip
+        if not np.isfinite(value).all():
+            raise ModelError(f"{path}: '{name}' holds NaN or infinity; expected finite numbers.", element=str(path),
+                             field=name)  # fmt: skip
+        matrices.append(value.astype(float))
+    if len({matrix.shape for matrix in matrices}) > 1:
+        raise ModelError(f"{path}: the matrices have {', '.join(str(len(matrix)) for matrix in matrices)} rows; "
+                         f"expected as many in each.", element=str(path))  # fmt: skip
+    return Reduced(matrices[0], matrices[2] if C is not None else None, matrices[1])
+
+
+def _error(path: Any) -> Callable[[str], ModelError]:
+    return lambda text: ModelError(text, element=str(path))

@@ -1,0 +1,186 @@
+"""All readers: how a valid file of each kind is made, and what reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import struct
+import zipfile
+import zlib
+from dataclasses import dataclass, fields, is_dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.io import savemat
+from scipy.sparse import csc_matrix
+
+import mbsvib as mv
+import mbsvib_export as mx
+from mbsvib import library
+from mbsvib.superelements import read_mat
+from mbsvib_export import mat_
+from mbsvib_export.fmu_.reading import state_space_in
+from tests.export.fuzz.mutations import damaged, damaged_text
+from tests.export.plants import slider, stewart
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+ANCHORS = """name: a
+bodies:
+  one: &one {mass: 1.0, inertia: [1, 1, 1]}
+  two: {<<: *one, position: [0, 0, 1]}
+joints:
+  j: {kind: revolute, first: ground, second: two, position: [0, 0, 0]}
+"""
+ROBOTS = Path(__file__).parents[3] / "examples" / "robots"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """``write`` makes valid files in a folder; ``checked``: a checksum covers all numbers, so that what is read of a
+    damaged file must be what was written. ``damage`` is another way to damage a file: with checksums put right, as
+    hostile files have them.
+    """
+
+    write: Callable[[Path], list[Path]]
+    read: Callable[[Path], Any]
+    checked: bool = False
+    damage: Callable[[bytes, np.random.Generator], bytes] = damaged
+    package: str = "numpy"
+
+
+def several(write, *systems):
+    """Files of some systems."""
+    return lambda folder: [Path(write(system, folder / f"{k}.file")) for k, system in enumerate(systems)]
+
+
+def json_files(folder):
+    for k, system in enumerate((slider(), library.quarter_car().linearize())):
+        mx.to_json(system, folder / f"{k}.json")
+    return sorted(folder.glob("*.json"))
+
+
+def batch_files(folder):
+    model = library.quarter_car()
+    name = next(name for name in model.parameters if name.endswith("stiffness"))
+    return [mx.to_npz_batch(model.linearize(values={name: [1e4, 2e4, 3e4]}), folder / "x.npz")]
+
+
+def fmu_files(folder):
+    car = library.quarter_car().linearize()
+    return [mx.to_fmu(slider(), folder / "a.fmu", "2.0").path,
+            mx.to_fmu(car, folder / "b.fmu", tunable=("*.stiffness",)).path]  # fmt: skip
+
+
+def model_files(suffix):
+    def write(folder):
+        result = []
+        for name in ("stewart", "quarter_car", "cantilever"):
+            path = folder / f"{name}{suffix}"
+            mv.save(library.build(name), path)
+            result.append(path)
+        if suffix == ".yaml":
+            path = folder / "anchors.yaml"
+            path.write_text(ANCHORS)
+            result.append(path)
+        return result
+
+    return write
+
+
+def copies(folder, *names):
+    result = []
+    for name in names:
+        path = folder / name
+        path.write_bytes((ROBOTS / name).read_bytes())
+        result.append(path)
+    return result
+
+
+def matlab_files(folder):
+    m = np.diag([1.0, 2.0, 3.0, 4.0])
+    k = 1e4 * (2 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1))
+    content = {"name": "text", "M": m, "K": csc_matrix(k), "nested": {"a": [1, "b"]}, "n": np.arange(5, dtype="i2")}
+    paths = [folder / name for name in ("plain.mat", "packed.mat", "old.mat")]
+    savemat(paths[0], content)
+    savemat(paths[1], content, do_compression=True)
+    savemat(paths[2], {"M": m, "K": k}, format="4")
+    return paths
+
+
+def hostile_mat(raw, rng):
+    rest = damaged(raw, rng)[mat_.TITLE :]
+    return mat_.title(rest) + rest
+
+
+def _members(raw):
+    with zipfile.ZipFile(BytesIO(raw)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def _archive(members):
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+def hostile_zip(raw, rng):
+    """Damage one member of an archive."""
+    members = _members(raw)
+    name = sorted(members)[rng.integers(len(members))]
+    return _archive(members | {name: damaged(members[name], rng)})
+
+
+def hostile_fmu(raw, rng):
+    """Damage the file of numbers, and put its checksum and token right."""
+    members = _members(raw)
+    body = bytearray(damaged(members["resources/model.lti"], rng))
+    text = members["modelDescription.xml"].decode()
+    token = re.search(r'(?:guid|Token)="([^"]*)"', text)[1]
+    digest = hashlib.sha256(body[16:64] + body[128:] + text.replace(f'="{token}"', '=""', 1).encode()).hexdigest()
+    new = "{" + "-".join((digest[:8], digest[8:12], digest[12:16], digest[16:20], digest[20:32])) + "}"
+    body[64:128] = new.encode().ljust(64, b"\0")
+    body[8:16] = struct.pack("<Q", zlib.crc32(body[16:]))
+    return _archive({"modelDescription.xml": text.replace(token, new).encode(), "resources/model.lti": bytes(body)})
+
+
+KINDS = {
+    "json": Kind(json_files, mx.from_json, damage=damaged_text),
+    "npz": Kind(several(mx.to_npz, slider(), stewart()), mx.from_npz, checked=True),
+    "npz with right checksums": Kind(several(mx.to_npz, slider(), stewart()), mx.from_npz, damage=hostile_zip),
+    "npz batch": Kind(batch_files, mx.from_npz_batch, checked=True),
+    "npz batch with right checksums": Kind(batch_files, mx.from_npz_batch, damage=hostile_zip),
+    "mat": Kind(several(mx.to_mat, slider(), stewart()), mx.from_mat, checked=True),
+    "mat with right checksum": Kind(several(mx.to_mat, slider(), slider(("ü",))), mx.from_mat, damage=hostile_mat),
+    "hdf5": Kind(several(mx.to_hdf5, slider(), stewart()), mx.from_hdf5, checked=True, package="h5py"),
+    "fmu": Kind(fmu_files, state_space_in, checked=True),
+    "fmu with right checksums": Kind(fmu_files, state_space_in, damage=hostile_fmu),
+    "yaml model": Kind(model_files(".yaml"), mv.load, damage=damaged_text),
+    "json model": Kind(model_files(".json"), mv.load, damage=damaged_text),
+    "urdf": Kind(lambda folder: copies(folder, "arm.urdf"), mv.load_urdf, damage=damaged_text),
+    "mjcf": Kind(lambda folder: copies(folder, "gripper.xml"), mv.load_mjcf, damage=damaged_text, package="mujoco"),
+    "superelement mat": Kind(matlab_files, read_mat),
+}
+
+
+def content(found):
+    """All numbers and texts of what was read, for comparison and to see that numbers are finite."""
+    if is_dataclass(found) and not isinstance(found, type):
+        return tuple(content(getattr(found, field.name)) for field in fields(found))
+    if isinstance(found, dict):
+        return tuple((key, content(value)) for key, value in found.items())
+    if isinstance(found, (list, tuple)):
+        return tuple(map(content, found))
+    if isinstance(found, np.ndarray):
+        assert found.dtype.kind in "fciuU", found.dtype
+        assert found.dtype.kind == "U" or np.isfinite(found).all()
+        return found.shape, found.tobytes()
+    if isinstance(found, mv.Model):
+        return found.name
+    assert found is None or isinstance(found, (str, int, float)), type(found)
+    return found
