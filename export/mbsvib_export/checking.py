@@ -198,7 +198,8 @@ def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple
 
 
 def _of_matrices(path: Path, model: System | SystemData, limit: float) -> tuple[Comparison, ...]:
-    from mbsvib_export.nastran_ import read_dmig, read_op4
+    from mbsvib_export.dmig_ import read_dmig
+    from mbsvib_export.op4_ import read_op4
 
     matrices = read_dmig(path) if path.suffix.lower() == ".pch" else read_op4(path)
     data = model if isinstance(model, SystemData) else SystemData.of(model)

@@ -5,7 +5,8 @@ import pytest
 
 import mbsvib as mv
 import mbsvib_export as mx
-from mbsvib_export.nastran_ import read_dmig, read_op4
+from mbsvib_export.dmig_ import read_dmig
+from mbsvib_export.op4_ import read_op4
 from tests.export.plants import slider
 from tests.export.test_json import assert_same
 
@@ -15,7 +16,7 @@ KINDS = {
     "uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0]), mx.from_uff, "pyuff"),
     "text.uff": (lambda system, path: mx.to_uff(system, path, [1.0, 2.0], binary=False), mx.from_uff, "pyuff"),
     "pch": (mx.to_dmig, read_dmig, "numpy"),
-    "op4": (mx.to_op4, read_op4, "pyNastran"),
+    "op4": (mx.to_op4, read_op4, "numpy"),
 }
 
 

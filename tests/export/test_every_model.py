@@ -37,7 +37,7 @@ def error(name, response):
 
 WRITERS = {"json": mx.to_json, "npz": mx.to_npz, "mat": mx.to_mat, "h5": mx.to_hdf5, "pch": mx.to_dmig,
            "op4": mx.to_op4, "fmu": mx.to_fmu}  # fmt: skip
-NEEDS = {"h5": "h5py", "op4": "pyNastran", "fmu": "fmpy"}
+NEEDS = {"h5": "h5py", "fmu": "fmpy"}
 
 
 @pytest.mark.parametrize("suffix", WRITERS)

@@ -19,9 +19,12 @@ from scipy.sparse import csc_matrix
 import mbsvib as mv
 import mbsvib_export as mx
 from mbsvib import library
-from mbsvib.superelements import read_mat
+from mbsvib.superelements import read_mat, read_punch
+from mbsvib.superelements import read_op4 as read_reduced_op4
 from mbsvib_export import mat_
+from mbsvib_export.dmig_ import read_dmig
 from mbsvib_export.fmu_.reading import state_space_in
+from mbsvib_export.op4_ import read_op4
 from tests.export.fuzz.mutations import damaged, damaged_text
 from tests.export.plants import slider, stewart
 
@@ -34,6 +37,12 @@ bodies:
   two: {<<: *one, position: [0, 0, 1]}
 joints:
   j: {kind: revolute, first: ground, second: two, position: [0, 0, 0]}
+"""
+PUNCH = """DMIG    NAME           0       6       2       0
+DMIG    NAME           1       1               1       1     4.0
+DMIG    NAME           1       2               1       2     2.0
++              7             1.5
+DMIG    NAME           7                       7           1.5+3
 """
 ROBOTS = Path(__file__).parents[3] / "examples" / "robots"
 
@@ -149,6 +158,18 @@ def hostile_fmu(raw, rng):
     return _archive({"modelDescription.xml": text.replace(token, new).encode(), "resources/model.lti": bytes(body)})
 
 
+def op4_files(folder):
+    return [mx.to_op4(system, folder / f"{system.name}{binary}.op4", binary)
+            for system in (slider(), stewart()) for binary in (False, True)]  # fmt: skip
+
+
+def punch_files(folder):
+    """Grid points and small fields as well."""
+    path = folder / "small.pch"
+    path.write_text("".join(PUNCH.replace("NAME", name) for name in ("MAAX", "KAAX")))
+    return [path, mx.to_dmig(stewart(), folder / "large.pch")]
+
+
 KINDS = {
     "json": Kind(json_files, mx.from_json, damage=damaged_text),
     "npz": Kind(several(mx.to_npz, slider(), stewart()), mx.from_npz, checked=True),
@@ -165,6 +186,10 @@ KINDS = {
     "urdf": Kind(lambda folder: copies(folder, "arm.urdf"), mv.load_urdf, damage=damaged_text),
     "mjcf": Kind(lambda folder: copies(folder, "gripper.xml"), mv.load_mjcf, damage=damaged_text, package="mujoco"),
     "superelement mat": Kind(matlab_files, read_mat),
+    "op4": Kind(op4_files, read_op4),
+    "superelement op4": Kind(op4_files, read_reduced_op4),
+    "dmig": Kind(several(mx.to_dmig, slider(), stewart()), read_dmig, damage=damaged_text),
+    "superelement punch": Kind(punch_files, read_punch, damage=damaged_text),
 }
 
 
