@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mbsvib.files import load, save
     from mbsvib.library import from_dh
     from mbsvib.mjcf import load_mjcf
+    from mbsvib.responses.measurement import Measurement
     from mbsvib.responses.state_space import StateSpace
     from mbsvib.studies import optimize, sweep, tolerances, track
     from mbsvib.urdf import load_urdf
@@ -39,6 +40,7 @@ __all__ = [
     "LargeDisplacementWarning",
     "LeftOutWarning",
     "MbsvibError",
+    "Measurement",
     "Model",
     "ModelError",
     "Modes",
@@ -66,6 +68,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Measurement": "mbsvib.responses.measurement",
     "Modes": "mbsvib.api.modes",
     "StateSpace": "mbsvib.responses.state_space",
     "System": "mbsvib.api.system",

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from mbsvib_export.op4_ import to_op4
     from mbsvib_export.scipy_ import to_scipy
     from mbsvib_export.transfer_ import to_transfer_function
-    from mbsvib_export.uff_ import ResponseData, from_uff, to_uff
+    from mbsvib_export.uff_ import from_uff, to_uff
 
 __all__ = [
     "BatchData",
@@ -44,7 +44,6 @@ __all__ = [
     "ExportCheck",
     "FmuFile",
     "MasterCheck",
-    "ResponseData",
     "SignalNames",
     "SystemData",
     "check_cosimulation",
@@ -89,7 +88,6 @@ _HOMES = {
     "ExportCheck": "checking",
     "FmuFile": "fmu_",
     "MasterCheck": "cosimulation",
-    "ResponseData": "uff_",
     "SignalNames": "names_",
     "SystemData": "neutral",
     "check_cosimulation": "cosimulation",

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mbsvib.common.arrays import Array, Complex
+    from mbsvib.responses.measurement import Measurement
     from mbsvib.responses.state_space import StateSpace
-    from mbsvib_export.uff_ import ResponseData
 
 
 LIMIT = 1e-6
@@ -193,7 +193,7 @@ def _of_responses(path: Path, model: System | SystemData, limit: float) -> tuple
 
     data = from_uff(path)
     _same_names(data, model)
-    error = response_error(data.response, _response(model, data.omega), model, data.omega)
+    error = response_error(data.responses, _response(model, data.omega), model, data.omega)
     return (Comparison("frequency responses", "the model", error, limit),)
 
 
@@ -252,7 +252,7 @@ def _poles(model: System | SystemData) -> Complex:
     return poles(model.state_space.A) if isinstance(model, SystemData) else model.poles()
 
 
-def _same_names(data: SystemData | StateSpace | ResponseData, model: System | SystemData) -> None:
+def _same_names(data: SystemData | StateSpace | Measurement, model: System | SystemData) -> None:
     for what in ("inputs", "outputs"):
         there, here = getattr(data, what), getattr(model, what)
         if there != here:

@@ -118,7 +118,7 @@ def test_paths_elsewhere_are_named_in_full(run, tmp_path_factory):
     assert f"Written: {elsewhere} " in run(f"export slider.yaml -o {elsewhere}").stdout
 
 
-@pytest.mark.parametrize(("suffix", "package"), [("mat", "scipy"), ("h5", "h5py"), ("uff", "pyuff"),
+@pytest.mark.parametrize(("suffix", "package"), [("mat", "scipy"), ("h5", "h5py"), ("uff", "numpy"),
                                                  ("op4", "numpy"), ("npz", "numpy"), ("fmu", "fmpy")])  # fmt: skip
 def test_exports_are_checked_against_their_model(run, suffix, package):
     pytest.importorskip(package)

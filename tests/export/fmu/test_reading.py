@@ -68,7 +68,8 @@ def test_a_library_in_the_archive_is_loaded_only_where_the_caller_says_so(tmp_pa
                      library_file.read_bytes() if this_platform() in name else content)  # fmt: skip
     found = mx.check_export(path, slider())
     assert found.passed
-    assert f"Not run: its binaries for {this_platform()}." in str(found)
+    assert "Not run: its binaries for" in str(found)
+    assert this_platform() in str(found)
     assert not mark.exists()
     with pytest.raises(mv.ExportError, match=r"cannot be loaded|cannot be instantiated"):
         mx.check_export(path, slider(), run=True)

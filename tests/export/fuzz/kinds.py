@@ -170,6 +170,17 @@ def punch_files(folder):
     return [path, mx.to_dmig(stewart(), folder / "large.pch")]
 
 
+def uff_files(folder):
+    car, ladder = library.quarter_car().linearize(), library.inclined_chain().linearize()
+    return [mx.to_uff(car, folder / "a.uff", [1.0, 2.0, 30.0], modes=True),
+            mx.to_uff(ladder, folder / "b.uff", [1.0, 2.0], modes=True)]  # fmt: skip
+
+
+def uff_texts(folder):
+    return [mx.to_uff(library.build(name).linearize(), folder / f"{name}.uff", [1.0, 2.0, 30.0], False, modes=True)
+            for name in ("quarter_car", "inclined_chain", "rotor_stator")]  # fmt: skip
+
+
 KINDS = {
     "json": Kind(json_files, mx.from_json, damage=damaged_text),
     "npz": Kind(several(mx.to_npz, slider(), stewart()), mx.from_npz, checked=True),
@@ -188,6 +199,8 @@ KINDS = {
     "superelement mat": Kind(matlab_files, read_mat),
     "op4": Kind(op4_files, read_op4),
     "superelement op4": Kind(op4_files, read_reduced_op4),
+    "uff": Kind(uff_files, mx.from_uff),
+    "uff as text": Kind(uff_texts, mx.from_uff, damage=damaged_text),
     "dmig": Kind(several(mx.to_dmig, slider(), stewart()), read_dmig, damage=damaged_text),
     "superelement punch": Kind(punch_files, read_punch, damage=damaged_text),
 }
@@ -203,7 +216,7 @@ def content(found):
         return tuple(map(content, found))
     if isinstance(found, np.ndarray):
         assert found.dtype.kind in "fciuU", found.dtype
-        assert found.dtype.kind == "U" or np.isfinite(found).all()
+        assert found.dtype.kind == "U" or np.isfinite(found).all() or np.isnan(found).any()
         return found.shape, found.tobytes()
     if isinstance(found, mv.Model):
         return found.name
